@@ -13,11 +13,17 @@ have it only where it is such a force (or is added behind the place where the co
 which no record tells from a force).  The place whose equation gains most likelihood is taken.  In
 a loop without integral and feed-forward the three places of the law are one equation: there the
 factor decides, where only one of them has it in a unit in use, and the motion is the same anyway.
+
+A feed-forward is made from backward differences of the reference, half a sample late, or from
+central ones.  Without a disturbance the lag of the position loop mimics the one by the other; a
+disturbance at the reference or the speed command tells them apart.  The likelier of both is taken;
+where a recording does not tell them apart, what the factor differs by is added to its half width.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import inf, isinf, log
+from functools import cache, cached_property
+from math import floor, inf, isinf, log, log10
 
 import numpy as np
 
@@ -37,6 +43,7 @@ from pipeline.submodels.drive.servo.equation import (
     FA,
     FASTEST,
     FV,
+    NODES,
     SPP,
     SVI,
     SVP,
@@ -44,6 +51,7 @@ from pipeline.submodels.drive.servo.equation import (
     TS,
     TV,
     TX,
+    Difference,
     Nominal,
     ServoEquation,
     ServoRecord,
@@ -212,7 +220,8 @@ def _words(
     if known and unit != expected:
         said.append(f"it acts as if in {unit}" + (f", not in {expected}" if expected else ""))
     if not known:
-        said.append(f"its factor is {value:.4g} {si} for one unit of the channel")
+        known_to = round(value, -floor(log10(half)))
+        said.append(f"its factor is {known_to:.4g} {si} for one unit of the channel")
     if abs(found.delay) > max(found.delay_half_width, 1e-3):
         said.append(f"it is {1e3 * found.delay:.3g} ms behind its channel")
     if alike:
@@ -221,8 +230,26 @@ def _words(
     return ", ".join(said)
 
 
-def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, EntryFit]:
-    """Fits of the servo's law; none without servo, reference or position."""
+def law_fits(
+    recording: Recording, axis: str, drive: IdentifiedDrive
+) -> dict[Difference, dict[Entry, EntryFit]]:
+    """Fits of each place in the servo's law, by the differences that may be fed forward.
+
+    Parameters
+    ----------
+    recording : Recording
+        That shows the axis.
+    axis : str
+        Its letter.
+    drive : IdentifiedDrive
+        As identified.
+
+    Returns
+    -------
+    dict
+        Central differences alone where nothing is fed forward; empty without servo, reference or
+        position.
+    """
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:
         return {}
@@ -231,14 +258,35 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
     )
     nominal, values = _law(servo, sum(servo_periods(one.constants, h)) / 2)
     bandwidth = min(ABOVE * servo.loop_gain / (2 * np.pi), FASTEST / h)
+    ahead = servo.velocity_feedforward > 0 or servo.acceleration_feedforward > 0
+    differences: tuple[Difference, ...] = ("central", "backward") if ahead else ("central",)
     try:
-        equation = servo_equation([record], nominal, bandwidth)
+        equations = {
+            each: servo_equation([record], nominal, bandwidth, each) for each in differences
+        }
     except ValueError:
         return {}
-    law = _Law(record, one.load, servo, equation, bandwidth)
-    found, values = law.fits(values)
-    # the same about the gains that this recording shows, by which a factor scales
-    return law.fits(values)[0] if any(each.clear for each in found.values()) else found
+    return {
+        each: _Law(record, one.load, servo, equation, bandwidth).about_its_gains(values)
+        for each, equation in equations.items()
+    }
+
+
+def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Entry, EntryFit]:
+    """Fits by the likelier differences; none without servo, reference or position.
+
+    Where the recording does not tell them apart, what a factor differs by is a doubt of it.
+    """
+    found = list(law_fits(recording, axis, drive).values())
+    if not found:
+        return {}
+    likelihood = [max(one.likelihood for one in fits.values()) for fits in found]
+    best, highest = found[int(np.argmax(likelihood))], max(likelihood)
+    open_ = [fits for fits, one in zip(found, likelihood, strict=True) if highest - one < APART]
+    return {
+        entry: one.doubted(max(abs(one.factor.value - fits[entry].factor.value) for fits in open_))
+        for entry, one in best.items()
+    }
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,28 +299,42 @@ class _Law:
     equation: ServoEquation
     bandwidth: float
 
-    def fits(self, values: Floats) -> tuple[dict[Entry, EntryFit], Floats]:
-        """Fits of each place about ``values`` of the law, and its values beside the likeliest."""
-        factors = self.equation.factors(values)
-        own = -(self.equation.columns @ factors)
+    def about_its_gains(self, values: Floats) -> dict[Entry, EntryFit]:
+        """Fits of each place about the gains that the recording shows, from ``values``.
+
+        By these a factor scales.  Where nothing enters, they are those of ``values``.
+        """
+        found, values = self.fits(values, {})
+        if not any(each.clear for each in found.values()):
+            return found
+        return self.fits(values, found)[0]
+
+    def fits(
+        self, values: Floats, before: dict[Entry, EntryFit]
+    ) -> tuple[dict[Entry, EntryFit], Floats]:
+        """Fits of each place about ``values`` of the law, and its values beside the likeliest.
+
+        An error of a gain scales the disturbance of a fit ``before``, too.
+        """
+        own = -(self.equation.columns @ self.equation.factors(values))
         fitted = values > 0
-        fitted[TS] = False
+        fitted[TS] = True  # a twin's lag is of first order, a recorded one is what it is
         nuisance = self.equation.jacobian(values, fitted)
-        proportional = values[SVP] * self.servo.velocity_gain
+        entering = self.entering(values)
 
         def columns(samples: float) -> dict[Entry, Floats]:
             rows = self.rows(samples)
-            signals = ServoEquation.undelayed(rows)
-            return {
-                "reference": rows[:, :-1] @ factors[:-1],
-                "speed": proportional * signals[:, 0] + self.servo.integral * signals[:, 2],
-                "command": signals[:, -1],
-            }
+            return {entry: rows @ factors for entry, (factors, _) in entering.items()}
 
         period = self.record.period
+        scaled = {
+            entry: one.factor.value * self.rows(round(one.delay / period))
+            @ entering[entry][1][:, fitted]
+            for entry, one in before.items()
+        }  # fmt: skip
         found = entry_fits(
-            own, nuisance, columns, period=period, step=0.25 / self.bandwidth, weight=0.25,
-            stretch=self.equation.stretch,
+            own, nuisance, scaled, columns, period=period, step=0.25 / self.bandwidth,
+            weight=0.25, stretch=self.equation.stretch,
         )  # fmt: skip
         entry = max(found, key=lambda each: found[each].gain)
         best = found[entry]
@@ -282,16 +344,36 @@ class _Law:
         low, high = self.equation.nominal.bounds(self.equation.longest)
         return found, np.clip(shown, low, high)
 
-    def rows(self, samples: float) -> Floats:
-        """Rows of the equation with the disturbance, ``samples`` late, in the place of signals."""
+    def entering(self, values: Floats) -> dict[Entry, tuple[Floats, Floats]]:
+        """Factors of the rows of the disturbance at each place, (M,), and their slopes, (M, D)."""
+        gain, error, swept = self.equation.nominal.velocity_gain, 0, 2 * NODES
+        reference, slopes = self.equation.factors(values), self.equation.slopes(values)
+        speed, command = np.zeros_like(reference), np.zeros_like(reference)
+        by_gain = np.zeros_like(slopes)
+        reference[-1], command[-1] = 0.0, 1.0
+        # without delay it enters as the error and its integral do; this is the identified one
+        speed[error], by_gain[error, SVP] = gain * values[SVP], gain
+        speed[swept] = self.servo.integral
+        return {
+            "reference": (reference, slopes), "speed": (speed, by_gain),
+            "command": (command, np.zeros_like(slopes)),
+        }  # fmt: skip
+
+    @cached_property
+    def rows(self) -> Callable[[float], Floats]:
+        """Rows of the equation with the disturbance, so many samples late, in place of signals."""
+        return cache(self._rows)
+
+    def _rows(self, samples: float) -> Floats:
         pushed = shifted(self.load, samples)
         aside = replace(
             self.record, reference=pushed, position=np.zeros(len(pushed)), command=pushed
         )
-        node, width = self.equation.node, self.bandwidth
+        node, width, difference = self.equation.node, self.bandwidth, self.equation.difference
         spans = stretches(self.record, self.equation.nominal.current_limit, width)
         return np.concatenate([
-            part for a, b in spans for part in window_columns(aside.rows(a, b), node, width)
+            part for a, b in spans
+            for part in window_columns(aside.rows(a, b), node, width, difference)
         ])  # fmt: skip
 
 
@@ -348,7 +430,7 @@ def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> EntryF
     width = drive.bandwidth_Hz or 0.25 / recording.period
     share = min(width * 2 * _row_period(recording, width), 1.0)
     found = entry_fits(
-        own, np.ones((len(own), 1)), columns, period=recording.period, step=0.25 / width,
+        own, np.ones((len(own), 1)), {}, columns, period=recording.period, step=0.25 / width,
         weight=0.5 * share, stretch=rows.stretch,
     )["force"]  # fmt: skip
     if abs(found.delay) <= found.delay_half_width + recording.period:

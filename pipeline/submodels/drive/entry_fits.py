@@ -4,10 +4,10 @@ What an equation leaves over is regressed on the delayed disturbance, beside col
 the model (Frisch and Waugh 1933): first on a grid of delays, then by steps of Gauss and Newton.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cache
-from math import log
+from math import inf, log
 from typing import Literal
 
 import numpy as np
@@ -42,6 +42,8 @@ class EntryFit:
         Of the equation's squared error that it explains [1].
     gain : float
         Of log-likelihood over the equation without the disturbance [1].
+    likelihood : float
+        Logarithm of it, less a constant that all fits of the same recorded signal share [1].
     """
 
     factor: Factor
@@ -49,11 +51,17 @@ class EntryFit:
     delay_half_width: float
     share: float
     gain: float
+    likelihood: float
 
     @property
     def clear(self) -> bool:
         """Whether the disturbance enters there at all, with a factor that is determined."""
         return self.factor.is_determined(DETERMINED) and self.share > EXPLAINS and self.gain > APART
+
+    def doubted(self, systematic: float) -> "EntryFit":
+        """The fit whose factor may be wrong by ``systematic``, in SI, beside its interval."""
+        half = self.factor.half_width + systematic
+        return replace(self, factor=replace(self.factor, half_width=half))
 
 
 def shifted(signal: Floats, samples: float) -> Floats:
@@ -65,6 +73,7 @@ def shifted(signal: Floats, samples: float) -> Floats:
 def entry_fits(
     own: Floats,
     nuisance: Floats,
+    scaled: Mapping[Entry, Floats],
     columns: Callable[[float], dict[Entry, Floats]],
     *,
     period: float,
@@ -80,6 +89,8 @@ def entry_fits(
         Recorded less modelled.
     nuisance : ndarray, shape (N, M)
         Of errors of the model.
+    scaled : dict of str to ndarray, shape (N, M)
+        What the same errors do to the disturbance at a place; nothing where it is missing.
     columns : callable
         Of a delay in samples: the disturbance at each place; shape (N,) each.  Linear in the
         channel.
@@ -90,37 +101,42 @@ def entry_fits(
     stretch : ndarray of int, shape (N,)
         Stretch of each row.
     """
+    column = _at_any_delay(columns)
+    stride = max(1, round(step / period))
+    tried = np.unique(np.r_[np.arange(round(EARLIEST / period), round(LATEST / period) + 1, stride),
+                            0])  # fmt: skip
+    whole = float(np.sum(_without(nuisance)(own) ** 2))
+    found: dict[Entry, EntryFit] = {}
+    for entry in column(0.0):
+        left = _without(nuisance + scaled[entry] if entry in scaled else nuisance)
+
+        def place(samples: float, entry: Entry = entry) -> Floats:
+            return column(samples)[entry]
+
+        y = left(own)
+        first = min(tried, key=lambda samples: _error(y, left(place(float(samples)))))
+        found[entry] = _refined(
+            y, left, place, float(first), period=period, weight=weight, stretch=stretch,
+            others=nuisance.shape[1], whole=whole,
+        )  # fmt: skip
+    return found
+
+
+def _without(nuisance: Floats) -> Callable[[Floats], Floats]:
+    """What is left of rows when the columns of errors are taken out."""
     base = np.linalg.qr(nuisance)[0]
 
     def left(rows: Floats) -> Floats:
         found: Floats = rows - base @ (base.T @ rows)
         return found
 
-    column = _at_any_delay(columns)
-    y = left(own)
-    whole = float(y @ y)
-    stride = max(1, round(step / period))
-    tried = np.unique(np.r_[np.arange(round(EARLIEST / period), round(LATEST / period) + 1, stride),
-                            0])  # fmt: skip
-    errors: dict[Entry, list[float]] = {}
-    for samples in tried:
-        for entry, each in column(float(samples)).items():
-            x = left(each)
-            size = float(x @ x)
-            error = whole - (float(x @ y) ** 2 / size if size > 0 else 0.0)
-            errors.setdefault(entry, []).append(error)
-    found: dict[Entry, EntryFit] = {}
-    for entry, tries in errors.items():
+    return left
 
-        def place(samples: float, entry: Entry = entry) -> Floats:
-            return column(samples)[entry]
 
-        first = float(tried[np.argmin(tries)])
-        found[entry] = _refined(
-            y, left, place, first,
-            period=period, weight=weight, stretch=stretch, others=nuisance.shape[1],
-        )  # fmt: skip
-    return found
+def _error(y: Floats, x: Floats) -> float:
+    """Sum of squares that one column leaves over."""
+    size = float(x @ x)
+    return float(y @ y) - (float(x @ y) ** 2 / size if size > 0 else 0.0)
 
 
 def _at_any_delay(
@@ -144,9 +160,12 @@ def _at_any_delay(
 
 def _refined(
     y: Floats, left: Callable[[Floats], Floats], column: Callable[[float], Floats], at: float,
-    *, period: float, weight: float, stretch: Ints, others: int,
+    *, period: float, weight: float, stretch: Ints, others: int, whole: float,
 ) -> EntryFit:  # fmt: skip
-    """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton."""
+    """Factor and delay about the delay ``at`` [samples], by steps of Gauss and Newton.
+
+    ``whole`` is the sum of squares of the equation without the disturbance.
+    """
     for _ in range(4):
         x = left(column(at))
         slope = left(column(at + 0.5) - column(at - 0.5))
@@ -164,9 +183,10 @@ def _refined(
     jacobian = np.column_stack((x, slope))
     blocks = block_numbers(residuals, stretch, others + 2)
     half = uncertainty_of(jacobian, residuals, blocks).half_width
-    whole, after = float(y @ y), float(residuals @ residuals)
-    ratio = whole / max(after, 1e-12 * whole) if whole > 0 else 1.0
+    least = max(float(residuals @ residuals), 1e-12 * whole)
+    ratio = whole / least if whole > 0 else 1.0
     return EntryFit(
         factor=Factor(value=c, half_width=float(half[0])), delay=at * period,
         delay_half_width=float(half[1]), share=1 - 1 / ratio, gain=weight * len(y) * log(ratio),
+        likelihood=-weight * len(y) * log(least) if whole > 0 else inf,
     )  # fmt: skip

@@ -12,10 +12,11 @@ harder than its friction hangs on the other one.  It follows from the fit and is
 samples near its change, and near standstill, are left out.  e is what encoders and screw err by: of
 each recording a constant, a straight line over position and one over time, and waves once a turn
 where the lead is known.  A lag of the command is fitted with it.  All signals pass the same
-Gaussian filter, whose derivatives are theirs.  Intervals are of two jackknives, over
-stretches of time and over ways of motion, whichever is wider, and of what noise in a column and the
-equation's misfit can do: of a wrong equation they are wide.  Forces are no more certain than the
-sensor of the current.  Where no play shows, no flank is sought and all samples count.
+Gaussian filter, whose derivatives are theirs.  Intervals are of a jackknife over
+ways of motion, within which an error of the equation is the same, with the systematic parts that it
+does not show: what is left over and outlasts the filter, dilution by noise of the current, the
+class of its sensor, and what a quantity differs by with friction of the motor's bearings and
+without.  Where no play shows, no flank is sought and all samples count.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,6 +39,7 @@ from pipeline.submodels.drive.shaft_signals import (
     C,
     Signals,
     flanks,
+    lasting,
     left_over,
     signals_of,
     table,
@@ -46,8 +48,6 @@ from pipeline.submodels.drive.shaft_signals import (
 
 ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
-STRETCHES = 8
-"""Stretches of each recording that are left out in turn."""
 WAYS = 3
 """Speeds of each direction, whose samples are left out in turn."""
 FLANKS = 0.05
@@ -73,10 +73,14 @@ class Rounds:
         Factors of the columns that recordings share.
     sides, sure : tuple of ndarray
         Flank of each recording's samples, and where it is sure.
-    blocks : list of tuple of ndarray
-        Normal equations (B, 7, 7), (B, 7) of stretches of time, and of ways of motion.
+    whole : tuple of ndarray
+        Normal equations (7, 7), (7,).
+    ways : tuple of ndarray
+        What leaving out each way of motion takes from them, (B, 7, 7), (B, 7).
     left : float
         Root mean square of what it leaves over [m].
+    lasting : float
+        The same of the part that outlasts the filter, an error of the equation [m].
     noise : float
         Sum of squares of its derivative, if it is white before the filter [m^2/s^2].
     out : tuple of int
@@ -86,8 +90,10 @@ class Rounds:
     shared: Floats
     sides: tuple[Floats, ...]
     sure: tuple[Bools, ...]
-    blocks: list[tuple[Floats, Floats]]
+    whole: tuple[Floats, Floats]
+    ways: tuple[Floats, Floats]
     left: float
+    lasting: float
     noise: float
     out: tuple[int, ...]
 
@@ -186,15 +192,15 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
         if PLAY in out:
             sure = tuple(one.good for one in shown)
-        blocks = _blocks(shown, sides, sure)
-        grams, products = blocks[0]
-        shared = _solution(grams.sum(axis=0), products.sum(axis=0), out)
+        whole, ways = _blocks(shown, sides, sure)
+        shared = _solution(*whole, out)
     left = [left_over(*one) for one in zip(shown, sides, sure, strict=True)]
     count = max(sum(part.size for part in left), 1)
-    enough = count > 10 * len(shared) and blocks[0][0].any()
+    enough = count > 10 * len(shared) and whole[0].any()
+    rms = float(np.sqrt(sum(float(part @ part) for part in left) / count)) if enough else np.inf
     return Rounds(
-        shared=shared, sides=sides, sure=sure, blocks=blocks, out=out,
-        left=float(np.sqrt(sum(float(part @ part) for part in left) / count)) if enough else np.inf,
+        shared=shared, sides=sides, sure=sure, whole=whole, ways=ways, out=out,
+        left=rms, lasting=rms * lasting(shown, left, sure) ** 0.5 if enough else np.inf,
         noise=sum(float(part @ part) / (2 * (WIDTH * one.period) ** 2)
                   for one, part in zip(shown, left, strict=True)),
     )  # fmt: skip
@@ -202,12 +208,13 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
 
 def _blocks(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
-) -> list[tuple[Floats, Floats]]:
-    """Normal equations (B, 7, 7), (B, 7) of stretches of time, and the same of ways of motion.
+) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
+    """Normal equations (7, 7), (7,), and what each of B ways of motion adds to them.
 
-    Each recording's own errors are taken out.
+    Each recording's own errors are taken out, anew of what is left without a way.
     """
-    found: list[list[tuple[Floats, Floats]]] = [[], []]
+    found: list[tuple[Floats, Floats]] = []
+    gram, product = np.zeros((7, 7)), np.zeros(7)
     for one, side, ok in zip(shown, sides, sure, strict=True):
         rows = np.flatnonzero(ok)
         columns = np.concatenate([table(one, side), one.twist[:, np.newaxis]], axis=1)[rows]
@@ -216,12 +223,22 @@ def _blocks(
         own, _ = np.linalg.qr(columns[:, 7:-1])
         kept = columns[:, [*range(7), -1]]
         kept = kept - own @ (own.T @ kept)
-        stretches = np.array_split(np.arange(len(rows)), STRETCHES)
-        for parts, into in zip((stretches, _ways(one.speed[rows])), found, strict=True):
-            into += [(kept[p, :7].T @ kept[p, :7], kept[p, :7].T @ kept[p, 7]) for p in parts]
-    if not found[0]:
-        return [(np.zeros((1, 7, 7)), np.zeros((1, 7)))] * 2
-    return [(np.array([g for g, _ in one]), np.array([p for _, p in one])) for one in found]
+        gram, product = gram + kept[:, :7].T @ kept[:, :7], product + kept[:, :7].T @ kept[:, 7]
+        found += [_taken(kept[way], own[way]) for way in _ways(one.speed[rows])]
+    found = found or [(np.zeros((7, 7)), np.zeros(7))]
+    grams, products = zip(*found, strict=True)
+    return (gram, product), (np.array(grams), np.array(products))
+
+
+def _taken(kept: Floats, own: Floats) -> tuple[Floats, Floats]:
+    """What leaving rows out takes from the normal equations, a recording's own errors refitted.
+
+    ``own`` is orthonormal over all rows, and ``kept`` orthogonal to it: K' (1 - Q Q')^-1 K.
+    """
+    shared = own.T @ kept
+    lost = shared.T @ np.linalg.lstsq(np.eye(own.shape[1]) - own.T @ own, shared, rcond=1e-9)[0]
+    both = kept.T @ kept + lost
+    return both[:7, :7], both[:7, 7]
 
 
 def _ways(speed: Floats) -> list[Ints]:
@@ -247,24 +264,30 @@ def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
 def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     """Half width of the 95 % interval of a quantity of the factors (..., 7).
 
-    Jackknife over stretches of time and over ways of motion: the wider of both.
+    Jackknife over ways of motion, within which the equation's errors are the same.
     """
     # friction that was left out for its sign is as uncertain as any
-    halves, out = [np.inf], tuple(set(found.out) - {COULOMB})
-    for grams, products in found.blocks:
-        whole, sums, count = grams.sum(axis=0), products.sum(axis=0), len(grams)
-        if count < 2:
-            continue
-        left = derived(np.array([_solution(whole - g, sums - p, out)
-                                 for g, p in zip(grams, products, strict=True)]))  # fmt: skip
-        spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
-        halves.append(float(student.ppf(0.975, count - 1)) * spread)
-    return max(halves[1:], default=np.inf)
+    out, (whole, sums), count = (
+        tuple(set(found.out) - {COULOMB}), found.whole, len(found.ways[0]),
+    )  # fmt: skip
+    if count < 2:
+        return np.inf
+    left = derived(np.array([_solution(whole - g, sums - p, out)
+                             for g, p in zip(*found.ways, strict=True)]))  # fmt: skip
+    spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
+    return float(student.ppf(0.975, count - 1)) * spread
+
+
+def _doubt(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
+    """What a quantity differs by with friction of the motor's bearings and without."""
+    out = tuple(set(found.out) - {COULOMB})
+    ends = derived(np.array([_solution(*found.whole, one) for one in (out, (*out, COULOMB))]))
+    return float(abs(ends[1] - ends[0]))
 
 
 def _own(found: Rounds, column: int) -> float:
     """Sum of squares of what the other columns do not explain of a column."""
-    gram = found.blocks[0][0].sum(axis=0)
+    gram = found.whole[0]
     others = [k for k in range(7) if k not in (*found.out, column)]
     cross, inside = gram[column, others], gram[np.ix_(others, others)]
     scale = np.sqrt(np.where(np.diag(inside) > 0, np.diag(inside), 1.0))
@@ -283,17 +306,28 @@ def _dilution(found: Rounds, column: int) -> float:
     return float(noise / own) if own > noise else np.inf
 
 
+def _diluted_play(found: Rounds) -> float:
+    """What the play changes by when the compliance is raised by its dilution [m]."""
+    gram, product = found.whole
+    raised = found.shared[C] * (1 + _dilution(found, C))
+    if not np.isfinite(raised):
+        return np.inf
+    again = _solution(gram, product - gram[:, C] * raised, (*found.out, C))
+    return float(again[PLAY] - found.shared[PLAY])
+
+
 def _misfit(found: Rounds, column: int) -> float:
-    """Half width of a factor's 95 % interval, were what is left over the equation's error.
+    """Half width of a factor's 95 % interval, were what outlasts the filter the equation's error.
 
     Such an error goes with the way of motion and does not average over samples: there are as many
-    independent ones as ways of motion.
+    independent ones as ways of motion.  The damping lives on a few periods of the resonance, which
+    do not outlast the filter: of it, all that is left over may be.
     """
     own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
-    ways = len(found.blocks[1][0])
+    ways, left = len(found.ways[0]), found.left if column == DAMPING else found.lasting
     if own <= 0 or ways < 2:
         return np.inf
-    return float(student.ppf(0.975, ways - 1) * found.left * np.sqrt(count / own / ways))
+    return float(student.ppf(0.975, ways - 1) * left * np.sqrt(count / own / ways))
 
 
 def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:
@@ -315,9 +349,8 @@ def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]
             noisy = (C, DAMPING) if name == "shaft_damping" else (C,)
             diluted = [_dilution(found, column) * value for column in noisy]
             missed = [_misfit(found, k) / shared[k] * value for k in noisy]
-            reach = float(
-                np.linalg.norm([_half(found, derived), SENSOR * value, *diluted, *missed])
-            )
+            parts = [_half(found, derived), _doubt(found, derived), SENSOR * value]
+            reach = float(np.linalg.norm([*parts, *diluted, *missed]))
         why = ""
         if stiff:
             why = "not determined: both ends move together within what the records can tell"
@@ -330,7 +363,12 @@ def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]
 
 
 def _backlash(found: Rounds, why: str) -> Parameter:
-    reach = float(np.hypot(_half(found, lambda f: f[..., PLAY]), _misfit(found, PLAY)))
+    def play(factors: Floats) -> Floats:
+        return np.asarray(factors[..., PLAY])
+
+    parts = [_half(found, play), _diluted_play(found), _misfit(found, PLAY)]
+    # a flank and the friction of the bearings are one but where an axis brakes: no matter of chance
+    reach = float(np.linalg.norm(parts)) + _doubt(found, play)
     if not why and not np.isfinite(reach):
         why = "not determined: too few stretches for an interval"
     return _parameter(found.shared[PLAY], reach, "m", why, REVERSALS, least=0.0)

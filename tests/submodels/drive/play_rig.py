@@ -31,6 +31,8 @@ class PlayAxis:
     cogging: float = 25.0
     teeth: int = 24
     lead: float = 0.012
+    sensor: float = 0.0
+    """Relative error of the current's sensor [1]."""
 
 
 @njit
@@ -95,7 +97,7 @@ def _read(
     ends = {
         "motor": out[:, 0] + 5e-9 * noise[:, 0],
         "load": np.round((out[:, 1] + pitch + 30e-9 * noise[:, 1]) / 50e-9) * 50e-9,
-        "command": out[:, 2] / axis.force_constant + 0.02 * noise[:, 2],
+        "command": (1 + axis.sensor) * out[:, 2] / axis.force_constant + 0.02 * noise[:, 2],
     }
     return Recording(
         name=f"shaft/{len(speeds)}.csv", trained=True, period=1 / rate,

@@ -22,7 +22,7 @@ from pipeline.submodels.drive.comparison import (
     following_comparison,
     in_unit_of_drive,
 )
-from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
+from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of, law_fits
 from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
@@ -49,6 +49,8 @@ class Axis:
     coulomb: float = 20.0
     noise: float = 0.025
     unit: str = "V"
+    central: bool = False
+    """Whether the control looks one sample of its reference ahead, for central differences."""
 
     @property
     def constants(self) -> AxisConstants:
@@ -61,19 +63,22 @@ class Axis:
 EMPS = Axis()
 PI = Axis(kp=60.0, kv=450.0, ki=18e3, ff=0.7, kf=100.0, mass=150.0, noise=0.05, unit="A")
 AXES = {"EMPS": EMPS, "PI": PI}
+CENTRAL = replace(PI, central=True)
 EACH = ["EMPS", pytest.param("PI", marks=pytest.mark.proof)]
 
 
 @njit(cache=True)
-def _run(r, d, where, p, position, command, hum):  # pragma: no cover
+def _run(r, d, where, p, central, position, command, hum):  # pragma: no cover
     kp, kv, ki, ff, kf, mass, viscous, coulomb = p
     x, v, summed, before, h = r[0], 0.0, 0.0, r[0], 1e-3 / 10
-    late = r[0] + (d[0] if where == 0 else 0.0)
+    wanted = r + d if where == 0 else r.copy()
     for i in range(len(r)):
         seen = np.round(x / 5e-8) * 5e-8
-        wanted = r[i] + (d[i] if where == 0 else 0.0)
-        speed = kp * (wanted - seen) + ff * (wanted - late) / 1e-3
-        late = wanted
+        late = wanted[max(i - 1, 0)]
+        fed = (wanted[i] - late) / 1e-3
+        if central:
+            fed = (wanted[min(i + 1, len(r) - 1)] - late) / 2e-3
+        speed = kp * (wanted[i] - seen) + ff * fed
         if where == 1:
             speed += d[i]
         error = speed - (seen - before) / 1e-3
@@ -125,7 +130,7 @@ def recorded(
     entering = np.roll(pushed, late)
     p = (axis.kp, axis.kv, axis.ki, axis.ff, axis.kf, axis.mass, axis.viscous, axis.coulomb)
     position, command, hum = np.empty(len(r)), np.empty(len(r)), rng.standard_normal(len(r)) * 5
-    _run(r, entering, WHERE[where or "none"], p, position, command, hum)
+    _run(r, entering, WHERE[where or "none"], p, axis.central, position, command, hum)
     command = command + axis.noise * rng.standard_normal(len(r))
     record = AxisRecord(
         command=command, position=position, reference=r, command_unit=axis.unit,
@@ -150,7 +155,7 @@ def identified(axis: Axis) -> IdentifiedDrive:
 
 @pytest.fixture(scope="module")
 def drives() -> dict[str, IdentifiedDrive]:
-    return {name: identified(axis) for name, axis in AXES.items()}
+    return {name: identified(axis) for name, axis in (AXES | {"CENTRAL": CENTRAL}).items()}
 
 
 def kinds(axis: Axis) -> list[tuple[str, float, float, str, str]]:
@@ -191,15 +196,20 @@ def test_place_factor_and_cause_of_each_kind(name, drives):
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("name", AXES)
+@pytest.mark.parametrize("name", [*AXES, "CENTRAL"])
 @pytest.mark.parametrize("kind", range(9))
 def test_place_is_right_in_a_hundred_of_a_hundred(name, kind, drives):
-    entry, size, per_unit, unit, _ = kinds(AXES[name])[kind]
+    axis = CENTRAL if name == "CENTRAL" else AXES[name]
+    entry, size, per_unit, unit, _ = kinds(axis)[kind]
     every = [
-        found_in(recorded(AXES[name], entry, seed, size, per_unit, 0, unit), drives[name]).entry
+        found_in(recorded(axis, entry, seed, size, per_unit, 0, unit), drives[name])
         for seed in range(100)
     ]
-    assert every == [entry] * 100
+    assert [one.entry for one in every] == [entry] * 100
+    factors = [one.factor for one in every if one.factor is not None]
+    assert len(factors) == (0 if entry == "none" else 100)
+    held = [abs(one.value - per_unit) <= one.half_width for one in factors]
+    assert not held or sum(held) >= 85  # of intervals of 95 %
 
 
 @pytest.mark.parametrize("name", EACH)
@@ -219,6 +229,22 @@ def test_a_closed_loop_with_pulses_is_followed_wherever_they_enter(name, drives)
             command = one.axes["X"].command
             missed = np.std((found.command - command)[moving])
             assert missed < 0.1 * np.std(command[moving]), entry
+
+
+@pytest.mark.parametrize("name", ["PI", "CENTRAL"])
+@pytest.mark.parametrize("kind", [0, 2], ids=["reference", "speed"])
+def test_a_disturbance_tells_the_differences_that_are_fed_forward(name, kind, drives):
+    """The factor is within its interval, and what the choice leaves open is below 1 %."""
+    axis = {"PI": PI, "CENTRAL": CENTRAL}[name]
+    entry, size, per_unit, unit, _ = kinds(axis)[kind]
+    for seed in range(3):
+        one = recorded(axis, entry, seed, size, per_unit, 0, unit)
+        by_law = {each: fits[entry] for each, fits in law_fits(one, "X", drives[name]).items()}
+        likelier = max(by_law, key=lambda each: by_law[each].likelihood)
+        assert likelier == ("central" if axis.central else "backward")
+        found = found_in(one, drives[name]).factor
+        assert found is not None
+        assert abs(found.value - per_unit) < found.half_width < 0.01 * per_unit
 
 
 def test_a_delay_is_found_with_its_interval(drives):

@@ -1,5 +1,7 @@
 """The servo's equation as a table: exact where it can be worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -91,6 +93,25 @@ def test_the_true_servo_leaves_nothing_over(terms):
     assert equation.rmse(vector(**terms)) < 2e-3 * equation.spread
     other = vector(**terms) * np.where(np.array(TERMS) == "velocity_scale", 1.1, 1.0)
     assert equation.rmse(other) > 0.01 * equation.spread
+
+
+def test_backward_differences_of_the_reference_are_half_a_sample_late():
+    """Its equation leaves nothing over of a servo that has them; another difference does."""
+    record, terms = exact(), {"velocity_feedforward": 0.8, "acceleration_feedforward": 2.0}
+    r = record.reference
+    once = np.diff(r, prepend=r[0]) / H
+    twice = np.diff(once, prepend=once[0]) / H
+    swept = H * np.cumsum(once - 0.5 * np.diff(once, prepend=once[0]))
+    fed = 0.8 * (300.0 * once + 6000.0 * swept) + 2.0 * twice
+    record = replace(record, command=record.command + fed)
+    left = {
+        each: servo_equation([record], LIST, 40.0, each).rmse(vector(**terms))
+        for each in ("central", "backward")
+    }
+    ahead = 0.8 * 300.0 * twice[100:-100].std()
+    # half a sample of what is fed forward
+    assert left["central"] > 0.3 * (0.5 * H) * ahead
+    assert left["backward"] < 0.02 * left["central"]
 
 
 @settings(max_examples=25, deadline=None)

@@ -10,6 +10,9 @@ whatever the mechanics do: cogging, torsion, cutting, a slip of friction that no
   s(t - T) + b T^2 / 2 s''(t), with b = 0 for a dead time and 1 for a filter of first order.
 * A position loop that holds its output between samples is behind by all of its period where the
   recorder takes the command just before the next, its integral by half of it: T_h.
+* A control that makes its feed-forward from backward differences of the reference has it half a
+  sample late beside the error, one with central differences, or a reference that comes with its
+  speed, has it at the same time (Oppenheim and Schafer, Discrete-time signal processing, 2010).
 * c is the state of the integral.  It is estimated anew, with its drift, in each window of rows, as
   it sums up the recorder's rounding.
 * Signals between whole delays are polynomials through those at NODES of them, so that A is a sum of
@@ -19,7 +22,7 @@ whatever the mechanics do: cogging, torsion, cutting, a slip of friction that no
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -36,6 +39,9 @@ TERMS = (
 SPP, SVP, SVI, FV, FA, TX, TV, TH, TS = range(len(TERMS))
 SCALES = (SPP, SVP, SVI)
 """Scale factors of gains that the control's list of parameters may name."""
+
+Difference = Literal["central", "backward"]
+"""Differences of the reference, from sample to sample, that are fed forward."""
 
 SLOWEST = 1e-3
 """Longest sampling period of position loops [s]."""
@@ -290,6 +296,8 @@ class ServoEquation:
         Longest sampling period of the recordings [s].
     stretch : ndarray of int, shape (N,)
         Which stretch of a recording each row is from.
+    difference : str
+        Of the reference, by which it is fed forward.
     """
 
     nominal: Nominal
@@ -298,6 +306,7 @@ class ServoEquation:
     node: float
     period: float
     stretch: Ints = field(repr=False)
+    difference: Difference = "central"
 
     @property
     def longest(self) -> float:
@@ -391,9 +400,12 @@ class ServoEquation:
 
 
 def servo_equation(
-    records: Sequence[ServoRecord], nominal: Nominal, bandwidth: float
+    records: Sequence[ServoRecord],
+    nominal: Nominal,
+    bandwidth: float,
+    difference: Difference = "central",
 ) -> ServoEquation:
-    """Columns of all ``records`` below ``bandwidth`` [Hz].
+    """Columns of all ``records`` below ``bandwidth`` [Hz], fed forward by a ``difference``.
 
     Stretches at the current limit are cut out: there the command is not that of the loops.
 
@@ -408,7 +420,7 @@ def servo_equation(
     node = period * _samples_a_node(period, bandwidth)
     for record in records:
         for first, after in stretches(record, nominal.current_limit, bandwidth):
-            parts += window_columns(record.rows(first, after), node, bandwidth)
+            parts += window_columns(record.rows(first, after), node, bandwidth, difference)
     if not parts:
         longest = max((len(r.command) * r.period for r in records), default=0.0)
         raise ValueError(
@@ -424,6 +436,7 @@ def servo_equation(
     return ServoEquation(
         nominal=nominal, columns=columns, triangle=triangle, node=node,
         period=period, stretch=np.repeat(np.arange(len(parts)), [len(part) for part in parts]),
+        difference=difference,
     )  # fmt: skip
 
 
@@ -431,9 +444,11 @@ def _samples_a_node(period: float, bandwidth: float) -> int:
     return max(1, round(_SHARE / (bandwidth * period)))
 
 
-def window_columns(stretch: ServoRecord, node: float, bandwidth: float) -> list[Floats]:
+def window_columns(
+    stretch: ServoRecord, node: float, bandwidth: float, difference: Difference
+) -> list[Floats]:
     """Columns of the windows of one stretch, each less its own straight line."""
-    found = _stretch(stretch, node, bandwidth)
+    found = _stretch(stretch, node, bandwidth, difference)
     return [_without_drift(part) for part in _windows(found, WINDOW)]
 
 
@@ -447,16 +462,17 @@ def stretches(record: ServoRecord, limit: float | None, bandwidth: float) -> lis
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > least]
 
 
-def _stretch(record: ServoRecord, node: float, bandwidth: float) -> Floats:
+def _stretch(record: ServoRecord, node: float, bandwidth: float, difference: Difference) -> Floats:
     """Columns of one stretch."""
     from scipy.interpolate import CubicSpline
 
     h = record.period
     motion = np.stack((record.reference, record.position, record.command))
     r, x, A = servo_low_passed(motion, h, bandwidth)
-    e, v, v_ref = r - x, derivative(x, h), derivative(r, h)
+    e, v = r - x, derivative(x, h)
     swept = h * np.cumsum(e - 0.5 * np.diff(e, prepend=e[0]))
-    signals = np.stack((e, v_ref, swept, r - r[0], derivative(v_ref, h), v, x - r[0]))
+    way, speed, ahead = _fed_forward(r, h, difference)
+    signals = np.stack((e, speed, swept, way, ahead, v, x - r[0]))
     edge = round(_EDGE / (bandwidth * h))
     late = int(np.ceil(node * (NODES - 1) / h))
     rows = np.arange(edge + late, len(A) - edge, max(1, int(1 / (_PER_PERIOD * bandwidth * h))))
@@ -464,6 +480,24 @@ def _stretch(record: ServoRecord, node: float, bandwidth: float) -> Floats:
     delayed = spline((rows * h)[:, None] - node * np.arange(NODES))
     columns: Floats = np.moveaxis(delayed, 0, 1).reshape(len(rows), -1)
     return np.column_stack((columns, A[rows]))
+
+
+def _fed_forward(
+    reference: Floats, period: float, difference: Difference
+) -> tuple[Floats, Floats, Floats]:
+    """Integral by trapezoids, speed and acceleration of the reference; shape (T,) each.
+
+    Speed and acceleration are its differences over a sample before, or over one on both sides.
+    """
+
+    def rate(signal: Floats) -> Floats:
+        if difference == "central":
+            return np.asarray(np.gradient(signal, period))
+        return np.diff(signal, prepend=signal[0]) / period
+
+    speed = rate(reference)
+    way = period * np.cumsum(speed - 0.5 * np.diff(speed, prepend=speed[0]))
+    return way, speed, rate(speed)
 
 
 def _windows(columns: Floats, rows: int) -> list[Floats]:
