@@ -36,8 +36,8 @@ BESIDE = 0.1
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 WAVEFORM = (
-    "weighted least squares on the harmonics of the revolution, of several feeds the median over "
-    "laws of the chip"
+    "weighted least squares on the harmonics of the revolution, of several feeds with an edge "
+    "force that grows with the chip"
 )
 
 
@@ -47,16 +47,18 @@ def parameters(
 ) -> list[Estimate]:  # fmt: skip
     """Coefficients, runout and helix of a fit.
 
-    What zeros, wear, gain and the law of the chip leave open of the mean forces is left open of the
-    coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient that only the
-    mean forces determine is taken from them.
+    Of several feeds coefficients are those of the straight line over the named feeds to the law of
+    the fit whose edges are not sharp: the straight line of a sharp fit takes a part of a bend for
+    runout.  What zeros, wear, gain and the law of the chip leave open of the mean forces is left
+    open of the coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient
+    that only the mean forces determine is taken from them.
     """
     each = [cut.conditions for cut in fit.problem.cuts]
     values, law = fit.values[:6], np.full(6, np.inf)
     if feeds(each) > 1:
         draws = law_draws(fit.problem.cuts, not_sharp.line, not_sharp.shape)
         drawn = coefficient_draws(draws, each)
-        values = np.median(drawn, axis=0)
+        values = not_sharp.coefficients
         law = half_of_draws(drawn, values)
     rows = coefficients(
         values, law, float(np.mean([one.f_z for one in each])), widest,

@@ -23,13 +23,14 @@ from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
-from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape
+from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape, named_range
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
     Fold,
     fit_uncertainty,
     fitted_line,
     left_out_fits,
+    straight_line,
 )
 
 RUNOUT = 0.1
@@ -71,21 +72,29 @@ class RoundedFit:
         Of it.
     folds : sequence of Fold
         Fits without some of the recordings, in the order of the selection's.
+    factor : ndarray, shape (6,)
+        Of the deviations of its law's constants over those of the fit alone [1].
     """
 
     fit: Fit
     uncertainty: FitUncertainty
     folds: Sequence[Fold]
+    factor: Floats
+
+    @property
+    def coefficients(self) -> Floats:
+        """Straight line of its law over the named range of feeds [N/m^2], [N/m]; shape (6,)."""
+        return straight_line(self.fit, named_range([c.conditions for c in self.fit.problem.cuts]))
 
     @property
     def line(self) -> FittedLine:
-        """The constants of its law by the harmonics; harmonics of one recording err alike."""
-        return fitted_line(self.fit, self.uncertainty.factor)
+        """The constants of its law by the harmonics."""
+        return fitted_line(self.fit, self.factor)
 
     @property
     def lines(self) -> list[FittedLine]:
         """Those of the folds, as well known as those of all recordings."""
-        return [fitted_line(fold.fit, self.uncertainty.factor) for fold in self.folds]
+        return [fitted_line(fold.fit, self.factor) for fold in self.folds]
 
     @property
     def shape(self) -> KnownShape | None:
@@ -123,7 +132,8 @@ def rounded_fit(fit: Fit) -> RoundedFit:
     other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
     folds = left_out_fits(whole)
     found = fit_uncertainty(whole, folds, [other], fewest=FEWEST)
-    return RoundedFit(fit=whole, uncertainty=found, folds=folds)
+    factor = fit_uncertainty(whole, folds, [other]).factor
+    return RoundedFit(fit=whole, uncertainty=found, folds=folds, factor=factor)
 
 
 def runout(

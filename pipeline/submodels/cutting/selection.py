@@ -21,7 +21,7 @@ from pipeline.cutting.force.chip_law import local_lines
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import ForceSpread, TermsTried
+from pipeline.schema.cutting import CutConditions, ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
 from pipeline.submodels.cutting.model import CutModel, waveform_residuals
@@ -210,13 +210,16 @@ def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
 
 def own_line(fit: Fit) -> Floats | None:
     """Straight line of a fit's law over its recordings [N/m^2], [N/m]; None where it is one."""
-    chip = fit.problem.chip(fit.x)
-    if chip == STRAIGHT:
+    if fit.problem.chip(fit.x) == STRAIGHT:
         return None
-    each = [cut.conditions for cut in fit.problem.cuts]
-    return local_lines(
-        np.full((1, 3), chip.exponent), np.array([chip.growth]), fit.values[None, :6], each
-    )[0]
+    return straight_line(fit, [cut.conditions for cut in fit.problem.cuts])
+
+
+def straight_line(fit: Fit, each: Sequence[CutConditions]) -> Floats:
+    """Straight line of a fit's law over the chips of cuts [N/m^2], [N/m]; shape (6,)."""
+    growth, exponent = fit.problem.chip(fit.x)
+    values = fit.values[None, : len(COEFFICIENTS)]
+    return local_lines(np.full((1, 3), exponent), np.array([growth]), values, each)[0]
 
 
 def model_of(fit: Fit, *, with_residual: bool, spread: ForceSpread | None = None) -> CutModel:

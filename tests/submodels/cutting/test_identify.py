@@ -50,8 +50,8 @@ def test_coefficients_runout_and_modes_come_back(truth, tests):
     rows, found = determined_by(truth, tests)
     for name, value in true_values(truth).items():
         assert rows[name].determined
-        # noise of 1 % and zeros of 1 N leave 1 %, laws that bend a little as much again
-        assert rows[name].value == pytest.approx(value, rel=0.03), name
+        # noise of 1 % and zeros of 1 N leave 1 %, edges that are not sharp as much again
+        assert rows[name].value == pytest.approx(value, rel=0.02), name
     natural = [rows[0].value for rows in modes(found.fit, found.uncertainty, 0.5).values()]
     assert natural == pytest.approx(truth.natural, rel=0.01)
 
