@@ -1,24 +1,33 @@
 """Laws of the chip: closed forms, what two feeds cannot tell, and intervals that hold."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from pipeline.cutting.force.chip_law import design, local_lines
 from pipeline.cutting.force.mean_force import regressors
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.coefficients import mean_regression
 from pipeline.submodels.cutting.identify import identify_cutting_force
-from pipeline.submodels.cutting.law_draws import coefficient_draws, law_draws, named_range
+from pipeline.submodels.cutting.law_draws import (
+    EXPONENTS,
+    KnownShape,
+    coefficient_draws,
+    law_draws,
+    named_range,
+)
 from pipeline.submodels.cutting.recordings import cut_harmonics
+from pipeline.submodels.cutting.selection import fitted_line
 from pipeline.submodels.cutting.spread import (
     calibrated,
     force_levels,
     half_widths,
     magnitude,
 )
-from pipeline.submodels.cutting.waveform import CutHarmonics
+from pipeline.submodels.cutting.waveform import STRAIGHT, ChipShape, CutHarmonics
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
 
@@ -146,10 +155,72 @@ def test_recordings_left_out_scale_the_interval():
     assert wide.shape_scale == pytest.approx(1.0)
 
 
+@cache
 def identified(feeds):
     truth = Truth(flutes=2, runout=0.004, runout_angle=0.0, exponent=0.25)
     tests = [(6000.0, f, 2.0, 0.0, np.pi) for f in feeds]
     return identify_cutting_force(recordings(truth, tests), known_of(truth), SETTINGS)
+
+
+def test_a_shape_weighs_laws_by_its_density_and_their_step():
+    """Bivariate normal of h_0 and m, widened by the variance of an evenly filled step of each."""
+    known = KnownShape(
+        chip=ChipShape(growth=2e-6, exponent=0.12),
+        covariance=np.array([[4e-14, 3e-9], [3e-9, 1e-3]]),
+    )
+    exponents = np.array([[0.1] * 3, [0.1, 0.15, 0.15], [0.2] * 3])
+    found = known.likely(exponents, np.zeros(3))
+    unit = np.array([1e6, 1.0])  # h_0 in um
+    step = np.array([1e-6, EXPONENTS[1] - EXPONENTS[0]])
+    wider = (known.covariance + np.diag(step**2) / 12) * np.outer(unit, unit)
+    each = [
+        multivariate_normal([0.0, 0.0], wider).logpdf([-2.0, m - 0.12])
+        for m in exponents.mean(axis=1)
+    ]
+    assert np.diff(found) == pytest.approx(np.diff(each), rel=1e-6)
+
+
+@pytest.mark.parametrize("which", ["fit", "not_sharp"])
+def test_a_line_reads_its_own_law_as_it_is_and_edges_add_up(which):
+    """Each constant of the fit's own law is read as itself; wear of all recordings as an edge."""
+    found = identified((0.05, 0.1, 0.15))
+    fit = found.fit if which == "fit" else found.not_sharp.fit
+    line = fitted_line(fit, np.ones(6))
+    own = line.reading(fit.problem.chip(fit.x))
+    scale = np.array([1e9] * 3 + [1e4] * 3)
+    assert own * scale / scale[:, None] == pytest.approx(np.eye(6), abs=1e-2)
+    assert line.edges.sum(axis=1) == pytest.approx(own[:, 3:], rel=1e-9, abs=1e-9 * own.max())
+
+
+def test_laws_depart_from_the_law_that_predicts():
+    """A law of the model's own constants departs by nothing, one of a tenth more by a tenth."""
+    found = identified((0.05, 0.1, 0.15))
+    model = found.model
+    assert model.chip != STRAIGHT  # the truth has a size effect
+    own = ChipLaw(
+        cutting=tuple(model.values[:3]), edge=tuple(model.values[3:6]),
+        exponent=(model.chip.exponent,) * 3, growth=model.chip.growth,
+    )  # fmt: skip
+    more = replace(own, cutting=tuple(1.1 * model.values[:3]), edge=tuple(1.1 * model.values[3:6]))
+    model = replace(model, spread=replace(model.spread, laws=(own, more)), _departures={})
+    cut = found.cuts[0]
+    nothing, tenth = model.law_departures(cut.conditions, cut.harmonics)
+    whole = model.coefficient_columns(cut.conditions, cut.harmonics) @ model.values[:6]
+    assert np.abs(nothing).max() < 1e-9 * np.abs(whole).max()
+    assert tenth == pytest.approx(0.1 * whole, abs=1e-9 * np.abs(whole).max())
+
+
+def test_coefficients_of_a_bent_law_are_its_line_and_its_own_runout_predicts():
+    """h^0.75: the straight line over the named feeds within 3 %; a sharp fit errs more."""
+    found = identified((0.05, 0.1, 0.15))
+    each = [cut.conditions for cut in found.cuts]
+    law = ChipLaw(
+        cutting=(850e6, 240e6, 140e6), edge=(22e3, 25e3, 4e3), exponent=(0.25,) * 3, growth=0.0,
+    )  # fmt: skip
+    true = line_of(law, named_range(each))
+    assert found.not_sharp.coefficients == pytest.approx(true, rel=0.03)
+    assert abs(found.model.geometry.along) == pytest.approx(4e-6, abs=2e-7)
+    assert found.model.line == pytest.approx(line_of(law, each), rel=0.03)
 
 
 def test_forces_beyond_the_feeds_lie_in_wider_intervals():
