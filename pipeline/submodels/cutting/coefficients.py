@@ -35,9 +35,9 @@ BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
+HARMONICS = "weighted least squares on the harmonics of the revolution"
 WAVEFORM = (
-    "weighted least squares on the harmonics of the revolution, of several feeds with an edge "
-    "force that grows with the chip"
+    f"{HARMONICS}, of several feeds with an edge force that grows with the chip and a size effect"
 )
 
 
@@ -122,7 +122,7 @@ def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
     determined = bool(half <= HELIX_DEG)
     return Estimate(
         name="helix", unit="deg", value=helix / DEGREE, half_width=half, determined=determined,
-        method=WAVEFORM, reason="" if determined else "its 95 % interval is wider than 10 deg",
+        method=HARMONICS, reason="" if determined else "its 95 % interval is wider than 10 deg",
         remedy="" if determined else "record a deeper cut, in which the edge lags further",
     )  # fmt: skip
 
@@ -145,7 +145,7 @@ def modes(fit: Fit, uncertainty: FitUncertainty, widest: float) -> dict[int, lis
                 Estimate(
                     name=name, unit=unit, value=float(values[k]), lowest=0.0,
                     half_width=half * float(values[k]), determined=bool(half <= widest and seen),
-                    method=WAVEFORM,
+                    method=HARMONICS,
                     reason="" if half <= widest and seen else
                     f"the channel shows no mode of its own below {highest:.0f} Hz",
                 )

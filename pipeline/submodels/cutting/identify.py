@@ -40,6 +40,7 @@ from pipeline.submodels.cutting.selection import (
     Selection,
     fit_uncertainty,
     model_of,
+    residual_helps,
     select_model,
 )
 from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
@@ -70,15 +71,17 @@ class CuttingIdentification:
     uncertainty : FitUncertainty, optional
         Of its unknowns.
     not_sharp : RoundedFit, optional
-        Fit whose edges are not sharp, of the same terms.
+        Fit whose edges are not sharp, each tooth with its own, of the other terms of ``fit``.
     mean_force : sequence of Estimate
         Coefficients by regression of the mean forces.
     mean_values : ndarray, shape (6,), optional
         The same in SI.
     methods : sequence of MethodTried
         Error and evaluations of each method tried.
+    serving : Fit, optional
+        The one that predicts: ``fit``, or that whose edges are not sharp.
     model : CutModel, optional
-        The one that predicts, with what the intervals of its forces are made of.
+        Its model, with what the intervals of its forces are made of.
     folds : sequence of CutModel
         Its models of the selection's folds, with their own spreads.
     reason : str
@@ -94,6 +97,7 @@ class CuttingIdentification:
     mean_force: Sequence[Estimate] = ()
     mean_values: Floats | None = None
     methods: Sequence[MethodTried] = ()
+    serving: Fit | None = None
     model: CutModel | None = None
     folds: Sequence[CutModel] = ()
     reason: str = ""
@@ -144,10 +148,16 @@ def identify_cutting_force(
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
     not_sharp = rounded_fit(fit)
     mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
-    with_residual = selection.with_residual
-    serving, fits = _champion(
-        ((fit, selection.folds), (not_sharp.fit, not_sharp.folds)), cuts, with_residual
-    )
+    serving, fits, with_residual = _champion(
+        (
+            (fit, selection.folds, selection.with_residual),
+            (
+                not_sharp.fit, not_sharp.folds,
+                residual_helps(cuts, not_sharp.folds, settings.gain),
+            ),
+        ),
+        cuts,
+    )  # fmt: skip
     folds = [
         model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit, line, shape))
         for fold, line, shape in zip(fits, not_sharp.lines, not_sharp.shapes, strict=True)
@@ -160,25 +170,24 @@ def identify_cutting_force(
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
         not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,
-        folds=folds, model=model_of(serving, with_residual=with_residual, spread=spread),
+        serving=serving, folds=folds,
+        model=model_of(serving, with_residual=with_residual, spread=spread),
         reason=_upside_down(fit),
     )  # fmt: skip
 
 
-def _champion(
-    candidates: Sequence[tuple[Fit, Sequence[Fold]]],
-    cuts: Sequence[CutHarmonics],
-    with_residual: bool,
-) -> tuple[Fit, Sequence[Fold]]:
-    """The fit that errs least on recordings left out, and its fits without them.
+Candidate = tuple[Fit, Sequence[Fold], bool]
+"""A fit, its fits without some recordings, and whether it has a waveform residual."""
 
-    The first where no recording was left out.
-    """
 
-    def error(candidate: tuple[Fit, Sequence[Fold]]) -> float:
+def _champion(candidates: Sequence[Candidate], cuts: Sequence[CutHarmonics]) -> Candidate:
+    """The fit that errs least on recordings left out; the first where none was left out."""
+
+    def error(candidate: Candidate) -> float:
+        _, folds, with_residual = candidate
         return sum(
             relative_square(model_of(fold.fit, with_residual=with_residual), cuts[k])
-            for fold in candidate[1] for k in fold.left_out
+            for fold in folds for k in fold.left_out
         )  # fmt: skip
 
     return min(candidates, key=error)
@@ -260,7 +269,7 @@ def cutting_model(
         groups[MEAN_FORCE] = _parameters(identified.mean_force)
         for direction, rows in modes(fit, uncertainty, widest).items():
             groups[CHANNEL + _channel(setup, direction)] = _parameters(rows)
-        facts = _facts(identified, fit, uncertainty)
+        facts = _facts(identified, identified.serving or fit, uncertainty)
         correlation = _correlation(uncertainty.names, uncertainty.covariance)
         terms = tuple(selection.tried)
         folds = tuple(

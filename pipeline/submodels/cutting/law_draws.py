@@ -4,9 +4,9 @@ Given the law's exponents and growth the mean forces y are linear in C and E, y 
 
     cov e = (s sd)^2 + (g y)^2 by recording + crosstalk + wear of the edge by recording.
 
-A line by the harmonics of the waveform counts as six means more: of each law what a straight-edge
-fit reads of its waveform, runout left free.  Gain and crosstalk move it as far as the fit passes
-them on.
+The constants that the harmonics of the waveform give count as six means more: of each law what
+the fit whose edges are not sharp reads of its waveform, runout left free.  Gain and crosstalk move
+them as far as the fit passes them on.
 
 The stated deviations sd, zeros above all, may be too small by a factor s; depth and gain differ
 from recording to recording by a share g; the dynamometer mixes its channels; and the edge wears, so
@@ -138,7 +138,7 @@ def _forms(many: bool) -> tuple[Floats, Floats, Floats]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedLine:
-    """Straight line that the harmonics of the waveforms give without the mean forces.
+    """Constants of a fit's law that the harmonics of the waveforms give without the mean forces.
 
     Parameters
     ----------
@@ -153,8 +153,8 @@ class FittedLine:
     crosstalk : ndarray, shape (6, 6)
         Their change by the share of each of ``PAIRS``.
     reading : callable
-        For a shape of the law what the fit reads as its straight line for each constant of the law,
-        shape (6, 6): a part of a bend is taken for runout.
+        For a shape of the law what the fit reads as its own constants for each constant of the law,
+        shape (6, 6): a part of another bend is taken for runout.
     """
 
     values: Floats

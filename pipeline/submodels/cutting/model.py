@@ -212,11 +212,13 @@ class CutModel:
         there.  One of zeros without a spread.  The last few are kept.
         """
         key = (conditions, harmonics)
-        if key not in self._departures:
-            if len(self._departures) > KEPT:
+        found = self._departures.get(key)
+        if found is None:
+            found = self._departed(conditions, harmonics)
+            if len(self._departures) >= KEPT:
                 self._departures.clear()
-            self._departures[key] = self._departed(conditions, harmonics)
-        return self._departures[key]
+            self._departures[key] = found
+        return found
 
     def _departed(self, conditions: CutConditions, harmonics: int) -> Complexes:
         if self.spread is None:

@@ -230,6 +230,11 @@ def _fit_words(model: CuttingModel) -> str:
                      "force" + (f" over {' of '.join(over)}" if over else ""))  # fmt: skip
         ill = ", so some are hard to separate" if fit.condition > ILL else ""
         words.append(f"the condition is {number(fit.condition, 2)}{ill}")
+    taken = model.prediction
+    if taken is not None and taken.line:
+        words.append("forces are predicted by a law whose edge force grows over "
+                     f"{number(1e6 * taken.growth_m, 2)} um of chip, with a size effect of "
+                     f"exponent {number(taken.exponent, 2)}")  # fmt: skip
     pair = strongest_correlation(_shown_correlation(model))
     if pair is not None:
         close = ", so that little more than their sum is known" if abs(pair[2]) > CLOSE else ""

@@ -112,9 +112,7 @@ def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: fl
         fits[fewer.problem.terms] = fewer
         best = comparison.least([best, fewer])
     folds = comparison.folds(best)
-    with_residual = bool(folds) and (
-        _error(cuts, folds, True) < (1 - gain) * _error(cuts, folds, False)
-    )
+    with_residual = residual_helps(cuts, folds, gain)
     kept = best.problem.terms
     tried = [
         TermsTried(terms=_names(terms), value=value, kept=terms == kept)
@@ -122,6 +120,11 @@ def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: fl
     ]
     rivals = [fits[terms] for terms in comparison.rivals(kept)]
     return Selection(fit=best, with_residual=with_residual, folds=folds, rivals=rivals, tried=tried)
+
+
+def residual_helps(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], gain: float) -> bool:
+    """Whether a waveform residual saves that share of the error on recordings left out."""
+    return bool(folds) and _error(cuts, folds, True) < (1 - gain) * _error(cuts, folds, False)
 
 
 def _names(terms: Terms) -> tuple[str, ...]:

@@ -193,7 +193,8 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
     laws = model.law_departures(conditions, harmonics)
     flat = wave(np.moveaxis(laws, 0, 2).reshape(harmonics + 1, -1), angles)
     parted = np.moveaxis(flat.reshape(ANGLES, 3, -1), 2, 0)
-    land = spread.wear * max(abs(float(model.values[4])), abs(float(model.values[3])))
+    line = model.values if model.line is None else model.line  # a bend takes a part of the edge's
+    land = spread.wear * max(abs(float(line[4])), abs(float(line[3])))
     worn = shape[..., 3:] @ (land * np.array([FRICTION, 1.0, 0.0]))
     beyond = outside_share(spread, conditions.speed, conditions.a_p)
     error = model.left_out * _extrapolated(model.residual(conditions), conditions.f_z)

@@ -22,7 +22,7 @@ where a recording does not tell them apart, what the factor differs by is added 
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cached_property, lru_cache
 from math import floor, inf, isinf, log, log10
 
 import numpy as np
@@ -220,7 +220,7 @@ def _words(
     if known and unit != expected:
         said.append(f"it acts as if in {unit}" + (f", not in {expected}" if expected else ""))
     if not known:
-        known_to = round(value, -floor(log10(half)))
+        known_to = round(value, -floor(log10(half))) if half > 0 else value
         said.append(f"its factor is {known_to:.4g} {si} for one unit of the channel")
     if abs(found.delay) > max(found.delay_half_width, 1e-3):
         said.append(f"it is {1e3 * found.delay:.3g} ms behind its channel")
@@ -282,11 +282,16 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
         return {}
     likelihood = [max(one.likelihood for one in fits.values()) for fits in found]
     best, highest = found[int(np.argmax(likelihood))], max(likelihood)
-    open_ = [fits for fits, one in zip(found, likelihood, strict=True) if highest - one < APART]
+    open_ = [best]
+    open_ += [fits for fits, one in zip(found, likelihood, strict=True) if highest - one < APART]
     return {
         entry: one.doubted(max(abs(one.factor.value - fits[entry].factor.value) for fits in open_))
         for entry, one in best.items()
     }
+
+
+LATE_KEPT = 4
+"""Delays whose rows are kept, at most: five minutes at 1 kHz are 30 MB each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -362,7 +367,7 @@ class _Law:
     @cached_property
     def rows(self) -> Callable[[float], Floats]:
         """Rows of the equation with the disturbance, so many samples late, in place of signals."""
-        return cache(self._rows)
+        return lru_cache(maxsize=LATE_KEPT)(self._rows)
 
     def _rows(self, samples: float) -> Floats:
         pushed = shifted(self.load, samples)

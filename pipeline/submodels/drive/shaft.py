@@ -209,7 +209,7 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
 def _blocks(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Normal equations (7, 7), (7,), and what each of B ways of motion adds to them.
+    """Normal equations (7, 7), (7,), and what each of B ways of motion takes from them.
 
     Each recording's own errors are taken out, anew of what is left without a way.
     """
@@ -370,7 +370,7 @@ def _backlash(found: Rounds, why: str) -> Parameter:
     # a flank and the friction of the bearings are one but where an axis brakes: no matter of chance
     reach = float(np.linalg.norm(parts)) + _doubt(found, play)
     if not why and not np.isfinite(reach):
-        why = "not determined: too few stretches for an interval"
+        why = "not determined: too few ways of motion for an interval"
     return _parameter(found.shared[PLAY], reach, "m", why, REVERSALS, least=0.0)
 
 

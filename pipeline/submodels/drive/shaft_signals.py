@@ -162,6 +162,8 @@ def left_over(one: Signals, side: Floats, ok: Bools) -> Floats:
 def lasting(shown: Sequence[Signals], left: Sequence[Floats], sure: Sequence[Bools]) -> float:
     """Share of what is left over that outlasts the filter [1]; 0 where chance makes as much.
 
+    All of it where the record is so short that chance could make that.
+
     The filter gives white noise the autocorrelation exp(-n^2 / (4 s^2)) over n samples, which ends;
     an error of the equation goes on.  It is the greatest autocorrelation between one and three
     times that length.  Of noise it has the variance sqrt(2 pi) s / N (Bartlett 1946).
@@ -176,10 +178,14 @@ def lasting(shown: Sequence[Signals], left: Sequence[Floats], sure: Sequence[Boo
         pairs += [np.count_nonzero(ok[n:] & ok[:-n]) for n in lags]
     count = sum(part.size for part in left)
     power = sum(float(part @ part) for part in left) / max(count, 1)
-    if power == 0 or pairs.min() == 0:
+    if power == 0:
         return 0.0
+    if pairs.min() == 0:
+        return 1.0
     greatest = float(np.abs(products / pairs).max() / power)
     chance = norm.isf(0.5 * CHANCE / len(lags)) * np.sqrt(np.sqrt(2 * np.pi) * WIDTH / pairs.min())
+    if chance >= 1:
+        return 1.0
     return min(greatest, 1.0) if greatest > chance else 0.0
 
 
