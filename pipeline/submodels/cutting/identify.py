@@ -160,13 +160,13 @@ def identify_cutting_force(
     )  # fmt: skip
     folds = [
         model_of(fold.fit, with_residual=with_residual, spread=spread_of(fold.fit, line, shape))
-        for fold, line, shape in zip(fits, not_sharp.lines, not_sharp.shapes, strict=True)
+        for fold, line, shape in zip(fits, not_sharp.lines_elsewhere, not_sharp.shapes, strict=True)
     ]
     errors = [
         left_out_errors(model, cuts[k])
         for model, fold in zip(folds, fits, strict=True) for k in fold.left_out
     ]  # fmt: skip
-    spread = calibrated(spread_of(serving, not_sharp.line, not_sharp.shape), errors)
+    spread = calibrated(spread_of(serving, not_sharp.line_elsewhere, not_sharp.shape), errors)
     return CuttingIdentification(
         recordings=recordings, cuts=cuts, selection=selection, fit=fit, uncertainty=uncertainty,
         not_sharp=not_sharp, mean_force=means, mean_values=mean_values, methods=methods,

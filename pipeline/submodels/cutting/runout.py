@@ -92,9 +92,14 @@ class RoundedFit:
         return fitted_line(self.fit, self.factor)
 
     @property
-    def lines(self) -> list[FittedLine]:
+    def line_elsewhere(self) -> FittedLine:
+        """The same for other recordings: the spread of two counts, whose harmonics err alike."""
+        return fitted_line(self.fit, self.uncertainty.factor)
+
+    @property
+    def lines_elsewhere(self) -> list[FittedLine]:
         """Those of the folds, as well known as those of all recordings."""
-        return [fitted_line(fold.fit, self.factor) for fold in self.folds]
+        return [fitted_line(fold.fit, self.uncertainty.factor) for fold in self.folds]
 
     @property
     def shape(self) -> KnownShape | None:
