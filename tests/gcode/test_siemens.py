@@ -91,8 +91,57 @@ def test_every_word_without_motion_is_read_as_such():
 
 def test_variables_are_0_or_what_they_are_given():
     text = "DEF REAL AA, BB=2.\nG1 X=AA+BB*3 Y=-(BB-SIN(30)) F=BB\n"
-    made = moves("_C=4\n" + text + "R1=_C/8\nZ=R1\nM30\n")
+    made = moves("DEF REAL _C=4\n" + text + "R1=_C/8\nZ=R1\nM30\n")
     np.testing.assert_allclose(made.end[1, :3], [6, -1.5, 0.5], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("text", "x"),
+    [
+        ("G90 X10\nX=IC(5)", 15),
+        ("G90 X10\nX=AC(5)", 5),
+        ("X10\nG91 X=AC(5)", 5),
+        ("X10\nG91 X=IC(5)", 15),
+        ("X10\nX=IC(5) G91\nX1\nX=AC(7)\nX1", 8),
+        ("G70 X1\nX=IC(1)", 50.8),
+        ("TRANS X3\nX1\nX=IC(1)", 5),
+        ("R2=4\nX1\nX=IC(-R2*2)", -7),
+        ("X1\nR1=2\nX=IC(R1)\nR1=3\nX=IC(R1)", 6),
+    ],
+)
+def test_a_coordinate_counts_as_its_own_word_says(text, x):
+    assert moves(f"G0 X0\n{text}\nM30\n").end[-1, 0] == pytest.approx(x, abs=1e-12)
+
+
+def test_a_depth_of_its_own_counts_with_the_tools_length():
+    setup = Setup(dialect="siemens", tools={1: Tool(length=50.0, diameter=8.0)})
+    for more in ("Z=IC(5)", "G91 Z5", "Z=AC(55)"):
+        made = moves(f'G0 Z100\nT="A"\nM6\nD1\n{more}\nM30\n', setup)
+        assert made.end[-1, 2] == 105
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        ("POT(3)", 9), ("ROUND(2.6)", 3), ("TRUNC(-2.6)", -2), ("ATAN2(1,-1)", 135),
+        ("7 DIV 2", 3), ("7 MOD 4", 3), ("2*7 DIV 4 + 1", 4), ("SQRT(POT(3)+POT(4))", 5),
+    ],
+)  # fmt: skip
+def test_functions_of_values(value, expected):
+    assert moves(f"R1={value}\nX=R1\nM30\n").end[-1, 0] == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_whole_number_rounds_what_it_is_given():
+    assert moves("DEF INT NR=7/2\nX=NR\nNR=2.4\nY=NR\nM30\n").end[-1, :2].tolist() == [4, 2]
+
+
+def test_variables_of_the_setup_exist_by_any_case():
+    setup = Setup(dialect="siemens", parameters={"_HOME": 5.0, "R7": 2.0})
+    assert moves("_home=_Home+R7\nX=_HOME\nM30\n", setup).end[-1, 0] == 7
+
+
+def test_ret_ends_as_m17_does():
+    assert moves("X1\nRET\nX9\n").end[:, 0].max() == moves("X1\nM17\nX9\n").end[:, 0].max() == 1
 
 
 def test_comments_and_messages_are_kept():
@@ -112,8 +161,25 @@ def test_statement_says_where_its_words_stand():
 @pytest.mark.parametrize(
     ("text", "word", "column", "said"),
     [
-        ("G1 FOO X1", "FOO", 4, "not known in the dialect siemens"),
-        ("X=IC(5)", "IC(", 3, "no value"),
+        ("G1 FOO X1", "FOO", 4, "if it calls a subprogram, put its blocks here"),
+        ("X=DC(5)", "DC(", 3, "write X=AC("),
+        ("SUPA X=IC(5)", "X=", 6, "beside SUPA"),
+        ("R1=2 X=R1", "R1", 1, "a block before"),
+        ("X=IC(2*R1) R1=2", "R1", 12, "a block before"),
+        ("X=IC(5,6)", "X=", 1, "takes one value"),
+        ("S=IC(5)", "IC(", 3, "no value"),
+        ("G95 FZ=0.1", "FZ=", 5, "feed of a tooth"),
+        ("TOFFL=1", "TOFFL=", 1, "define it with DEF"),
+        ("R1000=1", "R1000=", 1, "define it with DEF"),
+        ("R1=ATAN2(1)", ")", 11, "takes two values"),
+        ("R[1]=2", "[", 2, "fields"),
+        ("REPEAT AA BB P=2", "REPEAT", 1, "between labels"),
+        ("REPEATB AA P=2", "REPEATB", 1, "is not followed"),
+        ("L100 P2", "L100", 1, "put its blocks here"),
+        ('EXTCALL "A"', "EXTCALL", 1, "put its blocks here"),
+        ("ROT Z30", "ROT", 1, "program's axes"),
+        ("G4 S5", "G4", 1, "write G4 F"),
+        ("G33 Z-5 K1", "G33", 1, "post single moves"),
         ("CYCLE83(1,2,3)", "CYCLE83(", 1, "post it as single moves"),
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
         ("MCALL CYCLE82(1,0,1,-2)", "CYCLE82(", 7, "CYCLE81 only"),
@@ -126,7 +192,7 @@ def test_statement_says_where_its_words_stand():
         ("X=(1", "end of line", 1, ") is missing"),
         ("X?1", "?", 2, "no meaning"),
         ("G0 X1 \xe9", "\xe9", 7, "no meaning"),
-        ("G43 X1", "G43", 1, "not known in the dialect siemens"),
+        ("G43 X1", "G43", 1, "not followed in the dialect siemens"),
         ("X1 H2", "H2", 4, "no address"),
         ("X1 D=2", "D=", 4, "no expression"),
         ("G91 G0 B90 C0\nTRAORI\nAROT Y90\nX1", "X1", 1, "is not known"),

@@ -9,7 +9,7 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
@@ -34,11 +34,19 @@ class SiemensReader:
     tools : mapping of str to int, optional
         Number in the tool table of a tool's name; names that are not in it get the next free
         numbers in the order in which they are called.
+    variables : iterable of (str or int)
+        Names of variables that the control has before the program begins.
     """
 
-    def __init__(self, file: str, tools: Mapping[str, int] | None = None) -> None:
+    def __init__(
+        self,
+        file: str,
+        tools: Mapping[str, int] | None = None,
+        variables: Iterable[str | int] = (),
+    ) -> None:
         self.file = file
-        self.memory = ModalMemory(dict(tools or {}))
+        defined = {str(name).lower(): "REAL" for name in variables}
+        self.memory = ModalMemory(dict(tools or {}), defined=defined)
 
     def statement(self, line: Line) -> Statement:
         """Statement of the next line.

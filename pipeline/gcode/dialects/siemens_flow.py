@@ -1,7 +1,7 @@
 """Branches, loops and jumps of the Sinumerik 840D: IF, WHILE, FOR, LOOP, REPEAT and GOTO.
 
 A line of flow control holds nothing else but, at its head, a block number and a label.  Computed
-jumps (CASE, GOTOC, GOTOS) are refused.
+jumps (CASE, GOTOC, GOTOS) and REPEAT with labels are refused.
 
 Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures".
 """
@@ -18,7 +18,7 @@ ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", 
 WORDS = frozenset((*ENDS, *ENDS.values(), "ELSE"))
 JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB"})
 """To a label or block number: forwards, then from the top; forwards; backwards."""
-COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE"})
+COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE", "REPEATB"})
 KIND = "siemens "
 """Before the word, in small letters, that the kind of a control is called by."""
 _HEAD = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?(?:[a-zA-Z_]{2}\w*[ \t]*:\s*)?([a-zA-Z]+)")
@@ -99,6 +99,10 @@ def control_of(token: Token, stream: TokenStream) -> Control:
     word, kind = token.head, KIND + token.head.lower()
     if word in JUMPS:
         return jump_of(token, stream)
+    if word == "REPEAT" and stream.next is not None and stream.next.kind == "name":
+        raise stream.error(
+            token, "REPEAT of lines between labels is not followed: write FOR or LOOP"
+        )
     condition: Expression | None = None
     then: tuple[Assignment, ...] = ()
     if word in ("IF", "WHILE", "UNTIL"):

@@ -22,10 +22,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
-from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
+from pipeline.gcode.dialects.siemens_tokens import (
+    HERE,
+    R_PARAMETER,
+    VARIABLE,
+    Token,
+    TokenStream,
+)
 from pipeline.gcode.statements import (
     Assignment,
     Binary,
+    Call,
     Control,
     Expression,
     Number,
@@ -114,6 +121,7 @@ WITH_MOTION: dict[str, str] = {
     "OFFN": "sets the contour off",
     **dict.fromkeys(("DISR", "DISCL", "DISRP"), "moves onto the contour"),
     **dict.fromkeys(("FB", "FRC", "FRCM", "FAD", "OVR"), "sets the feed of the block"),
+    "FZ": "sets the feed of a tooth",
 }
 """Address of a block that is not followed -> what it does; no variable may have its name."""
 
@@ -122,6 +130,16 @@ CENTRES = frozenset("IJK")
 LETTERS = frozenset("ABCFIJKMSXYZ")
 """Addresses whose value is passed on as it stands; H would be a function of the machine builder."""
 TYPES = frozenset({"REAL", "INT", "BOOL"})
+OWN_MODES = frozenset({"AC", "IC"})
+"""``X=AC(1)`` counts from the origin, ``X=IC(1)`` from where the axis stands, in this block."""
+WAYS = frozenset({"DC", "ACP", "ACN"})
+"""The way that a rotary axis takes."""
+FRAMES = frozenset((
+    "ATRANS", "ROT", "RPL", "ROTS", "AROTS", "CROTS", "TOROT", "TOFRAME", "SCALE", "ASCALE",
+    "MIRROR", "AMIRROR",
+))  # fmt: skip
+SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
+NOT_CALLED = "subprograms are not followed in the dialect siemens: put its blocks here"
 CALLS: dict[str, str] = {
     "CYCLE800": "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with "
     "TRAORI and AROT",
@@ -150,6 +168,8 @@ class ModalMemory:
         G90, TRANS by more than 0, TRAORI.
     at : dict of str to (float or None)
         Last B, C and Z, where they were given as numbers [mm, deg].
+    defined : dict of str to str
+        Type of each variable that has one, by its name in small letters.
     """
 
     tools: dict[str, int]
@@ -162,6 +182,7 @@ class ModalMemory:
     shifted: bool = False
     transformed: bool = False
     at: dict[str, float | None] = field(default_factory=lambda: {"B": None, "C": None, "Z": None})
+    defined: dict[str, str] = field(default_factory=dict)
 
     def tool_number(self, name: str) -> float:
         """Number of a tool in the tool table."""
@@ -180,6 +201,8 @@ class LineReader:
         self.assignments: list[Assignment] = []
         self.control: Control | None = None
         self.centres: set[str] = set()
+        self.modes: list[tuple[str, Token]] = []
+        self.used: set[str] = set()
         self.machine = self.shifts = self.calls = False
 
     def read(self) -> None:
@@ -203,6 +226,8 @@ class LineReader:
             kind(self, token)
         self._dwell()
         self._centre_mode()
+        self._axis_modes()
+        self._set_apart()
 
     def word(self, letter: str, value: Expression | float, token: Token) -> None:
         """Add a word of ISO 6983."""
@@ -224,6 +249,8 @@ class LineReader:
             )
         elif token.head in LETTERS:
             self.word(token.head, token.value, token)
+        elif token.head == "L":
+            raise self.stream.error(token, NOT_CALLED)
         else:
             raise self.stream.error(token, f"{token.head} is no address that is known: delete it")
 
@@ -233,7 +260,7 @@ class LineReader:
         code = float(SAME_AS.get(token.value, token.value))
         if token.value not in SAME_AS and code not in G_CODES:
             raise self.stream.error(
-                token, f"G{token.value:g} is not known in the dialect siemens: delete or rewrite it"
+                token, f"G{token.value:g} is not followed in the dialect siemens: post single moves"
             )
         self.word("G", code, token)
 
@@ -254,7 +281,13 @@ class LineReader:
 
     def _dwell(self) -> None:
         """G4 F: seconds."""
-        if any(word.letter == "G" and word.value == Number(4.0) for word in self.words):
+        dwell = next((w for w in self.words if w.letter == "G" and w.value == Number(4.0)), None)
+        if dwell is not None:
+            if not any(word.letter == "F" for word in self.words):
+                raise self.stream.error(
+                    Token("", dwell.text, dwell.column, "", 0.0),
+                    "G4 is followed with seconds: write G4 F and the seconds",
+                )
             self.words = [
                 replace(word, letter="P") if word.letter == "F" else word for word in self.words
             ]
@@ -280,11 +313,11 @@ class LineReader:
             stream.at += 1
             self._tool(Number(self.memory.tool_number(following.text.strip('" '))), token)
             return
-        absolute = following is not None and following.kind == "call" and following.head == "AC"
-        if absolute and name in CENTRES:
-            self._absolute_centre(name, token)
-            return
-        value = stream.expression()
+        start = stream.at
+        own = following is not None and following.kind == "call" and name in AXES | CENTRES
+        value = self._own_mode(name, token) if own else stream.expression()
+        if name in LETTERS or name in ("CR", "TURN"):
+            self.used |= {one.text.lower() for one in stream.tokens[start : stream.at]}
         if name in WITH_MOTION:
             raise stream.error(
                 token, f"{name} {WITH_MOTION[name]}, which is not followed: post single moves"
@@ -305,33 +338,96 @@ class LineReader:
                 "post it for one spindle and X Y Z A B C"
             )  # fmt: skip
         elif len(name) > 1:
-            target = Parameter(VARIABLE + name.lower())
-            self.assignments.append(Assignment(target, value, token.column))
+            self._assign(name, value, token)
         else:
             raise stream.error(token, f"{name} takes no expression here: write a number")
 
-    def _absolute_centre(self, name: str, token: Token) -> None:
-        """``I=AC(30)``: a centre from the program's origin; all of a block are given so."""
-        self.stream.at += 1
-        arguments = self.stream.arguments()
+    def _assign(self, name: str, value: Expression, token: Token) -> None:
+        """A variable's new value, rounded for an INT."""
+        key = name.lower()
+        kind = "REAL" if R_PARAMETER.fullmatch(key) else self.memory.defined.get(key)
+        if kind is None:
+            raise self.stream.error(
+                token, f"{name} is neither a word that is followed nor a variable: define it with "
+                "DEF before, or in parameters of the machine's setup"
+            )  # fmt: skip
+        value = Call("ROUND", (value,)) if kind == "INT" else value
+        target = Parameter(VARIABLE + key)
+        self.assignments.append(Assignment(target, value, token.column))
+
+    def _own_mode(self, name: str, token: Token) -> Expression:
+        """``X=IC(5)``, ``X=AC(5)``, ``I=AC(5)``: how one coordinate counts in this block."""
+        stream, mode = self.stream, self.stream.tokens[self.stream.at]
+        if mode.head in WAYS:
+            reason = f"the way of a rotary axis is not chosen here: write {name}=AC("
+            raise stream.error(mode, reason)
+        if mode.head not in OWN_MODES:
+            return stream.expression()
+        stream.at += 1
+        arguments = stream.arguments()
         if len(arguments) != 1:
-            raise self.stream.error(token, f"{name}=AC takes one value: write {name}=AC(30)")
-        self.word(name, arguments[0], token)
-        self.centres.add(name)
+            raise stream.error(token, f"{name}={mode.head} takes one value: write it alone")
+        if name in AXES:
+            self.modes.append((mode.head, token))
+        elif mode.head == "AC":
+            self.centres.add(name)
+        return arguments[0]
+
+    def _set_apart(self) -> None:
+        """A variable that a block sets is not read by its words: controls differ in which value."""
+        for one in self.assignments:
+            name = str(one.target.key).removeprefix(VARIABLE)
+            if name in self.used:
+                raise self.stream.error(
+                    Token("", name.upper(), one.column, "", 0.0),
+                    "is set and used by a word in one block: set it in a block before",
+                )
+
+    def _axis_modes(self) -> None:
+        """Coordinates with AC or IC as the mode of the block, G90 or G91, counts them."""
+        given = [w.value for w in self.words if w.letter == "G"]
+        distance = next((v for v in reversed(given) if v in (Number(90.0), Number(91.0))), None)
+        absolute = self.memory.absolute if distance is None else distance == Number(90.0)
+        for mode, token in self.modes:
+            if self.machine:
+                raise self.stream.error(
+                    token, f"{mode} beside SUPA is not followed: write the machine's coordinate"
+                )
+            if absolute == (mode == "AC"):
+                continue
+            sign = "+" if absolute else "-"
+            here = Parameter(HERE + token.head.lower())
+            self.words = [
+                replace(word, value=Binary(sign, word.value, here))
+                if (word.letter, word.column) == (token.head, token.column)
+                else word
+                for word in self.words
+            ]
 
     def named(self, token: Token) -> None:
         """A word of its own."""
         if token.head in WITHOUT_MOTION:
             return
         action = _NAMED.get(token.head)
+        if token.head == "RET":
+            self.word("M", 17.0, token)
+            return
+        if token.head in FRAMES:
+            raise self.stream.error(
+                token, f"{token.head} moves the program's axes in a way that is not followed: post "
+                "the coordinates without it, or with TRANS"
+            )  # fmt: skip
+        if token.head in SUBPROGRAMS:
+            raise self.stream.error(token, NOT_CALLED)
         if action is None and token.head in COMPUTED:
             raise self.stream.error(
                 token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
             )
         if action is None:
             raise self.stream.error(
-                token, "this word is not known in the dialect siemens: delete it or rewrite it"
-            )
+                token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
+                "a subprogram, put its blocks here"
+            )  # fmt: skip
         action(self, token)
 
     def called(self, token: Token) -> None:
@@ -366,8 +462,8 @@ class LineReader:
             if name.kind not in ("name", "set"):
                 raise stream.error(name, "the name of a variable is expected here: add it")
             value = stream.expression() if name.kind == "set" else Number(0.0)
-            target = Parameter(VARIABLE + name.head.lower())
-            self.assignments.append(Assignment(target, value, name.column))
+            self.memory.defined[name.head.lower()] = kind.head
+            self._assign(name.head, value, name)
             if stream.next is not None and not stream.skips(","):
                 raise stream.error(stream.next, "a comma is expected here: add it")
 

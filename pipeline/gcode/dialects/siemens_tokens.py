@@ -14,12 +14,23 @@ DEEPEST = 60
 """Brackets and signs within each other in an expression."""
 VARIABLE = "def "
 """Prefix of variable names, which keeps them apart from those that other dialects predefine."""
+R_PARAMETER = re.compile(r"r\d{1,3}")
+"""R0 to R999, which exist without a definition."""
+HERE = "here "
+"""Prefix of an axis: where it stands, in the program's coordinates and unit."""
 COMPARED = {"==": "EQ", "<>": "NE", "<": "LT", "<=": "LE", ">": "GT", ">=": "GE"}
 """Comparison as written -> in the tree."""
-BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "IF", "WHILE", "UNTIL", "TO"})
+BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "DIV", "IF", "WHILE", "UNTIL", "TO"})
 """Words that are no functions, though a bracket may follow them."""
-PRODUCTS = {"*": "*", "/": "/", "MOD": "REM"}
-FUNCTIONS = frozenset({"SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP"})
+PRODUCTS = {"*": "*", "/": "/", "MOD": "REM", "DIV": "/"}
+FUNCTIONS = {
+    **{name: name for name in ("SIN", "COS", "TAN", "ASIN", "ACOS", "SQRT", "ABS", "LN", "EXP")},
+    "ROUND": "ROUND",
+    "TRUNC": "FIX",
+    "ATAN2": "ATAN",
+}
+"""Function as written -> in the tree."""
+WITH_TWO = frozenset({"ATAN2"})
 # a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
     r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
@@ -76,10 +87,10 @@ class TokenStream:
         while start < len(text):
             match = _TOKEN.match(text, start)
             if match is None:
-                raise self.error(
-                    Token("", text[start], start + 1, "", 0.0),
-                    "this character has no meaning here: delete it",
-                )
+                reason = "this character has no meaning here: delete it"
+                if text[start] == "[":
+                    reason = "fields are not followed: use a variable for each value"
+                raise self.error(Token("", text[start], start + 1, "", 0.0), reason)
             kind = next(kind for kind in _KINDS if match[kind] is not None)
             if kind == "comment":
                 self.comments.append(match[0][1:])
@@ -192,8 +203,9 @@ class TokenStream:
     def _product(self, depth: int) -> Expression:
         left = self._factor(depth)
         while self.next is not None and self.next.text.upper() in PRODUCTS:
-            operator = PRODUCTS[self.take().text.upper()]
-            left = Binary(operator, left, self._factor(depth))
+            word = self.take().text.upper()
+            left = Binary(PRODUCTS[word], left, self._factor(depth))
+            left = Call("FIX", (left,)) if word == "DIV" else left
         return left
 
     def _factor(self, depth: int) -> Expression:
@@ -213,8 +225,16 @@ class TokenStream:
             return Number(token.value)
         if token.kind == "call" and token.head in FUNCTIONS:
             inner = self.expression(depth + 1)
+            second = token.head in WITH_TWO
+            if second and not self.skips(","):
+                raise self.error(self.next, f"{token.head} takes two values: add a comma and one")
+            other = (self.expression(depth + 1),) if second else ()
             self._close()
-            return Call(token.head, (inner,))
+            return Call(FUNCTIONS[token.head], (inner, *other))
+        if token.kind == "call" and token.head == "POT":
+            inner = self.expression(depth + 1)
+            self._close()
+            return Binary("**", inner, Number(2.0))
         if token.kind == "name" or (token.kind == "address" and token.text[1:].isdigit()):
             return Parameter(VARIABLE + token.text.lower())
         raise self.error(token, "this is no value: use numbers, variables, + - * / and ( )")

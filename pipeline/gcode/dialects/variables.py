@@ -4,10 +4,9 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 16.2 "System variables"; LinuxC
 "Numbered parameters" and "Predefined named parameters".
 """
 
-import re
 from collections.abc import Callable
 
-from pipeline.gcode.dialects.siemens_tokens import VARIABLE
+from pipeline.gcode.dialects.siemens_tokens import HERE, R_PARAMETER, VARIABLE
 from pipeline.gcode.modal import CANCELLED
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.run import Register, Run
@@ -25,7 +24,6 @@ FANUC_REGISTERS = {10: "length_wear", 11: "length", 12: "radius", 13: "radius_we
 WITHOUT_EFFECT = (3003, 3004, 3005)
 """Single block, feed hold and settings: how the control runs, not where it goes."""
 ALARM, STOP = 3000, 3006
-_R_PARAMETER = re.compile(r"r\d{1,3}")
 
 
 class FanucVariables:
@@ -401,7 +399,9 @@ class SiemensVariables:
     """
 
     def __init__(self, run: Run) -> None:
-        self.values: dict[int | str, float] = dict(run.setup.parameters)
+        given = run.setup.parameters.items()
+        self.values: dict[int | str, float] = {VARIABLE + str(k).lower(): v for k, v in given}
+        self.run = run
         self.line = 0
 
     def enter(self, arguments: dict[int, float]) -> None:
@@ -414,9 +414,12 @@ class SiemensVariables:
         """Value of a name."""
         if key in self.values:
             return self.values[key]
+        if str(key).startswith(HERE):
+            axis = "xyzabc".index(str(key).removeprefix(HERE))
+            return self.run.point[axis] / _unit(self.run, axis)
         name = str(key).removeprefix(VARIABLE)
-        if _R_PARAMETER.fullmatch(name):
-            return float(self.values.get(name, self.values.get(name.upper(), 0.0)))
+        if R_PARAMETER.fullmatch(name):
+            return 0.0
         raise ExpressionError(f"{name.upper()} has no value: define it with DEF before")
 
     def write(self, key: int | str, value: float | None) -> None:
