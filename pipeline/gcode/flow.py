@@ -146,7 +146,7 @@ class Flow:
 
     def _count(self, control: Control, found: Structure, at: ErrorAt) -> None:
         """Behind the ENDFOR of a FOR whose variable is beyond its end."""
-        over = Binary("GT", control.then[0].target, control.condition or Number(0.0))
+        over = Binary("ABOVE", control.then[0].target, control.condition or Number(0.0))
         if self._value(over, at):
             self.calls.current.line = found.end + 1
 

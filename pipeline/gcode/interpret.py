@@ -107,7 +107,7 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 def _reader(program: Program, setup: Setup) -> Callable[[Program, int], Statement]:
     """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
     if setup.dialect == "siemens":
-        siemens = SiemensReader(program.name, setup.tool_names, setup.parameters)
+        siemens = SiemensReader(program.name, setup.tool_names, setup.parameters, setup.block_skip)
         return lambda source, line: siemens.statement(source.line(line))
 
     def read(source: Program, line: int) -> Statement:

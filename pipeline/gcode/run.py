@@ -73,6 +73,11 @@ class Block:
         """Value of a word, which then counts as carried out; None where there is none."""
         return self.words.pop(letter, None)
 
+    def is_absolute(self, letter: str, modal: int) -> bool:
+        """Whether a coordinate counts from the origin, as its word says or else the mode."""
+        own = self.items[letter].absolute
+        return bool(modal) if own is None else own
+
     def need(self, letter: str, what: str, item: WordItem | None) -> float:
         """Value of a word that ``what`` cannot do without."""
         value = self.words.pop(letter, None)

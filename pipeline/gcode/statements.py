@@ -41,7 +41,8 @@ class Binary:
     """Two values joined by an operator, named by what it does, whatever the dialect writes.
 
     ``+ - * / ** GT GE LT LE``; ``MOD`` (never negative, LinuxCNC) and ``REM`` (sign of the left
-    side, Fanuc's MOD); ``EQ NE`` (vacant is no 0) and ``NEAR FAR`` (EQ and NE of LinuxCNC);
+    side, Fanuc's MOD); ``EQ NE`` (vacant is no 0), ``NEAR FAR`` (EQ and NE of
+    LinuxCNC) and ``ALIKE UNLIKE ABOVE BELOW`` (relative equality, Sinumerik);
     ``AND OR XOR`` of truth (LinuxCNC) and ``& | ^`` of bits (Fanuc).
     """
 
@@ -67,12 +68,17 @@ Expression = Number | Parameter | Unary | Binary | Call
 
 @dataclass(frozen=True, slots=True)
 class WordItem:
-    """A letter and its value, ``column`` counting from 1."""
+    """A letter and its value, ``column`` counting from 1.
+
+    ``absolute`` says whether a coordinate counts from the origin or from where the axis stands;
+    None is as G90 and G91 say.
+    """
 
     letter: str
     value: Expression
     column: int
     text: str
+    absolute: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +133,8 @@ class Statement:
     comments: tuple[str, ...]
 
 
+ALIKE = 1e-12
+"""Relative difference of two values that a Sinumerik takes for equal [1]."""
 NEAR = 1e-4
 """Numbers that differ by less are equal to LinuxCNC (TOLERANCE_EQUAL of its interpreter)."""
 
@@ -226,6 +234,10 @@ def _modulo(a: float, b: float) -> float:
     return rest + abs(b) if rest < 0 else rest
 
 
+def _alike(a: float, b: float) -> bool:
+    return math.isclose(a, b, rel_tol=ALIKE)
+
+
 _ARITHMETIC: dict[str, Callable[[float, float], float]] = {
     "+": lambda a, b: a + b,
     "-": lambda a, b: a - b,
@@ -236,6 +248,10 @@ _ARITHMETIC: dict[str, Callable[[float, float], float]] = {
     "REM": math.fmod,
     "NEAR": lambda a, b: float(abs(a - b) < NEAR),
     "FAR": lambda a, b: float(abs(a - b) >= NEAR),
+    "ALIKE": lambda a, b: float(_alike(a, b)),
+    "UNLIKE": lambda a, b: float(not _alike(a, b)),
+    "ABOVE": lambda a, b: float(a > b and not _alike(a, b)),
+    "BELOW": lambda a, b: float(a < b and not _alike(a, b)),
     "GT": lambda a, b: float(a > b),
     "GE": lambda a, b: float(a >= b),
     "LT": lambda a, b: float(a < b),

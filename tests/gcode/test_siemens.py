@@ -105,12 +105,29 @@ def test_variables_are_0_or_what_they_are_given():
         ("X10\nX=IC(5) G91\nX1\nX=AC(7)\nX1", 8),
         ("G70 X1\nX=IC(1)", 50.8),
         ("TRANS X3\nX1\nX=IC(1)", 5),
+        ("X25.4\nG70 X=IC(1)", 50.8),
+        ("G70 X1\nG71 X=IC(1)", 26.4),
+        ("X10\n/G91\nX=IC(5)", 15),
+        ("X10\n/G91 RND=5\nX=AC(5)", 5),
+        ("R01=5\nX=R1+R001", 10),
+        ("TRANS X5\nX1\nROT\nX2", 2),
+        ("REPEAT\nR1=R1+0.1\nX=R1\nUNTIL R1>=1", 1),
+        ("IF 0.1*3==0.3\nX1\nENDIF", 1),
+        ("IF 0.1*3>0.3\nX1\nENDIF", 0),
+        ("DEF REAL ELSE_X\nIF R1==1\nELSE_X=5\nX10\nENDIF", 0),
+        ("GOTOF N1234569\nN1234568 X5\nN1234569 X6", 6),
+        ("DEF BOOL FL=5\nIF FL==TRUE\nX1\nENDIF", 1),
+        ("DEF INT II\nFOR II=0.6 TO 2.4\nX=II\nENDFOR", 2),
+        ("IF R1==1\nREPEAT AA BB P=2\nENDIF\nX3", 3),
+        ('WORKPIECE(,"",,"BOX",112,0,-20)\nX3', 3),
+        ("T=5 D1\nX3", 3),
         ("R2=4\nX1\nX=IC(-R2*2)", -7),
         ("X1\nR1=2\nX=IC(R1)\nR1=3\nX=IC(R1)", 6),
     ],
 )
 def test_a_coordinate_counts_as_its_own_word_says(text, x):
-    assert moves(f"G0 X0\n{text}\nM30\n").end[-1, 0] == pytest.approx(x, abs=1e-12)
+    setup = Setup(dialect="siemens", block_skip=(1,))
+    assert moves(f"G0 X0\n{text}\nM30\n", setup).end[-1, 0] == pytest.approx(x, abs=1e-12)
 
 
 def test_a_depth_of_its_own_counts_with_the_tools_length():
@@ -163,14 +180,30 @@ def test_statement_says_where_its_words_stand():
     [
         ("G1 FOO X1", "FOO", 4, "if it calls a subprogram, put its blocks here"),
         ("X=DC(5)", "DC(", 3, "write X=AC("),
-        ("SUPA X=IC(5)", "X=", 6, "beside SUPA"),
+        ("SUPA X=IC(5)", "X=", 6, "beside SUPA or G53"),
         ("R1=2 X=R1", "R1", 1, "a block before"),
+        ("R1=2 CYCLE832(R1)", "R1", 1, "a block before"),
+        ("R1=2 TRANS X=R1", "TRANS", 6, "block of its own"),
+        ("G91 TRANS X2", "TRANS", 5, "block of its own"),
+        ("G53 X=IC(5)", "X=", 5, "beside SUPA or G53"),
+        ("X1 X2", "X2", 4, "given twice"),
+        ("IF R1==1 AND R2==2", "AND", 10, "each comparison in ( )"),
+        ("IF NOT R1==1", "NOT", 4, "write NOT ( )"),
+        ("IF NOT NOT R1", "NOT", 8, "delete both"),
+        ("DEF REAL X=5", "X=", 10, "another name"),
+        ("DEF REAL RND=1", "RND=", 10, "another name"),
+        ("DEF REAL", "REAL", 5, "needs the name"),
+        ("FOR X=1 TO 3", "X=", 5, "define it with DEF"),
+        ('EXTCALL("A")', "EXTCALL(", 1, "put its blocks here"),
+        ("CASE(R1) OF 1 GOTOF AA", "CASE(", 1, "is not followed"),
+        ("G2 X10 R5", "R5", 8, "write CR="),
+        ("G91\nG0 Z5\nMCALL CYCLE81(5,0,1,-2)\nX1", "X1", 1, "holes under G91"),
         ("X=IC(2*R1) R1=2", "R1", 12, "a block before"),
         ("X=IC(5,6)", "X=", 1, "takes one value"),
         ("S=IC(5)", "IC(", 3, "no value"),
-        ("G95 FZ=0.1", "FZ=", 5, "feed of a tooth"),
+        ("G95 FZ=0.1", "FZ=", 5, "write F with G94 or G95"),
         ("TOFFL=1", "TOFFL=", 1, "define it with DEF"),
-        ("R1000=1", "R1000=", 1, "define it with DEF"),
+        ("R1000=1", "R1000=", 1, "from R0 to R999"),
         ("R1=ATAN2(1)", ")", 11, "takes two values"),
         ("R[1]=2", "[", 2, "fields"),
         ("REPEAT AA BB P=2", "REPEAT", 1, "between labels"),
@@ -179,7 +212,7 @@ def test_statement_says_where_its_words_stand():
         ('EXTCALL "A"', "EXTCALL", 1, "put its blocks here"),
         ("ROT Z30", "ROT", 1, "program's axes"),
         ("G4 S5", "G4", 1, "write G4 F"),
-        ("G33 Z-5 K1", "G33", 1, "post single moves"),
+        ("G33 Z-5 K1", "G33", 1, "without it"),
         ("CYCLE83(1,2,3)", "CYCLE83(", 1, "post it as single moves"),
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
         ("MCALL CYCLE82(1,0,1,-2)", "CYCLE82(", 7, "CYCLE81 only"),
@@ -216,7 +249,7 @@ def test_statement_says_where_its_words_stand():
         ("G2 AR=90 I5 J0", "AR=", 4, "by its angle"),
         ("G0 AP=30 RP=10", "AP=", 4, "polar coordinates"),
         ("OFFN=2", "OFFN=", 1, "not followed"),
-        ("G1 X1 FB=50", "FB=", 7, "feed of the block"),
+        ("G1 X1 FB=50", "FB=", 7, "write F with G94 or G95"),
         ("S1=500 M1=3", "S1=", 1, "another spindle"),
         ("G0 Z5\nMCALL CYCLE81(9.,0,1,-2)\nX1", "X1", 1, "retraction plane"),
     ],
@@ -238,8 +271,20 @@ def test_no_text_crashes_the_reader(text):
 
 
 def test_deep_brackets_are_refused():
-    assert "lie in each other" in refusal("X=" + "(" * 5000 + "1" + ")" * 5000).reason
-    assert "lie in each other" in refusal("X=" + "-" * 5000 + "1").reason
+    assert "lie in each other" in refusal("X=" + "(" * 200 + "1" + ")" * 200).reason
+    assert "lie in each other" in refusal("X=" + "-" * 200 + "1").reason
+
+
+def test_a_block_has_a_longest_length():
+    for text in (
+        "X=" + "(" * 5000,
+        "R1=1" + "+1" * 400,
+        "X=" + "-" * 5000 + "1",
+        "X" + "1" * 20000,
+    ):
+        assert "more than 512 characters" in refusal(text).reason
+    assert statements("X1 ;" + "long " * 500)[0].words
+    assert moves("R1=1" + "+1" * 250 + "\nX=R1\nM30\n").end[-1, 0] == 251
 
 
 def test_arot_turns_about_axes_already_turned():
@@ -395,7 +440,7 @@ def test_a_centre_may_count_from_the_origin():
 def test_branches_and_loops_nest():
     text = (
         "FOR I=1 TO 2\nFOR J1=1 TO 2\nIF (I==1) AND NOT (J1==2)\nG1 X=I*10+J1\nELSE\n"
-        "IF J1>1 OR I<>1\nG1 Y=I*10+J1\nENDIF\nENDIF\nENDFOR\nENDFOR"
+        "IF (J1>1) OR (I<>1)\nG1 Y=I*10+J1\nENDIF\nENDIF\nENDFOR\nENDFOR"
     )
     assert ends_of(text) == [[11, 0, 0], [11, 12, 0], [11, 21, 0], [11, 22, 0]]
     text = (

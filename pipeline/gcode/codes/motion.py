@@ -42,7 +42,8 @@ def target(run: Run, block: Block) -> list[float]:
         if value is not None:
             if axis < 3:
                 value *= unit
-            end[axis] = value + (state.translation if state.absolute else end)[axis]
+            absolute = block.is_absolute(letter, state.absolute)
+            end[axis] = value + (state.translation if absolute else end)[axis]
     return end
 
 
@@ -61,7 +62,8 @@ def programmed(run: Run, block: Block) -> list[float]:
             value *= state.unit
             if axis == 0 and run.diameter:
                 value /= 2
-        point[axis] = value if state.absolute else point[axis] + value
+        absolute = block.is_absolute(letter, state.absolute)
+        point[axis] = value if absolute else point[axis] + value
     return point
 
 

@@ -9,7 +9,7 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
@@ -36,6 +36,8 @@ class SiemensReader:
         numbers in the order in which they are called.
     variables : iterable of (str or int)
         Names of variables that the control has before the program begins.
+    skipped : collection of int
+        Levels of ``/`` that are switched on: their lines are not read.
     """
 
     def __init__(
@@ -43,8 +45,9 @@ class SiemensReader:
         file: str,
         tools: Mapping[str, int] | None = None,
         variables: Iterable[str | int] = (),
+        skipped: Collection[int] = (),
     ) -> None:
-        self.file = file
+        self.file, self.skipped = file, skipped
         defined = {str(name).lower(): "REAL" for name in variables}
         self.memory = ModalMemory(dict(tools or {}), defined=defined)
 
@@ -56,6 +59,8 @@ class SiemensReader:
         GcodeError
             A word that is not supported.
         """
+        if line.skip is not None and line.skip in self.skipped:
+            return Statement(line.number, line.skip, None, (), (), None, ())
         stream = TokenStream(line.text.decode("latin-1"), line.number, self.file, line.code_start)
         reader = LineReader(self.memory, stream)
         reader.read()
@@ -83,7 +88,8 @@ class SiemensReader:
             elif word.letter == "M" and value == 6:
                 memory.tool = memory.selected
             elif word.letter in memory.at:
-                unknown = not memory.absolute or (word.letter == "Z" and reader.machine)
+                absolute = memory.absolute if word.absolute is None else word.absolute
+                unknown = not absolute or (word.letter == "Z" and reader.machine)
                 memory.at[word.letter] = None if unknown else value
 
     def _check(self, reader: LineReader) -> None:
@@ -120,6 +126,8 @@ class SiemensReader:
         moved = next((word for word in words if word.letter in "XYZ"), None)
         if drilling is None or reader.calls or reader.shifts or moved is None:
             return words
+        if not self.memory.absolute:
+            raise reader.stream.error(_token(moved), "holes under G91 are not followed: write G90")
         retract, reference, clearance, depth = drilling
         level = constant(retract)
         if self.memory.motion != 0 or level is None or self.memory.at["Z"] != level:

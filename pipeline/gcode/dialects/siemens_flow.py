@@ -9,7 +9,7 @@ Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures"
 import re
 from dataclasses import dataclass
 
-from pipeline.gcode.dialects.siemens_tokens import VARIABLE, Token, TokenStream
+from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream, variable
 from pipeline.gcode.program import Program
 from pipeline.gcode.statements import Assignment, Control, Expression, Number, Parameter
 
@@ -21,7 +21,10 @@ JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB"})
 COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE", "REPEATB"})
 KIND = "siemens "
 """Before the word, in small letters, that the kind of a control is called by."""
-_HEAD = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?(?:[a-zA-Z_]{2}\w*[ \t]*:\s*)?([a-zA-Z]+)")
+_HEAD = re.compile(
+    rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?(?:[a-zA-Z_]{2}\w*[ \t]*:\s*)?([a-zA-Z]+)(?![\w$]|[ \t]*=(?!=))"
+)
+_REPEATED = re.compile(rb"(?i)[^;]*\bREPEAT[ \t]+[A-Z_]")
 _JUMP = re.compile(rb"(?i)[^;]*\bGOTO[FB]?\b")
 _LABEL = re.compile(rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?([a-zA-Z_]{2}\w*)[ \t]*:(?!=)")
 
@@ -44,7 +47,7 @@ def structures(program: Program) -> dict[int, Structure]:
         text = program.line(number).text
         match = _HEAD.match(text)
         word = match[1].decode("ascii").upper() if match else ""
-        if word == "IF" and _JUMP.match(text):
+        if (word == "IF" and _JUMP.match(text)) or (word == "REPEAT" and _REPEATED.match(text)):
             continue
         if word in ENDS:
             open_.append((word, number, None))
@@ -65,7 +68,7 @@ def labels(program: Program) -> dict[str, list[int]]:
         if match:
             found.setdefault(match[1].decode("ascii").upper(), []).append(number)
     for value, number in program.heads("N"):
-        found.setdefault(f"N{value:g}", []).append(number)
+        found.setdefault(f"N{value:.17g}", []).append(number)
     return found
 
 
@@ -84,7 +87,7 @@ def jump_of(token: Token, stream: TokenStream, condition: Expression | None = No
     stream.at += 1
     if stream.next is not None:
         raise stream.error(stream.next, f"nothing may follow {token.head} here: delete it")
-    label = f"N{target.value:g}" if numbered else target.head
+    label = f"N{target.value:.17g}" if numbered else target.head
     return Control(KIND + token.head.lower(), label, token.column, condition=condition)
 
 
@@ -99,7 +102,7 @@ def control_of(token: Token, stream: TokenStream) -> Control:
     word, kind = token.head, KIND + token.head.lower()
     if word in JUMPS:
         return jump_of(token, stream)
-    if word == "REPEAT" and stream.next is not None and stream.next.kind == "name":
+    if word == "REPEAT" and stream.next is not None:
         raise stream.error(
             token, "REPEAT of lines between labels is not followed: write FOR or LOOP"
         )
@@ -116,7 +119,7 @@ def control_of(token: Token, stream: TokenStream) -> Control:
         if name is None or name.kind != "set":
             raise stream.error(name, "FOR needs a variable: write FOR I = 1 TO 5")
         stream.at += 1
-        target = Parameter(VARIABLE + name.head.lower())
+        target = Parameter(variable(name.head))
         then = (Assignment(target, stream.expression(), name.column),)
         to = stream.next
         if to is None or to.head != "TO":

@@ -23,11 +23,11 @@ import numpy.typing as npt
 
 from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
 from pipeline.gcode.dialects.siemens_tokens import (
-    HERE,
     R_PARAMETER,
     VARIABLE,
     Token,
     TokenStream,
+    variable,
 )
 from pipeline.gcode.statements import (
     Assignment,
@@ -92,6 +92,8 @@ WITHOUT_MOTION: dict[str, str] = {
     "COMPCURV": "compressor on",
     "COMPOF": "compressor off",
     "COMPON": "compressor on",
+    "CUT2D": "compensation in the plane, as is done here",
+    "DIAMOF": "X is a radius",
     "DRIVE": "acceleration that falls with speed",
     "DYNFINISH": "dynamics for finishing",
     "DYNNORM": "normal dynamics",
@@ -120,10 +122,11 @@ WITH_MOTION: dict[str, str] = {
     "AR": "gives the arc by its angle",
     "OFFN": "sets the contour off",
     **dict.fromkeys(("DISR", "DISCL", "DISRP"), "moves onto the contour"),
-    **dict.fromkeys(("FB", "FRC", "FRCM", "FAD", "OVR"), "sets the feed of the block"),
-    "FZ": "sets the feed of a tooth",
 }
 """Address of a block that is not followed -> what it does; no variable may have its name."""
+
+FEEDS = frozenset({"FB", "FRC", "FRCM", "FAD", "OVR", "FZ", "FA", "FD"})
+"""Feeds of a block, a corner, a tooth or an axis."""
 
 AXES = frozenset("XYZABC")
 CENTRES = frozenset("IJK")
@@ -138,6 +141,10 @@ FRAMES = frozenset((
     "ATRANS", "ROT", "RPL", "ROTS", "AROTS", "CROTS", "TOROT", "TOFRAME", "SCALE", "ASCALE",
     "MIRROR", "AMIRROR",
 ))  # fmt: skip
+ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
+"""Without an axis they end every frame, as TRANS does."""
+SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
+"""Calls that the control's screen shows."""
 SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
 NOT_CALLED = "subprograms are not followed in the dialect siemens: put its blocks here"
 CALLS: dict[str, str] = {
@@ -201,8 +208,8 @@ class LineReader:
         self.assignments: list[Assignment] = []
         self.control: Control | None = None
         self.centres: set[str] = set()
-        self.modes: list[tuple[str, Token]] = []
         self.used: set[str] = set()
+        self.own: bool | None = None
         self.machine = self.shifts = self.calls = False
 
     def read(self) -> None:
@@ -216,7 +223,7 @@ class LineReader:
             head = self.stream.next
         if head is not None and head.kind == "name" and head.head in WORDS | JUMPS:
             self.stream.at += 1
-            self.control = control_of(head, self.stream)
+            self.control = self._typed(control_of(head, self.stream))
             return
         while (token := self.stream.next) is not None:
             self.stream.at += 1
@@ -226,14 +233,16 @@ class LineReader:
             kind(self, token)
         self._dwell()
         self._centre_mode()
-        self._axis_modes()
         self._set_apart()
 
     def word(self, letter: str, value: Expression | float, token: Token) -> None:
         """Add a word of ISO 6983."""
         if isinstance(value, float | int):
             value = Number(float(value))
-        self.words.append(WordItem(letter, value, token.column, token.text))
+        if letter in AXES and any(word.letter == letter for word in self.words):
+            raise self.stream.error(token, f"{letter} is given twice in a block: write it once")
+        own = self.own if letter in AXES else None
+        self.words.append(WordItem(letter, value, token.column, token.text, own))
 
     def address(self, token: Token) -> None:
         """A letter and a number."""
@@ -252,7 +261,8 @@ class LineReader:
         elif token.head == "L":
             raise self.stream.error(token, NOT_CALLED)
         else:
-            raise self.stream.error(token, f"{token.head} is no address that is known: delete it")
+            instead = "write CR=" if token.head == "R" else "rewrite the block without it"
+            raise self.stream.error(token, f"{token.head} is no address that is known: {instead}")
 
     def _g(self, token: Token) -> None:
         if f"G{token.value:g}" in WITHOUT_MOTION:
@@ -260,8 +270,10 @@ class LineReader:
         code = float(SAME_AS.get(token.value, token.value))
         if token.value not in SAME_AS and code not in G_CODES:
             raise self.stream.error(
-                token, f"G{token.value:g} is not followed in the dialect siemens: post single moves"
-            )
+                token, f"G{token.value:g} is not followed in the dialect siemens: rewrite "
+                "the block without it"
+            )  # fmt: skip
+        self.machine |= code == 53.0
         self.word("G", code, token)
 
     def _centre_mode(self) -> None:
@@ -315,14 +327,16 @@ class LineReader:
             return
         start = stream.at
         own = following is not None and following.kind == "call" and name in AXES | CENTRES
+        self.own = None
         value = self._own_mode(name, token) if own else stream.expression()
         if name in LETTERS or name in ("CR", "TURN"):
             self.used |= {one.text.lower() for one in stream.tokens[start : stream.at]}
-        if name in WITH_MOTION:
-            raise stream.error(
-                token, f"{name} {WITH_MOTION[name]}, which is not followed: post single moves"
-            )
-        if name == "CR":
+        reason = self._not_followed(name)
+        if reason:
+            raise stream.error(token, reason)
+        if name == "T":
+            self._tool(value, token)
+        elif name == "CR":
             self.word("R", value, token)
         elif name == "TURN":  # full circles beside the arc; P counts the arc too
             self.word("P", Binary("+", value, Number(1.0)), token)
@@ -332,34 +346,58 @@ class LineReader:
             return
         elif name in LETTERS:
             self.word(name, value, token)
-        elif name[1:].isdigit() and name[0] != "R":
-            raise stream.error(
-                token, f"{name} is of another spindle, axis or point, which is not followed: "
-                "post it for one spindle and X Y Z A B C"
-            )  # fmt: skip
         elif len(name) > 1:
             self._assign(name, value, token)
         else:
             raise stream.error(token, f"{name} takes no expression here: write a number")
 
+    def _not_followed(self, name: str) -> str:
+        """Why an address with ``=`` is refused; empty where it is not."""
+        if name in FEEDS:
+            return f"{name} is a feed that is not followed: write F with G94 or G95"
+        if name in WITH_MOTION:
+            return f"{name} {WITH_MOTION[name]}, which is not followed: post single moves"
+        if self.own is False and self.machine:
+            return "IC beside SUPA or G53 is not followed: write the machine's coordinate"
+        if name[1:].isdigit() and name[0] != "R":
+            return (
+                f"{name} is of another spindle, axis or point, which is not followed: post it for "
+                "one spindle and X Y Z A B C"
+            )
+        return ""
+
     def _assign(self, name: str, value: Expression, token: Token) -> None:
         """A variable's new value, rounded for an INT."""
         key = name.lower()
         kind = "REAL" if R_PARAMETER.fullmatch(key) else self.memory.defined.get(key)
+        if kind is None and name[0] == "R" and name[1:].isdigit():
+            raise self.stream.error(token, f"{name} is no R parameter: they go from R0 to R999")
         if kind is None:
             raise self.stream.error(
                 token, f"{name} is neither a word that is followed nor a variable: define it with "
                 "DEF before, or in parameters of the machine's setup"
             )  # fmt: skip
-        value = Call("ROUND", (value,)) if kind == "INT" else value
-        target = Parameter(VARIABLE + key)
-        self.assignments.append(Assignment(target, value, token.column))
+        if kind == "INT":
+            value = Call("ROUND", (value,))
+        elif kind == "BOOL":
+            value = Binary("NE", value, Number(0.0))
+        self.assignments.append(Assignment(Parameter(variable(name)), value, token.column))
+
+    def _typed(self, control: Control) -> Control:
+        """A FOR whose variable has its type; one without DEF is a number from here on."""
+        for one in control.then:
+            name = str(one.target.key).removeprefix(VARIABLE).upper()
+            if name not in AXES:
+                self.memory.defined.setdefault(name.lower(), "REAL")
+            self._assign(name, one.value, Token("set", f"{name}=", one.column, name, 0.0))
+        then, self.assignments = tuple(self.assignments), []
+        return replace(control, then=then) if then else control
 
     def _own_mode(self, name: str, token: Token) -> Expression:
         """``X=IC(5)``, ``X=AC(5)``, ``I=AC(5)``: how one coordinate counts in this block."""
         stream, mode = self.stream, self.stream.tokens[self.stream.at]
         if mode.head in WAYS:
-            reason = f"the way of a rotary axis is not chosen here: write {name}=AC("
+            reason = f"the way of a rotary axis is not chosen here: write {name}=AC(…)"
             raise stream.error(mode, reason)
         if mode.head not in OWN_MODES:
             return stream.expression()
@@ -368,7 +406,7 @@ class LineReader:
         if len(arguments) != 1:
             raise stream.error(token, f"{name}={mode.head} takes one value: write it alone")
         if name in AXES:
-            self.modes.append((mode.head, token))
+            self.own = mode.head == "AC"
         elif mode.head == "AC":
             self.centres.add(name)
         return arguments[0]
@@ -383,27 +421,6 @@ class LineReader:
                     "is set and used by a word in one block: set it in a block before",
                 )
 
-    def _axis_modes(self) -> None:
-        """Coordinates with AC or IC as the mode of the block, G90 or G91, counts them."""
-        given = [w.value for w in self.words if w.letter == "G"]
-        distance = next((v for v in reversed(given) if v in (Number(90.0), Number(91.0))), None)
-        absolute = self.memory.absolute if distance is None else distance == Number(90.0)
-        for mode, token in self.modes:
-            if self.machine:
-                raise self.stream.error(
-                    token, f"{mode} beside SUPA is not followed: write the machine's coordinate"
-                )
-            if absolute == (mode == "AC"):
-                continue
-            sign = "+" if absolute else "-"
-            here = Parameter(HERE + token.head.lower())
-            self.words = [
-                replace(word, value=Binary(sign, word.value, here))
-                if (word.letter, word.column) == (token.head, token.column)
-                else word
-                for word in self.words
-            ]
-
     def named(self, token: Token) -> None:
         """A word of its own."""
         if token.head in WITHOUT_MOTION:
@@ -412,13 +429,15 @@ class LineReader:
         if token.head == "RET":
             self.word("M", 17.0, token)
             return
-        if token.head in FRAMES:
+        if token.head in FRAMES and (token.head not in ALONE or self.stream.next is not None):
             raise self.stream.error(
                 token, f"{token.head} moves the program's axes in a way that is not followed: post "
                 "the coordinates without it, or with TRANS"
             )  # fmt: skip
         if token.head in SUBPROGRAMS:
             raise self.stream.error(token, NOT_CALLED)
+        if token.head in ALONE and self.stream.next is None:
+            action = LineReader.translate
         if action is None and token.head in COMPUTED:
             raise self.stream.error(
                 token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
@@ -435,7 +454,15 @@ class LineReader:
         if token.head == "MSG":
             self._message()
             return
+        if token.head in SHOWN:
+            self.stream.at = len(self.stream.tokens)
+            return
+        if token.head in SUBPROGRAMS | COMPUTED:
+            self.named(token)
+            return
+        start = self.stream.at
         arguments = self.stream.arguments()
+        self.used |= {one.text.lower() for one in self.stream.tokens[start : self.stream.at]}
         if token.head == "CYCLE832":
             self.word("G", 64.0, token)
             if arguments:
@@ -457,10 +484,14 @@ class LineReader:
         if kind is None or kind.head not in TYPES:
             raise stream.error(kind, "DEF needs a type: write REAL, INT or BOOL")
         stream.at += 1
+        if stream.next is None:
+            raise stream.error(kind, "DEF needs the name of a variable: add it")
         while (name := stream.next) is not None:
             stream.at += 1
             if name.kind not in ("name", "set"):
                 raise stream.error(name, "the name of a variable is expected here: add it")
+            if name.head in FEEDS | AXES or name.head in WITH_MOTION:
+                raise stream.error(name, f"{name.head} is a word of the control: take another name")
             value = stream.expression() if name.kind == "set" else Number(0.0)
             self.memory.defined[name.head.lower()] = kind.head
             self._assign(name.head, value, name)
@@ -474,6 +505,7 @@ class LineReader:
 
     def translate(self, token: Token) -> None:
         """TRANS: shifts the origin and forgets every turn of the axes before."""
+        self._by_itself(token)
         given = self._axes(token)
         self.shifts = True
         self.memory.frame = UNROTATED
@@ -484,6 +516,7 @@ class LineReader:
 
     def turn(self, token: Token) -> None:
         """AROT: additive rotation of the axes."""
+        self._by_itself(token)
         given = self._axes(token)
         if not given:
             raise self.stream.error(token, "AROT names no axis: add X, Y or Z and an angle")
@@ -492,6 +525,10 @@ class LineReader:
             raise self.stream.error(token, "AROT takes numbers here: write the angle itself")
         x, y, z = (angle or 0.0 for angle in angles)
         self.memory.frame = rotated(self.memory.frame, x, y, z)
+
+    def _by_itself(self, token: Token) -> None:
+        if self.words or self.assignments:
+            raise self.stream.error(token, f"{token.head} needs a block of its own: write it alone")
 
     def _axes(self, token: Token) -> dict[str, Expression]:
         """The rest of the line, as axes and values."""
@@ -520,7 +557,9 @@ class LineReader:
         self.stream.at += 1
         if call.head != "CYCLE81":
             raise self.stream.error(call, "MCALL is known with CYCLE81 only: post single moves")
+        start = self.stream.at
         arguments = self.stream.arguments()
+        self.used |= {one.text.lower() for one in self.stream.tokens[start : self.stream.at]}
         if len(arguments) != 4:
             raise self.stream.error(
                 call, "CYCLE81 is known as (RTP, RFP, SDIS, DP): write these four"

@@ -14,12 +14,16 @@ DEEPEST = 60
 """Brackets and signs within each other in an expression."""
 VARIABLE = "def "
 """Prefix of variable names, which keeps them apart from those that other dialects predefine."""
-R_PARAMETER = re.compile(r"r\d{1,3}")
+R_PARAMETER = re.compile(r"r(\d{1,3})")
 """R0 to R999, which exist without a definition."""
-HERE = "here "
-"""Prefix of an axis: where it stands, in the program's coordinates and unit."""
-COMPARED = {"==": "EQ", "<>": "NE", "<": "LT", "<=": "LE", ">": "GT", ">=": "GE"}
+LONGEST = 512
+"""Characters of a block without its comment."""
+COMPARED = {
+    "==": "ALIKE", "<>": "UNLIKE", "<": "BELOW", "<=": "ABOVE", ">": "ABOVE", ">=": "BELOW"
+}  # fmt: skip
 """Comparison as written -> in the tree."""
+NEGATED = frozenset({"<=", ">="})
+"""Comparisons that are another one's contrary."""
 BEFORE_BRACKETS = frozenset({"AND", "OR", "NOT", "MOD", "DIV", "IF", "WHILE", "UNTIL", "TO"})
 """Words that are no functions, though a bracket may follow them."""
 PRODUCTS = {"*": "*", "/": "/", "MOD": "REM", "DIV": "/"}
@@ -30,6 +34,7 @@ FUNCTIONS = {
     "ATAN2": "ATAN",
 }
 """Function as written -> in the tree."""
+TRUTH = {"TRUE": 1.0, "FALSE": 0.0}
 WITH_TWO = frozenset({"ATAN2"})
 # a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
@@ -45,6 +50,13 @@ _TOKEN = re.compile(
     |(?P<sign><=|>=|<>|==|[-+*/(),<>])""",
     re.X | re.S | re.I,
 )
+
+
+def variable(name: str) -> str:
+    """The key by which a variable is kept; R01 is R1."""
+    lower = name.lower()
+    r = R_PARAMETER.fullmatch(lower)
+    return VARIABLE + (f"r{int(r[1])}" if r else lower)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,12 +96,16 @@ class TokenStream:
         self.file, self.line, self.at = file, line, 0
         self.tokens: list[Token] = []
         self.comments: list[str] = []
+        if len(text.split(";", 1)[0]) > start + LONGEST:
+            raise self.error(
+                None, f"a block of more than {LONGEST} characters is not read: write several"
+            )
         while start < len(text):
             match = _TOKEN.match(text, start)
             if match is None:
                 reason = "this character has no meaning here: delete it"
                 if text[start] == "[":
-                    reason = "fields are not followed: use a variable for each value"
+                    reason = "fields and texts are not followed: use a variable for each value"
                 raise self.error(Token("", text[start], start + 1, "", 0.0), reason)
             kind = next(kind for kind in _KINDS if match[kind] is not None)
             if kind == "comment":
@@ -141,21 +157,49 @@ class TokenStream:
                 raise self.error(self.next, "a comma or ) is expected here: correct the call")
 
     def condition(self, depth: int = 0) -> Expression:
-        """Comparisons joined by AND, and these by OR."""
+        """Comparisons joined by AND, and these by OR.
+
+        On the control comparisons bind last, so that they are refused beside AND, OR and NOT unless
+        they stand in brackets.
+        """
         return self._joined("OR", depth, lambda: self._joined("AND", depth, self._compared(depth)))
 
     def _joined(self, word: str, depth: int, part: Callable[[], Expression]) -> Expression:
+        first = self.at
         left = part()
         while self.next is not None and self.next.kind == "name" and self.next.head == word:
-            self.at += 1
-            left = Binary(word, left, part())
+            joint = self.take()
+            second = self.at
+            right = part()
+            if self._compares(first, second - 1) or self._compares(second, self.at):
+                raise self.error(
+                    joint,
+                    f"{word} binds before == and < on the control: write each comparison in ( )",
+                )
+            left = Binary(word, left, right)
         return left
+
+    def _compares(self, start: int, stop: int) -> bool:
+        """Whether tokens hold a comparison outside of brackets."""
+        depth = 0
+        for token in self.tokens[start:stop]:
+            depth += (token.text == "(" or token.kind == "call") - (token.text == ")")
+            if depth == 0 and token.text in COMPARED:
+                return True
+        return False
 
     def _compared(self, depth: int) -> Callable[[], Expression]:
         def one() -> Expression:
             if self.next is not None and self.next.head == "NOT":
-                self.at += 1
-                return Binary("EQ", one(), Number(0.0))
+                negation, first = self.take(), self.at
+                if self.next is not None and self.next.head == "NOT":
+                    raise self.error(self.next, "NOT stands behind NOT: delete both")
+                operand = one()
+                if self._compares(first, self.at):
+                    raise self.error(
+                        negation, "NOT binds before == and < on the control: write NOT ( )"
+                    )
+                return Binary("EQ", operand, Number(0.0))
             if self.next is not None and self.next.text == "(" and self._holds_condition():
                 self.at += 1
                 inner = self.condition(self._deeper(depth))
@@ -166,7 +210,9 @@ class TokenStream:
             if sign is None or sign.text not in COMPARED:
                 return left
             self.at += 1
-            return Binary(COMPARED[sign.text], left, self.expression(depth))
+            compared = Binary(COMPARED[sign.text], left, self.expression(depth))
+            negated = sign.text in NEGATED
+            return Binary("EQ", compared, Number(0.0)) if negated else compared
 
         return one
 
@@ -235,8 +281,10 @@ class TokenStream:
             inner = self.expression(depth + 1)
             self._close()
             return Binary("**", inner, Number(2.0))
+        if token.kind == "name" and token.head in TRUTH:
+            return Number(TRUTH[token.head])
         if token.kind == "name" or (token.kind == "address" and token.text[1:].isdigit()):
-            return Parameter(VARIABLE + token.text.lower())
+            return Parameter(variable(token.text))
         raise self.error(token, "this is no value: use numbers, variables, + - * / and ( )")
 
     def _close(self) -> None:

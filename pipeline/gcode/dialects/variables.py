@@ -6,7 +6,7 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 16.2 "System variables"; LinuxC
 
 from collections.abc import Callable
 
-from pipeline.gcode.dialects.siemens_tokens import HERE, R_PARAMETER, VARIABLE
+from pipeline.gcode.dialects.siemens_tokens import R_PARAMETER, VARIABLE, variable
 from pipeline.gcode.modal import CANCELLED
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.run import Register, Run
@@ -400,8 +400,7 @@ class SiemensVariables:
 
     def __init__(self, run: Run) -> None:
         given = run.setup.parameters.items()
-        self.values: dict[int | str, float] = {VARIABLE + str(k).lower(): v for k, v in given}
-        self.run = run
+        self.values: dict[int | str, float] = {variable(str(name)): v for name, v in given}
         self.line = 0
 
     def enter(self, arguments: dict[int, float]) -> None:
@@ -414,9 +413,6 @@ class SiemensVariables:
         """Value of a name."""
         if key in self.values:
             return self.values[key]
-        if str(key).startswith(HERE):
-            axis = "xyzabc".index(str(key).removeprefix(HERE))
-            return self.run.point[axis] / _unit(self.run, axis)
         name = str(key).removeprefix(VARIABLE)
         if R_PARAMETER.fullmatch(name):
             return 0.0
