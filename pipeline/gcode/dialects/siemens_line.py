@@ -209,7 +209,6 @@ class LineReader:
         self.control: Control | None = None
         self.centres: set[str] = set()
         self.used: set[str] = set()
-        self.own: bool | None = None
         self.machine = self.shifts = self.calls = False
 
     def read(self) -> None:
@@ -234,14 +233,16 @@ class LineReader:
         self._dwell()
         self._centre_mode()
         self._set_apart()
+        self._in_machine()
 
-    def word(self, letter: str, value: Expression | float, token: Token) -> None:
-        """Add a word of ISO 6983."""
+    def word(
+        self, letter: str, value: Expression | float, token: Token, own: bool | None = None
+    ) -> None:
+        """Add a word of ISO 6983; ``own`` as :attr:`WordItem.absolute`."""
         if isinstance(value, float | int):
             value = Number(float(value))
         if letter in AXES and any(word.letter == letter for word in self.words):
             raise self.stream.error(token, f"{letter} is given twice in a block: write it once")
-        own = self.own if letter in AXES else None
         self.words.append(WordItem(letter, value, token.column, token.text, own))
 
     def address(self, token: Token) -> None:
@@ -325,12 +326,13 @@ class LineReader:
             stream.at += 1
             self._tool(Number(self.memory.tool_number(following.text.strip('" '))), token)
             return
-        start = stream.at
-        own = following is not None and following.kind == "call" and name in AXES | CENTRES
-        self.own = None
-        value = self._own_mode(name, token) if own else stream.expression()
+        start, own = stream.at, None
+        if following is not None and following.kind == "call" and name in AXES | CENTRES:
+            value, own = self._own_mode(name, token)
+        else:
+            value = stream.expression()
         if name in LETTERS or name in ("CR", "TURN"):
-            self.used |= {one.text.lower() for one in stream.tokens[start : stream.at]}
+            self._uses(start)
         reason = self._not_followed(name)
         if reason:
             raise stream.error(token, reason)
@@ -345,7 +347,7 @@ class LineReader:
         elif name in WITHOUT_MOTION:
             return
         elif name in LETTERS:
-            self.word(name, value, token)
+            self.word(name, value, token, own)
         elif len(name) > 1:
             self._assign(name, value, token)
         else:
@@ -357,8 +359,6 @@ class LineReader:
             return f"{name} is a feed that is not followed: write F with G94 or G95"
         if name in WITH_MOTION:
             return f"{name} {WITH_MOTION[name]}, which is not followed: post single moves"
-        if self.own is False and self.machine:
-            return "IC beside SUPA or G53 is not followed: write the machine's coordinate"
         if name[1:].isdigit() and name[0] != "R":
             return (
                 f"{name} is of another spindle, axis or point, which is not followed: post it for "
@@ -393,31 +393,43 @@ class LineReader:
         then, self.assignments = tuple(self.assignments), []
         return replace(control, then=then) if then else control
 
-    def _own_mode(self, name: str, token: Token) -> Expression:
-        """``X=IC(5)``, ``X=AC(5)``, ``I=AC(5)``: how one coordinate counts in this block."""
+    def _own_mode(self, name: str, token: Token) -> tuple[Expression, bool | None]:
+        """Value of ``X=IC(5)``, ``X=AC(5)`` or ``I=AC(5)``, and how an axis counts it."""
         stream, mode = self.stream, self.stream.tokens[self.stream.at]
         if mode.head in WAYS:
             reason = f"the way of a rotary axis is not chosen here: write {name}=AC(…)"
             raise stream.error(mode, reason)
         if mode.head not in OWN_MODES:
-            return stream.expression()
+            return stream.expression(), None
         stream.at += 1
         arguments = stream.arguments()
         if len(arguments) != 1:
             raise stream.error(token, f"{name}={mode.head} takes one value: write it alone")
-        if name in AXES:
-            self.own = mode.head == "AC"
-        elif mode.head == "AC":
+        absolute = mode.head == "AC"
+        if name in CENTRES and absolute:
             self.centres.add(name)
-        return arguments[0]
+        return arguments[0], absolute if name in AXES else None
+
+    def _uses(self, start: int) -> None:
+        """Remember the variables that a word's tokens from ``start`` on read."""
+        self.used |= {variable(one.text) for one in self.stream.tokens[start : self.stream.at]}
+
+    def _in_machine(self) -> None:
+        """No increment beside SUPA or G53."""
+        found = next((word for word in self.words if word.absolute is False), None)
+        if self.machine and found is not None:
+            raise self.stream.error(
+                Token("", found.text, found.column, "", 0.0),
+                "IC beside SUPA or G53 is not followed: write the machine's coordinate",
+            )
 
     def _set_apart(self) -> None:
         """A variable that a block sets is not read by its words: controls differ in which value."""
         for one in self.assignments:
-            name = str(one.target.key).removeprefix(VARIABLE)
+            name = str(one.target.key)
             if name in self.used:
                 raise self.stream.error(
-                    Token("", name.upper(), one.column, "", 0.0),
+                    Token("", name.removeprefix(VARIABLE).upper(), one.column, "", 0.0),
                     "is set and used by a word in one block: set it in a block before",
                 )
 
@@ -426,22 +438,6 @@ class LineReader:
         if token.head in WITHOUT_MOTION:
             return
         action = _NAMED.get(token.head)
-        if token.head == "RET":
-            self.word("M", 17.0, token)
-            return
-        if token.head in FRAMES and (token.head not in ALONE or self.stream.next is not None):
-            raise self.stream.error(
-                token, f"{token.head} moves the program's axes in a way that is not followed: post "
-                "the coordinates without it, or with TRANS"
-            )  # fmt: skip
-        if token.head in SUBPROGRAMS:
-            raise self.stream.error(token, NOT_CALLED)
-        if token.head in ALONE and self.stream.next is None:
-            action = LineReader.translate
-        if action is None and token.head in COMPUTED:
-            raise self.stream.error(
-                token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
-            )
         if action is None:
             raise self.stream.error(
                 token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
@@ -455,20 +451,29 @@ class LineReader:
             self._message()
             return
         if token.head in SHOWN:
-            self.stream.at = len(self.stream.tokens)
+            self._passed_over(token)
             return
         if token.head in SUBPROGRAMS | COMPUTED:
             self.named(token)
             return
         start = self.stream.at
         arguments = self.stream.arguments()
-        self.used |= {one.text.lower() for one in self.stream.tokens[start : self.stream.at]}
+        self._uses(start)
         if token.head == "CYCLE832":
             self.word("G", 64.0, token)
             if arguments:
                 self.word("P", arguments[0], token)
         elif token.head != "CYCLE800" or arguments:
             raise self.stream.error(token, CALLS.get(token.head, CALLS[""]))
+
+    def _passed_over(self, token: Token) -> None:
+        """The arguments of a call that moves nothing, whatever they are."""
+        depth = 1
+        while depth:
+            if self.stream.next is None:
+                raise self.stream.error(token, "its ) is missing: add it")
+            one = self.stream.take()
+            depth += (one.text == "(" or one.kind == "call") - (one.text == ")")
 
     def _message(self) -> None:
         text = self.stream.next
@@ -497,6 +502,30 @@ class LineReader:
             self._assign(name.head, value, name)
             if stream.next is not None and not stream.skips(","):
                 raise stream.error(stream.next, "a comma is expected here: add it")
+
+    def returns(self, token: Token) -> None:
+        """RET: ends the program as M17 does."""
+        self.word("M", 17.0, token)
+
+    def frame(self, token: Token) -> None:
+        """ROT, SCALE and MIRROR without an axis end every frame as TRANS does; no other goes."""
+        if token.head in ALONE and self.stream.next is None:
+            self.translate(token)
+            return
+        raise self.stream.error(
+            token, f"{token.head} moves the program's axes in a way that is not followed: post the "
+            "coordinates without it, or with TRANS"
+        )  # fmt: skip
+
+    def subprogram(self, token: Token) -> None:
+        """CALL and its like."""
+        raise self.stream.error(token, NOT_CALLED)
+
+    def computed(self, token: Token) -> None:
+        """A jump to where a value says, or lines between labels."""
+        raise self.stream.error(
+            token, f"{token.head} is not followed: write IF … GOTOF, WHILE or FOR"
+        )
 
     def supa(self, token: Token) -> None:
         """The machine's coordinates, in this block."""
@@ -559,7 +588,7 @@ class LineReader:
             raise self.stream.error(call, "MCALL is known with CYCLE81 only: post single moves")
         start = self.stream.at
         arguments = self.stream.arguments()
-        self.used |= {one.text.lower() for one in self.stream.tokens[start : self.stream.at]}
+        self._uses(start)
         if len(arguments) != 4:
             raise self.stream.error(
                 call, "CYCLE81 is known as (RTP, RFP, SDIS, DP): write these four"
@@ -591,4 +620,8 @@ _NAMED: Mapping[str, Callable[[LineReader, Token], None]] = {
     "TRAORI": LineReader.transform,
     "TRAFOOF": LineReader.transform,
     "MCALL": LineReader.modal_call,
+    "RET": LineReader.returns,
+    **dict.fromkeys(FRAMES, LineReader.frame),
+    **dict.fromkeys(SUBPROGRAMS, LineReader.subprogram),
+    **dict.fromkeys(COMPUTED, LineReader.computed),
 }
