@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-import yaml
 from nbclient import NotebookClient
 
 from pipeline.app.fleet import machine_parameters, use_fleet
@@ -22,7 +21,7 @@ from pipeline.parameters import structure
 from pipeline.schema.store import write_json
 from pipeline.stages.__main__ import run
 from tests import bundled_project
-from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
+from tests.small_project import MACHINE, ROOT, build, change, inside, new_project, store
 from tests.submodels.cutting import cutting_files
 from tests.submodels.spindle import spindle_days
 from tests.submodels.synthesis import generated_lives
@@ -128,7 +127,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
         target.symlink_to(path)
     with inside(project):
         use_fleet("recorded")
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         change(project, "fleet", machines=[machine], submodels={}, optimised=[])
         for stage, folders in (("ingest", ("raw", "signals")), ("clean", ("signals", "clean"))):
             run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
@@ -200,7 +199,7 @@ def test_the_time_of_a_program_goes_where_it_says(tmp_path: Path) -> None:
     with inside(project):
         values = machine_parameters("hurco")
     control = structure(values, "machine.hurco.control", ControlParameters)
-    (project / "params.yaml").write_text(yaml.safe_dump(values))
+    store(project, values)
     write_json(control_model(hurco02=control), project / "data/models/hurco/control/model.json")
     raw = project / "data/raw/hurco"
     raw.mkdir()

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from pipeline.app.project import CODE, new_project
+from pipeline.parameters import read_params
 
 ROOT = Path(__file__).parents[1]
 TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE")
@@ -65,7 +66,7 @@ def test_a_project_of_an_installed_kerf_is_composed_and_built(
     assert before.returncode == 0 and "mill01" in before.stdout, before.stderr
     built = run(installed, python, "-m", "dvc", "repro", "-q", "compose", cwd=project)
     assert built.returncode == 0, built.stderr
-    params = yaml.safe_load((project / "params.yaml").read_text())
+    params = read_params(project / "params.yaml")
     assert params["fleet"]["name"] == "simulated" and "mill01" in params["machine"]
     graph = run(installed, python, "-m", "dvc", "status", "report", cwd=project)
     assert graph.returncode == 0, graph.stderr  # every stage resolves without the checkout's files

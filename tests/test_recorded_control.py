@@ -42,7 +42,7 @@ def project(tmp_path_factory) -> Path:
     with inside(folder):
         hurco = replace(use_fleet("recorded"), machines=("hurco",), submodels={}, optimised=())
         assert [files for _, _, files in collect(hurco, Path(RECORDINGS or ""))] == [23]
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         signals, raw = "data/signals/hurco", "data/raw/hurco"
         run("ingest@hurco", raw, signals)
         run("identify_control@hurco", signals, raw, MODEL)

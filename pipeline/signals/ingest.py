@@ -5,6 +5,7 @@ parameters it was read with.  Only what changed is read again; what vanished is 
 is the one that a build from nothing gives.
 """
 
+import ast
 import hashlib
 import json
 import os
@@ -14,6 +15,7 @@ from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pipeline.schema.cache import code_hash
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.store import (
@@ -120,12 +122,12 @@ _DOWNSTREAM = (
 
 
 def _code() -> str:
-    """Hash of the code that reads: every module of this folder and below, but for its readers."""
+    """Hash of the code that reads: every module of this folder and below, without docstrings."""
     folder, digest = Path(__file__).parent, hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         name = path.relative_to(folder).as_posix()
         if not name.startswith(_DOWNSTREAM):
-            digest.update(name.encode() + b"\0" + path.read_bytes())
+            digest.update(f"{name}\0{code_hash(ast.parse(path.read_bytes()))}".encode())
     return digest.hexdigest()
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.parameters import structure
@@ -17,7 +16,7 @@ from pipeline.shop.trial.job import write_parts
 from pipeline.stages import trial as trial_stage
 from pipeline.stages.__main__ import run
 from pipeline.twin.control import ControlFitFacts, ControlModelFile
-from tests.small_project import MACHINE, build, change, inside, new_project, params
+from tests.small_project import MACHINE, build, change, inside, new_project, params, store
 
 pytestmark = pytest.mark.slow
 PARTS, WORDS = f"data/parts/{MACHINE}", re.compile(rb"[FS][-+0-9.]+")
@@ -118,6 +117,6 @@ def test_a_wrong_part_is_one_sentence_with_its_path(project: Path) -> None:
     values["machine"][MACHINE]["parts"]["programs"] = [part | {"limits": {"load_N": 0}}]
     broken = project.parent / "broken"
     broken.mkdir()
-    (broken / "params.yaml").write_text(yaml.safe_dump(values))
+    store(broken, values)
     with inside(broken), pytest.raises(ValueError, match=r"load_N = 0.0 N must lie .*limits"):
         run(f"optimise@{MACHINE}", "raw", "models", "parts", "metrics.json")
