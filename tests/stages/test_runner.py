@@ -48,9 +48,7 @@ def test_no_stage_is_a_usage_and_exit_status_2(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["cleen", "__main__", "", "../cli", "clean.py"])
 def test_a_stage_that_is_not_there_is_refused_with_those_that_are(name: str) -> None:
-    with pytest.raises(
-        ValueError, match=r"there is no stage .*clean, code, compose, .*identify_"
-    ):
+    with pytest.raises(ValueError, match=r"there is no stage .*clean, code, compose, .*identify_"):
         load_stage(name)
 
 
