@@ -87,9 +87,9 @@ def test_a_project_is_brought_up_and_keeps_its_own_conf(tmp_path: Path) -> None:
     stages = yaml.safe_load((project / "dvc.yaml").read_text())["stages"]
     ours = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     assert list(stages) == list(ours)
-    for stage in stages.values():
-        deps = stage.get("do", stage)["deps"]
-        assert CODE in deps and not [d for d in deps if d.startswith("pipeline/")]
+    assert stages.pop("code")["deps"] == [CODE]  # in place of the checkout's code
+    assert ours.pop("code")["deps"] == ["pipeline"]
+    assert stages == ours
 
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:

@@ -109,7 +109,8 @@ def modules(package: Path) -> dict[str, Module]:
 
 
 def _module(tree: ast.Module) -> Module:
-    elsewhere, inside = set(), set()
+    elsewhere: set[str] = set()
+    inside: set[str] = set()
     for imported, function in _imports(tree, ""):
         (inside if function in SHOWN else elsewhere).add(imported)
     return Module(

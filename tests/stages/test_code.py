@@ -22,7 +22,8 @@ SOURCES = {
                              "    return import_module(f'house.submodels.{name}.submodel')\n",
     "submodels/drive/__init__.py": "",
     "submodels/drive/submodel.py": "from typing import TYPE_CHECKING\n"
-                                   "from house.physics import mass\nif TYPE_CHECKING:\n    from house import typed\n\n\n"
+                                   "from house.physics import mass\n"
+                                   "if TYPE_CHECKING:\n    from house import typed\n\n\n"
                                    "class Drive:\n    def page(self):\n"
                                    "        from house.submodels.drive import page\n"
                                    "        return page\n",
