@@ -281,5 +281,5 @@ class Growth(Ranged, section="Growth"):
         super().__post_init__()
         if not self.numbers or not set(self.numbers) <= set(range(1, PROFILES + 1)):
             raise ValueError(
-                f"Growth.numbers = {self.numbers} must be numbers from 1 to {PROFILES}, at least one"
+                f"Growth.numbers = {self.numbers} must be one or more from 1 to {PROFILES}"
             )
