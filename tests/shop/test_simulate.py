@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.parameters import (
     LoggerParameters,
     ShiftParameters,
@@ -59,6 +60,18 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     assert plain_week.truth["drives"] == {} and plain_week.truth["shafts"] == []
     different = {k for k in week.truth if plain_week.truth[k] != week.truth[k]}
     assert different == {"drives", "shafts", "parameters"}
+
+
+def test_processes_write_the_same_bytes(tmp_path: Path) -> None:
+    """Kinds of records share no state: where each is written changes neither them nor the truth."""
+    short = shop_parameters(
+        "mill01", weeks=1, growth={"numbers": [3]}, wear={"most": 2}, cutting={"recorded": False},
+        drives={"tool": {"speeds": [100.0]}, "feed": {"recorded": False}},
+    )  # fmt: skip
+    for compute in ("serial", "processes"):
+        simulate(tmp_path / compute, tmp_path / f"{compute}.json", short, compute)
+    assert digests(tmp_path / "serial") == digests(tmp_path / "processes")
+    assert (tmp_path / "serial.json").read_bytes() == (tmp_path / "processes.json").read_bytes()
 
 
 @one_machine
@@ -114,6 +127,8 @@ def test_the_siblings_are_two_machines() -> None:
             lambda: LoggerParameters(interval=0),
             "LoggerParameters.interval = 0 s must lie from 1 to 3600",
         ),
+        (lambda: Growth(numbers=()), "Growth.numbers = .* must be one or more from 1 to 26"),
+        (lambda: Growth(numbers=(1, 27)), "Growth.numbers = .1, 27. must be one or more"),
         (lambda: ShiftParameters(start_earliest=8.0), "start_latest"),
         (lambda: SpindleParameters(viscosity_100=30.0), "oil gets thinner"),
     ],
