@@ -12,8 +12,6 @@ class Fleet:
     ----------
     name : str
         Of the fleet.
-    chosen_budget : str
-        File of ``conf/budget/`` that it is built with; the usual one where it is empty.
     machines : tuple of str
         Every machine.
     simulated : tuple of str
@@ -38,7 +36,6 @@ class Fleet:
     """
 
     name: str
-    chosen_budget: str = ""
     machines: tuple[str, ...]
     simulated: tuple[str, ...] = ()
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

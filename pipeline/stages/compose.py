@@ -216,8 +216,6 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
     try:
         with initialize_config_dir(str(conf.resolve()), version_base=None):
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
-            if "chosen_budget" in fleet and not any(o.startswith("budget=") for o in overrides):
-                overrides = (*overrides, f"budget={fleet.chosen_budget}")
             _check_machines(conf, list(fleet.machines))
             if not any(one.startswith("budget=") for one in overrides):
                 overrides = (*overrides, f"budget={fleet.get('budget', 'default')}")
