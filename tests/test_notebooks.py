@@ -140,7 +140,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
 def with_generator(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with a small generator of signals, and the lives that it is held against."""
     project = tmp_path_factory.mktemp("wear") / "project"
-    built = generated_lives.once()
+    built = generated_lives.once(tmp_path_factory)
     shutil.copytree(built.signals, project / "data/signals/rig")
     shutil.copytree(built.folder, project / "data/models/rig/synthesis")
     records = {
