@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from jupyter_client import KernelManager
 from nbclient import NotebookClient
 
 from pipeline.app.fleet import machine_parameters, use_fleet
@@ -58,15 +60,31 @@ def test_notebooks_define_nothing(path: Path) -> None:
             assert not found, f"{path.name} defines {found[0]}: move it to its room"
 
 
+KERNEL = KernelManager()
+"""One process for all notebooks: its libraries take longer to load than most notebooks to run."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kernel() -> Iterator[None]:
+    yield
+    if KERNEL.has_kernel:
+        KERNEL.shutdown_kernel(now=True)
+
+
 def executed(project: Path, name: str, asked: str) -> tuple[list[Any], Any]:
-    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell."""
+    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell.
+
+    It begins without a name of those that ran before it.
+    """
     folder = project / "notebooks"
     folder.mkdir(exist_ok=True)
     shutil.copy(ROOT / "notebooks" / name, folder)
     notebook = nbformat.read(folder / name, as_version=4)
     said = nbformat.v4.new_code_cell(f"import json\nprint(json.dumps({asked}))")
     notebook.cells.append(said)
-    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(folder)}}).execute()
+    begin = f"%reset -f\nimport os\nos.chdir({str(folder)!r})\ndel os"
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(begin))
+    NotebookClient(notebook, km=KERNEL, timeout=120).execute()
     outputs = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs]
     return outputs, json.loads(outputs[-1].text)
 
