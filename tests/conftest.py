@@ -1,5 +1,6 @@
 """What several rooms' tests need."""
 
+import gc
 import os
 import pickle
 from collections.abc import Iterator
@@ -30,6 +31,12 @@ providers._get_local_constants = providers.Constants
 os.environ["DVC_TEST"] = "true"
 LONG_TEXT = 5000
 """Characters of a text that takes longer to parse than to copy."""
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded by now stays, so that the collector need not walk it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -1,6 +1,7 @@
 """Compiled loops are kept in the user's cache under a hash of what they are made of."""
 
 import importlib
+import os
 import pkgutil
 import shutil
 import subprocess
@@ -76,20 +77,15 @@ def test_another_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "value", "compiled"),
-    [
-        ({"term": 4.0}, 10.5, ["inner", "outer"]),
-        # the file of the inner loop changed, so that it too is compiled
-        ({"scale": 3.0}, 12.5, ["inner", "outer"]),
-        ({"factor": 0.25}, 8.25, ["inner", "outer"]),
-    ],
+    ("changed", "value"), [({"term": 4.0}, 10.5), ({"scale": 3.0}, 12.5), ({"factor": 0.25}, 8.25)]
 )
 def test_a_change_in_another_file_counts(
-    tmp_path: Path, changed: dict[str, float], value: float, compiled: list[str]
+    tmp_path: Path, changed: dict[str, float], value: float
 ) -> None:
+    """What a loop calls there, a number and an array; the loop there is compiled again as well."""
     cache = tmp_path / "cache"
     run(project(tmp_path / "one"), cache)
-    assert run(project(tmp_path / "two", **changed), cache) == (value, compiled)
+    assert run(project(tmp_path / "two", **changed), cache) == (value, ["inner", "outer"])
 
 
 def test_a_cache_that_cannot_be_written_is_not_needed(tmp_path: Path) -> None:
@@ -104,8 +100,6 @@ def test_old_loops_are_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     for name in ("old", "new"):
         (tmp_path / "loops" / name).touch()
     long_ago = (tmp_path / "loops/new").stat().st_mtime - 2 * kernels.KEPT_S
-    import os
-
     os.utime(tmp_path / "loops/old", (long_ago, long_ago))
     place.ensure_cache_path()
     assert [one.name for one in (tmp_path / "loops").iterdir()] == ["new"]
@@ -114,7 +108,8 @@ def test_old_loops_are_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_each_hash_holds_all_that_a_loop_calls() -> None:
     """A name that is bound below a loop would not be in its hash."""
     for module in pkgutil.walk_packages(pipeline.__path__, "pipeline."):
-        importlib.import_module(module.name)
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
     loops = {
         one.py_func: one
         for module in list(sys.modules.values())

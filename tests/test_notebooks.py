@@ -129,6 +129,8 @@ def held_against_the_tables(project: Path, machine: str) -> str:
 
 def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
     project = new_project(tmp_path / "project")
+    none = {"recorded": False}  # of which the state of the machine has nothing
+    change(project, f"machine.{MACHINE}.shop", cutting=none, drives=none, growth=none)
     build(project, "shop", "ingest", "clean")
     said = held_against_the_tables(project, MACHINE)
     assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
