@@ -6,8 +6,10 @@ The days are those of a network that is known; a model's error is set by its amb
 import json
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pandas as pd
@@ -15,6 +17,7 @@ import yaml
 from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.fleet import Fleet
+from pipeline.registry.store import DATABASE, client_of, exists
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
@@ -124,8 +127,18 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
     return machine
 
 
+@cache
+def _empty_store() -> bytes:
+    """A store with nothing in it: MLflow makes its tables by fifty migrations, in seconds."""
+    with TemporaryDirectory() as folder:
+        client_of(Path(folder))
+        return (Path(folder) / DATABASE).read_bytes()
+
+
 def registered(root: Path) -> None:
     """Run the stages ``register`` and ``champion``, as ``dvc repro`` does."""
+    if not exists(root):
+        (root / DATABASE).write_bytes(_empty_store())
     models, champions = root / "data/models", root / "champions.json"
     register(models, champions, root / "data/registered.json", fleet=FLEET)
     champion(models / MACHINE, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)

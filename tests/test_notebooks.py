@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
+from jupyter_client import KernelManager
 from nbclient import NotebookClient
 
 from pipeline.app.fleet import machine_parameters, use_fleet
@@ -57,15 +59,31 @@ def test_notebooks_define_nothing(path: Path) -> None:
             assert not found, f"{path.name} defines {found[0]}: move it to its room"
 
 
+KERNEL = KernelManager()
+"""One process for all notebooks: its libraries take longer to load than most notebooks to run."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kernel() -> Iterator[None]:
+    yield
+    if KERNEL.has_kernel:
+        KERNEL.shutdown_kernel(now=True)
+
+
 def executed(project: Path, name: str, asked: str) -> tuple[list[Any], Any]:
-    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell."""
+    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell.
+
+    It begins without a name of those that ran before it.
+    """
     folder = project / "notebooks"
     folder.mkdir(exist_ok=True)
     shutil.copy(ROOT / "notebooks" / name, folder)
     notebook = nbformat.read(folder / name, as_version=4)
     said = nbformat.v4.new_code_cell(f"import json\nprint(json.dumps({asked}))")
     notebook.cells.append(said)
-    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(folder)}}).execute()
+    begin = f"%reset -f\nimport os\nos.chdir({str(folder)!r})\ndel os"
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(begin))
+    NotebookClient(notebook, km=KERNEL, timeout=120).execute()
     outputs = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs]
     return outputs, json.loads(outputs[-1].text)
 
@@ -110,6 +128,8 @@ def held_against_the_tables(project: Path, machine: str) -> str:
 
 def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
     project = new_project(tmp_path / "project")
+    none = {"recorded": False}  # of which the state of the machine has nothing
+    change(project, f"machine.{MACHINE}.shop", cutting=none, drives=none, growth=none)
     build(project, "shop", "ingest", "clean")
     said = held_against_the_tables(project, MACHINE)
     assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
@@ -139,7 +159,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
 def with_generator(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with a small generator of signals, and the lives that it is held against."""
     project = tmp_path_factory.mktemp("wear") / "project"
-    built = generated_lives.once()
+    built = generated_lives.once(tmp_path_factory)
     shutil.copytree(built.signals, project / "data/signals/rig")
     shutil.copytree(built.folder, project / "data/models/rig/synthesis")
     records = {

@@ -16,8 +16,8 @@ from math import ceil, pi
 from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.cutting.force import EdgeCoefficients, edge_coefficients, edge_force, wear
@@ -78,7 +78,7 @@ class Tip(NamedTuple):
     axis: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def displacement(
     edge: EdgeCoefficients, cutter: Cutter, sharpness: np.ndarray, layers: Layers, steps: Steps,
     time: np.ndarray, turn: int, begin: int, tip: Tip,
