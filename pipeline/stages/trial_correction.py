@@ -10,7 +10,7 @@ from typing import Any
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.corrected import corrected_trials
 
-SEEDS = range(5)
+SEEDS = range(3)
 """Each is a noise of its own of the drives' currents."""
 
 

@@ -114,7 +114,7 @@ def _encoder(x: float, step: float) -> float:
     return np.floor(x / step + 0.5) * step
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 def followed(
     m: Mechanics, c: Loops, reference: np.ndarray, load: np.ndarray, extra: np.ndarray,
     noise: np.ndarray,
