@@ -18,6 +18,7 @@ from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.fleet import Fleet
 from pipeline.registry.store import DATABASE, client_of, exists
+from pipeline.schema.forest import Trees
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
@@ -90,7 +91,7 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
     sources, rng = tuple(SOURCES), np.random.default_rng(0)
     table = rng.normal(size=(60, len(feature_names(sources, ()))))
     trees = RandomForestRegressor(n_estimators=2, max_depth=2, random_state=0)
-    save_forest(trees.fit(table, 0.05 * table[:, 0]), folder / "residual")
+    save_forest(Trees.of(trees.fit(table, 0.05 * table[:, 0])), folder / "residual")
     model = SpindleModelFile(
         submodel="spindle", machine=MACHINE, origin="simulated",
         parameters={"": {"cooling_rate": Parameter(value=network.cooling_rate, unit="1/s",

@@ -61,7 +61,7 @@ def _params_of_one_week() -> dict[str, Any]:
         days = {"first": MONDAY, "last": WEDNESDAY}
         change(folder, f"machine.{MACHINE}.roles", training_days=days)
         change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
-        change(folder, "residual_forest", trees=5, folds=2, every_s=3600.0)
+        change(folder, "residual_forest", trees=5, every_s=3600.0)
         change(folder, "spindle_interval", folds=2)
         return params(folder)
 

@@ -17,7 +17,7 @@ from pipeline.schema.verdict import Verdict
 CHAMPIONS = Path("champions.json")
 LOCK = Path("requirements.lock")
 NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
-          "scipy", "skops", "threadpoolctl")  # fmt: skip
+          "scipy", "threadpoolctl")  # fmt: skip
 """Distributions that a prediction imports; a version pins them."""
 
 

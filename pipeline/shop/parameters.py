@@ -373,7 +373,7 @@ class ShopParameters(Ranged, section="ShopParameters"):
     programs: tuple[str, ...] = ("O1101", "O2040", "O3307", "O4410")
     power_scale: Annotated[float, Range(least=0.05, most=5)] = 1.0  # of the cuts
     trial_cuts: Annotated[int, Range(least=1, most=1000)] = 20
-    trial_drives: Annotated[int, Range(least=1, most=1000)] = 5
+    trial_drives: Annotated[int, Range(least=1, most=1000)] = 3
     spindle: SpindleParameters = field(default_factory=SpindleParameters)
     shift: ShiftParameters = field(default_factory=ShiftParameters)
     air: AirParameters = field(default_factory=AirParameters)

@@ -114,7 +114,7 @@ def _encoder(x: float, step: float) -> float:
     return np.floor(x / step + 0.5) * step
 
 
-@compiled_with(error_model="numpy")
+@compiled_with(nogil=True, error_model="numpy")
 def followed(
     m: Mechanics, c: Loops, reference: np.ndarray, load: np.ndarray, extra: np.ndarray,
     noise: np.ndarray,

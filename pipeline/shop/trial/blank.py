@@ -24,8 +24,8 @@ OVER = 0.5
 meets no cells at the walls that its last pass had touched but not swept [1]."""
 CELL = 1 / 300
 """Side of a cell over the smallest tool's diameter [1]."""
-MOST = 48_000_000
-"""Greatest number of cells in all layers: 192 MiB."""
+MOST = 12_000_000
+"""Greatest number of cells in all layers: 48 MiB."""
 RAMP = 0.25
 """Greatest height of a layer through which the tool ramps down [mm]."""
 SLICE = 0.25
