@@ -71,7 +71,7 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     scaled = jacobian / scale
-    _, singular, right = np.linalg.svd(scaled, full_matrices=False)
+    _, singular, right = np.linalg.svd(np.linalg.qr(scaled, mode="r"), full_matrices=False)
     condition = float(singular[0] / singular[-1]) if singular[-1] > 0 else float("inf")
     inverse = (right.T / np.maximum(singular, 1e-12 * singular[0]) ** 2) @ right
     scores = scaled * residuals[:, None]
@@ -148,7 +148,8 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
     """
     length = np.linalg.norm(jacobian, axis=0)
     length = np.where(length > 0, length, 1.0)
-    _, singular, right = np.linalg.svd(jacobian / length, full_matrices=False)
+    triangle = np.linalg.qr(jacobian / length, mode="r")
+    _, singular, right = np.linalg.svd(triangle, full_matrices=False)
     spread = np.sqrt(((right / np.maximum(singular, 1e-12)[:, None]) ** 2).sum(axis=0))
     half_width: Floats = 2 * noise * spread / length
     return half_width

@@ -132,7 +132,7 @@ def _placed(frame: pd.DataFrame, state: pd.DataFrame) -> pd.DataFrame:
         if name not in known or not len(known):
             frame[name] = pd.Series([None] * len(frame), dtype=object)
             continue
-        value = known[name].astype(object).to_numpy()[np.maximum(row, 0)].copy()
+        value = known[name].iloc[np.maximum(row, 0)].astype(object).to_numpy().copy()
         value[(row < 0) | pd.isna(value)] = None
         frame[name] = pd.Series(value, dtype=object)
     frame["line"] = pd.to_numeric(frame["line"]).astype(float)

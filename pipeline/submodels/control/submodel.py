@@ -166,7 +166,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
             control=fit.control,
             fit=_facts(fit),
             programs={run.match.run.name: str(run.match.program) for run in runs},
-            intervals=time_bands(runs, settings.control, settings.control_fit),
+            intervals=time_bands(runs, settings.control, settings.control_fit, fit),
         )  # fmt: skip
 
     def load(self, folder: Path, settings: Judging) -> Predictor:

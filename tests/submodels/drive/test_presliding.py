@@ -10,6 +10,7 @@ from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.presliding import PLAIN, presliding_trace
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.submodels.drive.records import AxisRecord, Recording
+from pipeline.submodels.drive.servo import presliding
 from pipeline.submodels.drive.servo.presliding import identify_presliding
 from pipeline.twin.drive import DriveParameters, simulate_drive
 
@@ -132,6 +133,22 @@ def test_the_time_is_recovered_from_standstills(time: float | None) -> None:
         return
     assert found.time.determined and found.time.value == pytest.approx(time, rel=0.05)
     assert found.time.low < time < found.time.high
+
+
+def test_the_valley_is_followed_to_the_value_that_all_together_give(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The same bits as when every value is tried in every round."""
+    reference = standstills()
+    position, command = traced(reference, loss=1 / 3.0)
+    record = AxisRecord(command=command[::4], position=position[::4], reference=reference[::4])
+    one = Recording(name="standstills", trained=True, period=4 * STEP, axes={"X": record})
+    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    some = presliding._nearest
+    monkeypatch.setattr(presliding, "COARSE", 1)
+    monkeypatch.setattr(presliding, "_nearest", lambda *given: some(*given[:-1], None))
+    assert found is not None and found.time is not None and found.time.determined
+    assert identify_presliding([one], "X", SERVO, SCREW, 0.5) == found
 
 
 def test_without_reversals_it_is_not_determined() -> None:
