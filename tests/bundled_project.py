@@ -21,7 +21,6 @@ from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.store import write_json
 from pipeline.stages.champion import champion
 from pipeline.stages.identify import judge
-from pipeline.stages.register import register
 from pipeline.submodels.cases import Roles
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.spindle.submodel import Judging, SpindleLimits
@@ -125,10 +124,9 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
 
 
 def registered(root: Path) -> None:
-    """Run the stages ``register`` and ``champion``, as ``dvc repro`` does."""
-    models, champions = root / "data/models", root / "champions.json"
-    register(models, champions, root / "data/registered.json", fleet=FLEET)
-    champion(models / MACHINE, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)
+    """Run the stage ``champion``, as ``dvc repro`` does."""
+    models, champions = root / f"data/models/{MACHINE}", root / "champions.json"
+    champion(models, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)
 
 
 def hour(root: Path) -> pd.DataFrame:
