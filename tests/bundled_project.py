@@ -25,7 +25,6 @@ from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.store import write_json
 from pipeline.stages.champion import champion
 from pipeline.stages.identify import judge
-from pipeline.stages.register import register
 from pipeline.submodels.cases import Roles
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.spindle.submodel import Judging, SpindleLimits
@@ -137,12 +136,11 @@ def _empty_store() -> bytes:
 
 
 def registered(root: Path) -> None:
-    """Run the stages ``register`` and ``champion``, as ``dvc repro`` does."""
+    """Run the stage ``champion``, as ``dvc repro`` does."""
     if not exists(root):
         (root / DATABASE).write_bytes(_empty_store())
-    models, champions = root / "data/models", root / "champions.json"
-    register(models, champions, root / "data/registered.json", fleet=FLEET)
-    champion(models / MACHINE, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)
+    models, champions = root / f"data/models/{MACHINE}", root / "champions.json"
+    champion(models, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)
 
 
 def hour(root: Path) -> pd.DataFrame:

@@ -155,6 +155,24 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
     return half_width
 
 
+def spread_of(values: Floats) -> float:
+    """Half of the 95 % interval of one more value like these: Student's t times their deviation.
+
+    Parameters
+    ----------
+    values : ndarray, shape (K,)
+        A figure of K trainings that differ by their seeds, at least two.
+
+    Examples
+    --------
+    >>> round(spread_of(np.array([0.9, 1.0, 1.1, 1.0])), 4)
+    0.2598
+    """
+    from scipy.stats import t as student
+
+    return float(f"{student.ppf(0.975, len(values) - 1) * np.std(values, ddof=1):.6g}")
+
+
 LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
