@@ -35,14 +35,15 @@ ROWS = 8192
 @contextmanager
 def reproducible() -> Iterator[None]:
     """One thread and deterministic algorithms of torch; afterwards as before."""
-    threads, before = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
+    threads, before = torch.get_num_threads(), torch.get_deterministic_debug_mode()
     torch.set_num_threads(1)
-    torch.use_deterministic_algorithms(True)
+    # the same switch as use_deterministic_algorithms, which imports a compiler beside it
+    torch.set_deterministic_debug_mode("error")
     try:
         yield
     finally:
         torch.set_num_threads(threads)
-        torch.use_deterministic_algorithms(before)
+        torch.set_deterministic_debug_mode(before)
 
 
 def samples(name: str, values: ArrayLike, dimensions: int) -> Floats:

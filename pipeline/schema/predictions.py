@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 WORDS = ("case", "group", "role", "quantity", "unit", "regime")
 NUMBERS = ("t", "measured", "predicted", "low", "high")
 BASELINE = "baseline_"
+AGAIN = "again_"
 COLUMNS = (*WORDS, *NUMBERS, "scored")
 
 

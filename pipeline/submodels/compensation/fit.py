@@ -33,7 +33,7 @@ from pipeline.submodels.conformal import Residuals, bands, splits
 
 UM = 1e6
 """Micrometres of a metre."""
-LEFT_OUT = 1000
+LEFT_OUT = 500
 """Windows of a recording left out by which kinds are compared, at most, evenly [1]."""
 
 
@@ -365,10 +365,11 @@ def leak_shown(
     told = (*inputs_of(cut, None), WindowInput(name="measured error"))
     leaky = [replace(one, recording=_with_measured(one)) for one in cut]
     part = sampled(leaky, told, PREDICTION, settings, allow_leaks=True)
-    errors = []
-    for task, left in _folds(part, settings):
-        errors.append(part.windows.y[left] - _trained(replace(task, kind=kind))[1])
-    score = _score(errors)
+    folds = _folds(part, settings)
+    done = mapped(_trained, [replace(task, kind=kind) for task, _ in folds])
+    score = _score([
+        part.windows.y[left] - got for (_, left), (_, got) in zip(folds, done, strict=True)
+    ])  # fmt: skip
     return LeakShown(
         axis=letter, kind=kind, inputs=part.windows.leaks, rmse_um=score.rmse_um,
         honest_um=honest.rmse_um, max_um=score.max_um, honest_max_um=honest.max_um,
