@@ -50,8 +50,9 @@ class Adam:
         self.steps = torch.zeros((), dtype=torch.float64)
         self.slope_of_l2 = None
         if l2 is not None and any(l2):
-            each = [torch.full((one.numel(),), 2.0 * k) for one, k in zip(weights, l2, strict=True)]
-            self.slope_of_l2 = torch.cat(each).to(self.values)
+            many = torch.tensor([one.numel() for one in weights])
+            each = torch.tensor([2.0 * one for one in l2], dtype=torch.float64)
+            self.slope_of_l2 = each.repeat_interleave(many).to(self.values)
 
     @property
     def state(self) -> Mapping[str, Tensor]:
