@@ -43,7 +43,7 @@ class Checkpoint:
 
 
 def write_checkpoint(
-    path: Path, fingerprint: str, at: Checkpoint, built: nn.Module, adam: torch.optim.Optimizer
+    path: Path, fingerprint: str, at: Checkpoint, built: nn.Module, adam: Mapping[str, Tensor]
 ) -> None:
     """Store where a training stands; the file is whole at every time.
 
@@ -57,10 +57,9 @@ def write_checkpoint(
         Where it stands.
     built : Module
         Its network.
-    adam : Optimizer
-        Of the network.
+    adam : mapping of str to Tensor
+        State of what moves the network.
     """
-    moments = adam.state_dict()["state"]
     told = {
         "fingerprint": fingerprint, "history": at.history, "best": at.best, "best_at": at.best_at,
     }  # fmt: skip
@@ -69,7 +68,7 @@ def write_checkpoint(
         "generator": at.generator.numpy(),
         **{f"network/{k}": _array(v) for k, v in built.state_dict().items()},
         **{f"best/{k}": _array(v) for k, v in at.best_state.items()},
-        **{f"adam/{k}/{n}": _array(v) for k, some in moments.items() for n, v in some.items()},
+        **{f"adam/{k}": _array(v) for k, v in adam.items()},
     }
     data = BytesIO()
     np.savez(data, **arrays)  # type: ignore[arg-type]
@@ -77,7 +76,7 @@ def write_checkpoint(
 
 
 def read_checkpoint(
-    path: Path, fingerprint: str, built: nn.Module, adam: torch.optim.Optimizer
+    path: Path, fingerprint: str, built: nn.Module, adam: Mapping[str, Tensor]
 ) -> Checkpoint:
     """Where a training stood; its network and Adam are brought there.
 
@@ -89,8 +88,8 @@ def read_checkpoint(
         Of the training that is to go on.
     built : Module
         Its network.
-    adam : Optimizer
-        Of the network.
+    adam : mapping of str to Tensor
+        State of what moves the network, which is filled.
 
     Raises
     ------
@@ -122,12 +121,9 @@ def read_checkpoint(
             f"checkpoint {path} is of another training (other windows, settings, seed or version "
             "of torch): remove it, or give another path"
         )
-    moments: dict[int, dict[str, Tensor]] = {}
-    for name, values in _below("adam/", arrays).items():
-        number, _, moment = name.partition("/")
-        moments.setdefault(int(number), {})[moment] = values
     built.load_state_dict(_below("network/", arrays))
-    adam.load_state_dict({**adam.state_dict(), "state": moments})
+    for name, values in _below("adam/", arrays).items():
+        adam[name].copy_(values)
     return at
 
 

@@ -11,10 +11,12 @@ Sources: auxiliary classifier: Odena, Olah and Shlens 2017; regression labels: D
 """
 
 from collections.abc import Sequence
+from math import cos, pi
 
 import torch
 from torch import Tensor, nn
 
+from pipeline.nets.adam import Adam
 from pipeline.nets.diversity import band_edges
 
 READERS, HIDDEN = 4, 32
@@ -81,16 +83,13 @@ class Readers(nn.Module):
         self.requires_grad_(False)
 
     def _train(self, found: Tensor, numbers: Tensor, words: Tensor, unknown: float) -> None:
-        adam = torch.optim.AdamW(self.networks.parameters(), lr=RATE, weight_decay=DECAY)
-        plan = torch.optim.lr_scheduler.CosineAnnealingLR(adam, PASSES)
-        for _ in range(PASSES):
+        adam = Adam(list(self.networks.parameters()), RATE, decay=DECAY)
+        for done in range(PASSES):
+            adam.rate = 0.5 * RATE * (1.0 + cos(pi * done / PASSES))
             noisy = found + NOISE * torch.randn(found.shape).to(found.device)
             known = (torch.rand(words.shape) >= unknown).to(words.device)
             error = self._read(noisy, numbers, words * known) - numbers[:, self.read, None]
-            adam.zero_grad()
-            error.square().mean().backward()
-            adam.step()
-            plan.step()
+            adam.step(error.square().mean())
 
     def _read(self, found: Tensor, numbers: Tensor, words: Tensor) -> Tensor:
         others = [numbers[:, : self.read], numbers[:, self.read + 1 :]]

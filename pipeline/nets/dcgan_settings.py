@@ -84,6 +84,8 @@ class GanTraining(Ranged, section="gan_training"):
         Steps of both networks, and windows of each.
     learning_rate, discriminator_rate : float, float or None
         Of Adam for the generator and for the discriminator; None for the same.
+    cooling : float
+        Share of the steps, the last ones, over which both rates fall to zero [1].
     beta1, beta2 : float
         Of Adam [1].
     loss : str
@@ -123,6 +125,7 @@ class GanTraining(Ranged, section="gan_training"):
     batch: Annotated[int, Range(least=2)] = 32
     learning_rate: Positive = 1e-4
     discriminator_rate: Positive | None = None
+    cooling: Share = 0.0
     beta1: Annotated[float, Range(least=0.0, below=1.0)] = 0.5
     beta2: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
     loss: str = "hinge"

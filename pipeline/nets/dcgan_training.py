@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor, nn
 from torch.nn.functional import relu, softplus
 
+from pipeline.nets.adam import Adam, flat
 from pipeline.nets.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from pipeline.nets.condition_reading import Readers
 from pipeline.nets.dcgan import (
@@ -146,24 +147,6 @@ def train_gan(
         return so_far()
 
 
-class _Flat:
-    """All weights of a network as one vector that they are views of, and their gradients alike.
-
-    A step of Adam on sixty small tensors takes longer than the network; on one it takes nothing.
-    """
-
-    def __init__(self, network: nn.Module) -> None:
-        own = list(network.parameters())
-        self.values = nn.Parameter(torch.cat([one.detach().reshape(-1) for one in own]))
-        self.slopes = torch.zeros_like(self.values, requires_grad=False)
-        at = 0
-        for one in own:
-            rows = slice(at, at + one.numel())
-            one.data = self.values.data[rows].view(one.shape)
-            one.grad = self.slopes[rows].view(one.shape) if one.requires_grad else None
-            at = rows.stop
-
-
 class _Loop:
     """Adam on both networks in turn, and the running mean of the generator's weights."""
 
@@ -183,22 +166,18 @@ class _Loop:
                 "average": self.average,
             }
         )  # fmt: skip
-        rate = training.learning_rate
-        self.weights = {
-            name: _Flat(net)
-            for name, net in (("generator", self.generator), ("discriminator", self.discriminator))
+        self.mean = flat(list(self.average.parameters()))
+        rate, betas = training.learning_rate, (training.beta1, training.beta2)
+        self.rates = {
+            "generator": rate, "discriminator": training.discriminator_rate or rate,
+        }  # fmt: skip
+        self.adam = {
+            name: Adam(list(self.all[name].parameters()), one, betas=betas)
+            for name, one in self.rates.items()
         }
-        self.mean = _Flat(self.average)
-        # one Adam: a step moves that network only whose gradient is there
-        groups: list[dict[str, Any]] = [
-            {"params": [self.weights["generator"].values], "lr": rate},
-            {
-                "params": [self.weights["discriminator"].values],
-                "lr": training.discriminator_rate or rate,
-            },
-        ]
-        betas = (training.beta1, training.beta2)
-        self.adam = torch.optim.Adam(groups, betas=betas, fused=True)
+        self.state = {
+            f"{name} {k}": v for name, one in self.adam.items() for k, v in one.state.items()
+        }
         self.readers: Readers | None = None
         self.at = Checkpoint(history=[], best=inf, best_at=0, best_state={})
 
@@ -209,7 +188,7 @@ class _Loop:
         """Train to the last step, or until a watch ends it."""
         first = 0
         if checkpoint is not None and checkpoint.exists():
-            self.at = read_checkpoint(checkpoint, fingerprint, self.all, self.adam)
+            self.at = read_checkpoint(checkpoint, fingerprint, self.all, self.state)
             torch.set_rng_state(self.at.generator)
             first = int(self.at.history[-1][0]) if self.at.history else 0
         data = (data[0].to(self.device), data[1].to(self.device), data[2].to(self.device))
@@ -230,7 +209,7 @@ class _Loop:
             sums, many = torch.zeros_like(sums), 0
             if checkpoint is not None:
                 self.at.generator = torch.get_rng_state()
-                write_checkpoint(checkpoint, fingerprint, self.at, self.all, self.adam)
+                write_checkpoint(checkpoint, fingerprint, self.at, self.all, self.state)
             seconds = perf_counter() - started
             left = seconds / (done - first) * (self.training.steps - done)
             said = GanStep(
@@ -243,6 +222,9 @@ class _Loop:
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:
         """One step of each network; their losses, shape (2,)."""
         told, batch = self._batch(data), self.training.batch
+        left = 1.0 - (done - 1) / self.training.steps
+        for name, one in self.adam.items():
+            one.rate = self.rates[name] * min(left / max(self.training.cooling, 1e-12), 1.0)
         real, numbers, words = told
         pairs = 2 if self.training.spectrum or self.training.reading else 1
         noise = torch.randn(pairs * batch, self.kind.latent).to(self.device)
@@ -253,7 +235,6 @@ class _Loop:
         refused = real.new_zeros(())
         if done > self.training.warm:
             refused = self._discriminated(told, fake.detach(), done)
-            self.discriminator.requires_grad_(False)
             with autocast(self.precision, self.device.type):
                 again = self.discriminator(fake, numbers, words).float()
             hinge = self.training.loss == "hinge"
@@ -264,8 +245,7 @@ class _Loop:
         if self.readers is not None:
             apart = self.readers.distance((real, fake, others[0]), numbers, words)
             towards = towards + self.training.reading * apart
-        self._move("generator", towards)
-        self.discriminator.requires_grad_(True)
+        self.adam["generator"].step(towards)
         self._keep_mean(done)
         return torch.stack([refused.detach(), towards.detach()])
 
@@ -290,17 +270,8 @@ class _Loop:
         if self.training.r1 and done % self.training.r1_every == 0:
             penalty = gradient_penalty(self.discriminator, real, *conditions)
             total = loss + 0.5 * self.training.r1 * self.training.r1_every * penalty
-        self._move("discriminator", total)
+        self.adam["discriminator"].step(total)
         return loss
-
-    def _move(self, name: str, loss: Tensor) -> None:
-        """One step of Adam on one network."""
-        mine = self.weights[name]
-        mine.slopes.zero_()
-        loss.backward()
-        mine.values.grad = mine.slopes
-        self.adam.step()
-        mine.values.grad = None
 
     def _batch(self, data: tuple[Tensor, Tensor, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Windows at random, the words of some of them hidden."""
@@ -315,7 +286,7 @@ class _Loop:
     def _keep_mean(self, done: int) -> None:
         """Move the running mean of the weights; its first steps forget faster."""
         keep = min(self.training.average, done / (done + 10.0)) if self.training.average else 0.0
-        self.mean.values.lerp_(self.weights["generator"].values, 1.0 - keep)
+        self.mean.lerp_(self.adam["generator"].values, 1.0 - keep)
 
 
 def gradient_penalty(

@@ -14,7 +14,9 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
+from torch import nn
 
+from pipeline.nets.adam import Adam
 from pipeline.nets.dcgan import TrainedGan, encoded
 from pipeline.nets.settings import Whole
 from pipeline.nets.spectral_distance import distances, short_spectra
@@ -127,17 +129,15 @@ def explain(
     goal = [part.expand(len(rows), *part.shape[1:]) for part in short_spectra(
         gan.scaling.scaled(x[None]))]  # fmt: skip
     with reproducible():
-        noise = gan.noise(len(rows), settings.seed).requires_grad_(True)
-        adam = torch.optim.Adam([noise], lr=settings.rate)
+        noise = nn.Parameter(gan.noise(len(rows), settings.seed))
+        adam = Adam([noise], settings.rate)
         first = None
         for _ in range(settings.steps):
             made = gan.network(noise, numbers, words)
             apart = distances(goal, short_spectra(made))
             first = apart.detach() if first is None else first
             size = noise.square().mean(dim=1)
-            loss = (apart + settings.penalty * torch.relu(size - 1.0)).sum()
-            (noise.grad,) = torch.autograd.grad(loss, noise)
-            adam.step()
+            adam.step((apart + settings.penalty * torch.relu(size - 1.0)).sum())
         with torch.no_grad():
             made = gan.network(noise, numbers, words)
             apart = distances(goal, short_spectra(made))

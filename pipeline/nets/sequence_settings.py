@@ -4,11 +4,19 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from pipeline.nets.settings import Whole
+from pipeline.parallel import Compute
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
 from pipeline.search.methods import METHODS
 
 PRECISIONS = ("float32", "bfloat16")
 """Precisions of a training; a trained network always predicts in float32."""
+FEWEST_STEPS = 1500
+"""Steps of trainings that take longer than processes to train them in take to import torch [1]."""
+
+
+def place(steps: int) -> Compute:
+    """Where trainings of so many steps in all are made."""
+    return "processes" if steps >= FEWEST_STEPS else "serial"
 
 
 class SequenceSettings(Ranged):
@@ -189,6 +197,10 @@ class WindowTraining(Ranged, section="window_training"):
     precision: str = "float32"
     seed: Whole = 0
     validation_seed: Whole | None = None
+
+    def steps(self, windows: int) -> int:
+        """Steps of a training on so many windows at most [1]."""
+        return self.epochs * -(-windows // self.batch)
 
     def __post_init__(self) -> None:
         super().__post_init__()

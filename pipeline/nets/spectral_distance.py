@@ -8,6 +8,8 @@ and not towards their mean.  Phases do not count: d looks at magnitudes of short
 Source: Gritsenko et al. 2020, A spectral energy distance for parallel speech synthesis.
 """
 
+from functools import cache
+
 import torch
 from torch import Tensor
 
@@ -26,10 +28,21 @@ def short_spectra(x: Tensor) -> list[Tensor]:
     found = []
     for part in sorted({_part(length, share) for share in SHARES}):
         frames = x.unfold(2, part, max(part // 2, 1)).transpose(1, 2)  # (N, F, C, part)
-        shape = torch.hann_window(part, device=x.device) if part < length else 1.0
-        lines = torch.view_as_real(torch.fft.rfft(frames * shape, norm="forward"))
-        found.append(2.0 * torch.sqrt((lines * lines).sum(dim=-1) + FLOOR**2))
+        if part < length:  # so short that a product with the waves is faster
+            real, imaginary = (frames @ _waves(part, x.device)).chunk(2, dim=-1)
+        else:
+            real, imaginary = torch.view_as_real(torch.fft.rfft(frames, norm="forward")).unbind(-1)
+        found.append(2.0 * torch.sqrt(real * real + imaginary * imaginary + FLOOR**2))
     return found
+
+
+@cache
+def _waves(part: int, device: torch.device) -> Tensor:
+    """Cosines, then sines, of the lines of a spectrum under a Hann window, (part, 2 lines)."""
+    t = torch.arange(part, dtype=torch.float64)[:, None]
+    angle = 2.0 * torch.pi / part * t * torch.arange(part // 2 + 1)
+    shape = torch.hann_window(part, dtype=torch.float64)[:, None] / part
+    return (shape * torch.cat([angle.cos(), angle.sin()], dim=1)).to(torch.float32).to(device)
 
 
 def _part(length: int, share: int) -> int:

@@ -36,14 +36,18 @@ ROWS = 8192
 def reproducible() -> Iterator[None]:
     """One thread and deterministic algorithms of torch; afterwards as before."""
     threads, before = torch.get_num_threads(), torch.get_deterministic_debug_mode()
+    memory: Any = torch.utils.deterministic
+    filled = memory.fill_uninitialized_memory
     torch.set_num_threads(1)
-    # as use_deterministic_algorithms, which imports torch's compiler first (1 s)
+    memory.fill_uninitialized_memory = False  # each operation here writes all of its result
+    # the same switch as use_deterministic_algorithms, which imports a compiler beside it
     torch.set_deterministic_debug_mode("error")
     try:
         yield
     finally:
         torch.set_num_threads(threads)
         torch.set_deterministic_debug_mode(before)
+        memory.fill_uninitialized_memory = filled
 
 
 def samples(name: str, values: ArrayLike, dimensions: int) -> Floats:

@@ -12,12 +12,12 @@ from hashlib import sha256
 from math import inf, isfinite
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from pipeline.nets.adam import Adam
 from pipeline.nets.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from pipeline.nets.sequence import Arx, SequenceNetwork, sequence_network
 from pipeline.nets.sequence_settings import SequenceSettings, WindowTraining
@@ -187,13 +187,9 @@ class _Loop:
     ) -> None:  # fmt: skip
         self.built, self.settings, self.precision = built, settings, precision
         self.generator, self.unit = generator, unit
-        weights = [p for name, p in built.named_parameters() if "bias" not in name]
-        biases = [p for name, p in built.named_parameters() if "bias" in name]
-        groups: list[dict[str, Any]] = [
-            {"params": weights, "weight_decay": 2.0 * settings.l2},  # gradient of l2 w^2
-            {"params": biases},
-        ]
-        self.adam = torch.optim.Adam(groups, lr=settings.learning_rate, fused=True)
+        names, weights = zip(*built.named_parameters(), strict=True)
+        l2 = [0.0 if "bias" in name else settings.l2 for name in names]
+        self.adam = Adam(weights, settings.learning_rate, l2=l2)
         self.at = Checkpoint(history=[], best=inf, best_at=0, best_state=self._state())
 
     def run(
@@ -203,7 +199,7 @@ class _Loop:
         """Train, and give the network its best state."""
         at = self.at
         if checkpoint is not None and checkpoint.exists():
-            at = self.at = read_checkpoint(checkpoint, fingerprint, self.built, self.adam)
+            at = self.at = read_checkpoint(checkpoint, fingerprint, self.built, self.adam.state)
             self.generator.set_state(at.generator)
         started, first = perf_counter(), len(at.history)
         for done in range(first + 1, self.settings.epochs + 1):
@@ -223,7 +219,7 @@ class _Loop:
                 at.best, at.best_at, at.best_state = error, done, self._state()
             if checkpoint is not None:
                 at.generator = self.generator.get_state()
-                write_checkpoint(checkpoint, fingerprint, at, self.built, self.adam)
+                write_checkpoint(checkpoint, fingerprint, at, self.built, self.adam.state)
             if watch and watch(self._told(done, first, perf_counter() - started)):
                 break
         self.built.load_state_dict(at.best_state)
@@ -237,9 +233,7 @@ class _Loop:
             with autocast(self.precision, device.type):
                 found = self.built(x[rows])
             loss = torch.nn.functional.mse_loss(found.float(), y[rows])
-            self.adam.zero_grad()
-            loss.backward()
-            self.adam.step()
+            self.adam.step(loss)
             total += loss.detach() * len(rows)
         return float(torch.sqrt(total / len(y)))
 

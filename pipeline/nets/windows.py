@@ -11,6 +11,7 @@ from math import ceil, inf, isfinite
 from typing import Annotated
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from pipeline.schema.arrays import Floats, Ints
@@ -243,13 +244,15 @@ def _of_recording(
         for one in inputs
     ]
     truth = np.asarray(recording.signals[target], dtype=np.float64)
-    at = np.arange(length - 1 + max(lags), len(truth), every)
-    rows = at[:, None] + np.arange(1 - length, 1)
+    first = length - 1 + max(lags)
+    at = np.arange(first, len(truth), every)
     columns = [
-        np.asarray(recording.signals[one.name], dtype=np.float64)[rows - lag]
+        np.asarray(recording.signals[one.name], dtype=np.float64)[max(lags) - lag :][: -lag or None]
         for one, lag in zip(inputs, lags, strict=True)
     ]
+    x = np.empty((0, length, len(inputs)))
+    if len(at):  # a view: rows of all windows are those of one table
+        table = np.stack(columns, axis=1)
+        x = sliding_window_view(table, length, axis=0)[::every].transpose(0, 2, 1)
     ends = at if outputs is None else at[:, None] + np.arange(1 - outputs, 1)
-    return Windows(
-        x=np.stack(columns, axis=-1), y=truth[ends], group=np.full(len(at), recording.name), at=at
-    )
+    return Windows(x=x, y=truth[ends], group=np.full(len(at), recording.name), at=at)

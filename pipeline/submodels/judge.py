@@ -213,11 +213,11 @@ def _deciding(cases: Sequence[Case]) -> Role:
 
 
 def _scored_rows(frame: pd.DataFrame, target: Target) -> pd.DataFrame:
-    """Rows of a target whose measurement, prediction and every baseline are known."""
+    """Rows of a target whose measurement, prediction and what has to be beaten are known."""
     if not len(frame):
         return frame
     rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]
-    names = [BASELINE + name for name in target.baselines if BASELINE + name in rows.columns]
+    names = [BASELINE + name for name in target.must_beat if BASELINE + name in rows.columns]
     known = rows["scored"].to_numpy(bool).copy()
     for name in ("measured", "predicted", *names):
         values = rows[name].to_numpy(float)

@@ -6,11 +6,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.predictions import AGAIN
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""
 FEWEST = 3
 """Least number of blocks for each parameter [1], if need be at the cost of their length."""
+
+
+DRAWN = 8
+"""Ensembles that are drawn from the members of one [1]."""
+
+
+def drawn_again(members: Floats) -> dict[str, Floats]:
+    """Means of the members of an ensemble (M, N), drawn with replacement, (N,) each, by column.
+
+    They differ as the means of as many networks or trees of other seeds would; of a single member
+    nothing is known.
+    """
+    many = len(members)
+    drawn = np.random.default_rng(0).integers(0, many, (DRAWN if many > 1 else 0, many))
+    return {f"{AGAIN}{k}": members[rows].mean(axis=0) for k, rows in enumerate(drawn)}
 
 
 @dataclass(frozen=True, kw_only=True)

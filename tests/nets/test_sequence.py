@@ -5,8 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from torch import nn
+from torch.nn import functional
 
-from pipeline.nets.sequence import Arx, CnnLstm, CnnLstmAttention, Tcn, sequence_network
+from pipeline.nets.sequence import (
+    Arx,
+    CnnLstm,
+    CnnLstmAttention,
+    Tcn,
+    over_rows,
+    sequence_network,
+)
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
@@ -77,10 +86,23 @@ def test_initial_weights_are_the_generator_s_and_no_other_random_number_is_used(
 def test_the_convolution_as_a_product_is_the_convolution(kernel: int) -> None:
     network = built(CnnLstmSettings(filters=5, kernel=kernel, units=2)).double()
     assert isinstance(network, CnnLstm)
-    x = rows()
-    wanted = network.convolution(x.transpose(1, 2)).permute(2, 0, 1)
+    x, inner = rows(), network.convolution.convolution
+    before = functional.pad(x.transpose(1, 2), (kernel - 1, 0))
+    wanted = functional.conv1d(before, inner.weight, inner.bias)
     found = network.convolution.in_time(x.transpose(0, 1))
-    torch.testing.assert_close(found, wanted, rtol=1e-12, atol=1e-12)
+    torch.testing.assert_close(found, wanted.permute(2, 0, 1), rtol=1e-12, atol=1e-12)
+    found = network.convolution(x)
+    torch.testing.assert_close(found, wanted.transpose(1, 2), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize(("stride", "padding", "dilation"), [(1, 0, 1), (4, 3, 1), (2, 2, 3)])
+def test_a_convolution_over_rows_is_that_over_time(
+    stride: int, padding: int, dilation: int
+) -> None:
+    inner = nn.Conv1d(2, 5, 3, stride, padding, dilation).double()
+    x = torch.randn(4, 20, 2, dtype=torch.float64)
+    wanted = inner(x.transpose(1, 2)).transpose(1, 2)
+    torch.testing.assert_close(over_rows(x, inner), wanted, rtol=1e-12, atol=1e-12)
 
 
 @torch.no_grad()

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import TuningSettings, WindowTraining
+from pipeline.nets.sequence_settings import TuningSettings, WindowTraining, place
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
 from pipeline.submodels.compensation.model import (
+    ARX,
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
@@ -33,7 +34,7 @@ from pipeline.submodels.conformal import Residuals, bands, splits
 
 UM = 1e6
 """Micrometres of a metre."""
-LEFT_OUT = 1000
+LEFT_OUT = 500
 """Windows of a recording left out by which kinds are compared, at most, evenly [1]."""
 
 
@@ -134,6 +135,14 @@ def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
     return found.document(), found.predict(task.others)
 
 
+def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats]]:
+    """What each task gives, on all cores where that is worth it."""
+    steps = sum(
+        one.training.steps(len(one.windows.y)) for one in tasks if one.kind != ARX
+    )  # fmt: skip
+    return mapped(_trained, tasks, compute=place(steps))
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UseFit:
     """One use on one axis with its networks' documents by kind."""
@@ -174,7 +183,7 @@ def fit_axes(
             for kind in kinds:
                 tasks.append(replace(task, kind=kind))
                 places.append((letter, use, kind, fold))
-    done = dict(zip(places, mapped(_trained, tasks), strict=True))
+    done = dict(zip(places, _all_trained(tasks), strict=True))
     return {
         place: _use_fit(part, place, by_time, settings, done)
         for place, (part, by_time) in parts.items()
@@ -333,9 +342,12 @@ def searched(
     rows = stratified(
         part.regime, np.ones(len(part.regime), bool), settings.windows, settings.training.seed
     )
+    candidates = replace(settings.training, epochs=tuning.epochs).steps(tuning.windows)
+    steps = tuning.population * tuning.generations * candidates
     found = tune(
-        settings.network(settings.searched), chosen(part.windows, rows), settings.training, tuning
-    )
+        settings.network(settings.searched), chosen(part.windows, rows), settings.training, tuning,
+        compute=place(steps + tuning.retrained * settings.training.steps(len(rows))),
+    )  # fmt: skip
     best = found.retrained[0]
     units = getattr(best.kind, "units", settings.units)
     training = replace(
@@ -365,10 +377,11 @@ def leak_shown(
     told = (*inputs_of(cut, None), WindowInput(name="measured error"))
     leaky = [replace(one, recording=_with_measured(one)) for one in cut]
     part = sampled(leaky, told, PREDICTION, settings, allow_leaks=True)
-    errors = []
-    for task, left in _folds(part, settings):
-        errors.append(part.windows.y[left] - _trained(replace(task, kind=kind))[1])
-    score = _score(errors)
+    folds = _folds(part, settings)
+    done = _all_trained([replace(task, kind=kind) for task, _ in folds])
+    score = _score([
+        part.windows.y[left] - got for (_, left), (_, got) in zip(folds, done, strict=True)
+    ])  # fmt: skip
     return LeakShown(
         axis=letter, kind=kind, inputs=part.windows.leaks, rmse_um=score.rmse_um,
         honest_um=honest.rmse_um, max_um=score.max_um, honest_max_um=honest.max_um,

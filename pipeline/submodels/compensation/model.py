@@ -47,8 +47,10 @@ QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estim
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
 """No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
+ARX = "arx"
+"""The linear network, which is solved at once."""
 KINDS: dict[str, type[SequenceSettings]] = {
-    "arx": ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
+    ARX: ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
     "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
 }  # fmt: skip
 NAMES = {
@@ -82,6 +84,8 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
         Networks of the prediction, and of the estimation.
     units, filters : int
         Of the LSTMs; of the convolutions.
+    pool : int
+        Rows of a convolution of which the greatest enters the LSTM behind it; 1 as published.
     ridges : tuple of float
         Of the linear model, as shares of the variance of its output; the one with the least error
         on the recordings that stop the trainings of the others is taken.
@@ -106,6 +110,7 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
     estimators: tuple[str, ...] = ("arx", "cnn_lstm_attention")
     units: Count = 50
     filters: Count = 16
+    pool: Count = 1
     ridges: tuple[Positive, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
     training: WindowTraining = field(default_factory=WindowTraining)
     searched: str = "cnn_lstm_attention"
@@ -125,20 +130,20 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
 
     def networks(self, kind: str) -> tuple[SequenceSettings, ...]:
         """Settings of a kind to choose from by the recordings that stop a training."""
-        if kind == "arx":
+        if kind == ARX:
             return tuple(ArxSettings(ridge=ridge) for ridge in self.ridges)
         return (self.network(kind),)
 
     def network(self, kind: str) -> SequenceSettings:
         """Settings of a kind; of the linear one its first."""
-        if kind == "arx":
+        if kind == ARX:
             return ArxSettings(ridge=self.ridges[0])
         if kind == "tcn":
             return TcnSettings(filters=self.filters)
         if kind == "lstm":
             return LstmSettings(units=self.units)
         made = CnnLstmAttentionSettings if kind == "cnn_lstm_attention" else CnnLstmSettings
-        return made(filters=self.filters, units=self.units)
+        return made(filters=self.filters, units=self.units, pool=self.pool)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -314,26 +319,21 @@ class Compensation:
 
     def predicted(self, letter: str, use: str, kind: str, windows: Windows) -> Floats:
         """Residual of windows [m] by the mean of a kind's networks, shape (B,)."""
-        if kind == TWIN:
-            return np.zeros(len(windows.x))
-        if kind == PERSISTENCE:
-            names = [one.name for one in windows.inputs]
-            return windows.x[:, -1, names.index(RESIDUAL)]
-        found = [one.predict(windows.x) for one in self.networks(letter, use, kind)]
-        mean: Floats = np.mean(found, axis=0)
+        mean: Floats = np.mean(self.by_each(letter, use, kind, windows), axis=0)
         return mean
 
-    def predicted_by(
-        self, letter: str, use: str, kinds: Sequence[str], windows: Windows
-    ) -> dict[str, Floats]:
-        """:meth:`predicted` by each of some kinds, on all cores."""
+    def by_each(self, letter: str, use: str, kind: str, windows: Windows) -> Sequence[Floats]:
+        """Residual of windows [m] by each of a kind's networks on all cores, (B,) each."""
+        if kind == TWIN:
+            return [np.zeros(len(windows.x))]
+        if kind == PERSISTENCE:
+            names = [one.name for one in windows.inputs]
+            return [windows.x[:, -1, names.index(RESIDUAL)]]
         from pipeline.nets.trained import reproducible
 
+        networks = self.networks(letter, use, kind)
         with reproducible():
-            found = mapped(
-                lambda kind: self.predicted(letter, use, kind, windows), kinds, compute="threads"
-            )
-        return dict(zip(kinds, found, strict=True))
+            return mapped(lambda one: one.predict(windows.x), networks, compute="threads")
 
     def residual(
         self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,

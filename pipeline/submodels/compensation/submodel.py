@@ -19,6 +19,7 @@ from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of,
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
+    ARX,
     FUZZY,
     PERSISTENCE,
     PREDICTION,
@@ -34,12 +35,15 @@ from pipeline.submodels.compensation.model import (
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
 from pipeline.submodels.conformal import interval
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.statistics import drawn_again
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
 SERVED = ("reference", "modelled_error", "modelled_command")
 """Columns of a table that the model serves, after the axis' letter."""
 LEARNT = 300
 """Samples of a training recording that are compared [1]."""
+COMPARED = 400
+"""Samples of a recording, evenly, on which networks that do not serve are compared, at most [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -359,10 +363,24 @@ def _frame(
     at = windows.at
     modelled, regime = UM * features.modelled[at], features.regime[at]
 
-    left = model.predicted_by(letter, use, [one.champion, *others_of(one)], windows)
-    found = modelled + UM * left[one.champion]
+    each = UM * np.stack(model.by_each(letter, use, one.champion, windows))
+    found = modelled + each.mean(axis=0)
     low, high = interval(found, regime, one.bands)
-    others = {f"baseline_{kind}": modelled + UM * left[kind] for kind in others_of(one)}
+    others = {}
+    for kind in others_of(one):
+        if kind in (TWIN, PERSISTENCE):
+            rows = np.arange(len(at))
+        elif most is None:
+            rows = np.arange(len(at))[:: -(-len(at) // COMPARED)]
+        else:
+            continue  # networks that do not serve are not compared on what they learnt from
+        column = np.full(len(at), np.nan)
+        column[rows] = modelled[rows] + UM * model.predicted(
+            letter, use, kind, chosen(windows, rows)
+        )
+        others[f"baseline_{kind}"] = column
+    if one.champion not in (TWIN, PERSISTENCE, ARX):  # these are the same from any seed
+        others |= {name: modelled + mean for name, mean in drawn_again(each).items()}
     if use == PREDICTION and features.fuzzy is not None:
         others[f"baseline_{FUZZY}"] = UM * features.fuzzy[at]
     return pd.DataFrame({

@@ -3,15 +3,17 @@
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.nets.dcgan_settings import ConditionSpace
+from pipeline.nets.dcgan_settings import ConditionSpace, GanTraining
 from pipeline.nets.diversity import Collapse, collapse
+from pipeline.nets.sequence_settings import place
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.synthesis.model import (
@@ -35,6 +37,8 @@ THIRDS = 3
 """Intervals of the range of wear whose tendency is looked at."""
 SHOWN = 3
 """Windows that a page shows: of the least, the middle and the greatest wear."""
+STEP = 4
+"""Step of a generator, in steps of a small network [1]."""
 DIGITS = 6
 
 
@@ -42,11 +46,13 @@ DIGITS = 6
 class Trained:
     """A generator with the features of what it was trained on, and whether it collapsed.
 
-    ``earlier`` are its states at stated steps of the training.
+    ``earlier`` are its states at stated steps of the training, ``others`` generators of other seeds
+    with features of their windows at the same conditions.
     """
 
     gan: "TrainedGan"
     earlier: Mapping[int, "TrainedGan"]
+    others: tuple[tuple["TrainedGan", Floats], ...]
     reference: Reference
     collapse: Collapse
     windows: int
@@ -62,6 +68,38 @@ def thinned(windows: WearWindows, most: int) -> WearWindows:
         at = np.linspace(0, len(mine) - 1, min(share, len(mine))).round().astype(int)
         rows.append(mine[np.unique(at)])
     return windows.of(np.sort(np.concatenate(rows)))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Task:
+    """A generator to be trained on windows at their conditions."""
+
+    windows: WearWindows
+    conditions: Mapping[str, Any]
+    settings: SynthesisFitSettings
+    training: GanTraining
+
+
+def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"], Floats]:
+    """The generator, its states at stated steps, and its windows at the conditions."""
+    from pipeline.nets.dcgan_training import train_gan
+
+    windows, training, looks = task.windows, task.training, task.settings.looks
+    steps, every = training.steps, training.every
+    stated = {round(steps * k / looks / every) * every for k in range(1, looks)}
+    earlier: dict[int, TrainedGan] = {}
+
+    def look(said: "GanStep") -> None:
+        if said.number in stated:
+            earlier[said.number] = said.so_far()
+
+    gan = train_gan(
+        task.settings.network, windows.values, task.conditions, training=training,
+        channels=windows.channels, units=windows.units,
+        condition_units={WEAR: windows.wear_unit, **windows.condition_units}, watch=look,
+        read=WEAR,
+    )  # fmt: skip
+    return gan, earlier, gan.sample(task.conditions, seed=task.settings.seed + 1)
 
 
 def trained(
@@ -83,29 +121,18 @@ def trained(
     ValueError
         When there are too few windows, or a condition is not known of some.
     """
-    from pipeline.nets.dcgan_training import train_gan
-
     windows = thinned(windows, settings.windows)
     not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}
     conditions = {k: v for k, v in conditions_of_windows(windows).items() if k not in not_used}
-    steps, every = settings.training.steps, settings.training.every
-    stated = {round(steps * k / settings.looks / every) * every for k in range(1, settings.looks)}
-    earlier: dict[int, TrainedGan] = {}
-
-    def look(said: "GanStep") -> None:
-        if said.number in stated:
-            earlier[said.number] = said.so_far()
-
-    gan = train_gan(
-        settings.network, windows.values, conditions, training=settings.training,
-        channels=windows.channels, units=windows.units,
-        condition_units={WEAR: windows.wear_unit, **windows.condition_units}, watch=look,
-        read=WEAR,
-    )  # fmt: skip
-    made = gan.sample(conditions, seed=settings.seed + 1)
+    first = settings.training
+    (gan, earlier, made), *others = mapped(_generator, [
+        _Task(windows=windows, conditions=conditions, settings=settings,
+              training=replace(first, seed=first.seed + k))
+        for k in range(settings.trainings)
+    ], compute=place(STEP * settings.trainings * first.steps))  # fmt: skip
     numbers, words = gan.space.encoded(conditions)
-    place = np.hstack([numbers, *(2.0 * np.eye(w.max() + 1)[w] for w in words.T)])
-    found = collapse(windows.values, made, place, gan.history[:, 1], seed=settings.seed)
+    at = np.hstack([numbers, *(2.0 * np.eye(w.max() + 1)[w] for w in words.T)])
+    found = collapse(windows.values, made, at, gan.history[:, 1], seed=settings.seed)
     wear = np.asarray(windows.wear, float)
     rows = np.argsort(wear, kind="stable")[np.linspace(0, len(wear) - 1, SHOWN).astype(int)]
     reference = Reference(
@@ -114,25 +141,29 @@ def trained(
         shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
     return Trained(
-        gan=gan, earlier=earlier, reference=reference, collapse=found, windows=len(windows)
-    )
+        gan=gan, earlier=earlier, others=tuple((one, of_windows(some)) for one, _, some in others),
+        reference=reference, collapse=found, windows=len(windows),
+    )  # fmt: skip
 
 
 def looks(
-    served: Synthesis, earlier: Mapping[int, "TrainedGan"], settings: SynthesisFitSettings
-) -> tuple[Look, ...]:
-    """Curves of the first judge at steps of the training, the last one among them."""
+    served: Synthesis, earlier: Mapping[int, "TrainedGan"], last: WearCurve,
+    settings: SynthesisFitSettings,
+) -> tuple[Look, ...]:  # fmt: skip
+    """Curves of the first judge at steps of the training, the ``last`` one among them."""
     name = served.file.judges[0]
-    states = {**earlier, served.file.steps: served.gan}
-    found = []
-    for step, gan in sorted(states.items()):
-        one = curves(replace(served, gan=gan), settings)[name]
-        found.append(Look(step=step, mae=one.mae, slope=one.slope))
-    return tuple(found)
+    found = {
+        step: curves(replace(served, gan=gan), settings, (name,))[name]
+        for step, gan in sorted(earlier.items())
+    }
+    states = {**found, served.file.steps: last}
+    return tuple(Look(step=step, mae=one.mae, slope=one.slope) for step, one in states.items())
 
 
-def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearCurve]:
-    """Each judge's wear of windows generated over the whole range of wear that was learnt.
+def curves(
+    served: Synthesis, settings: SynthesisFitSettings, judges: Sequence[str]
+) -> dict[str, WearCurve]:
+    """Some judges' wear of windows generated over the whole range of wear that was learnt.
 
     The other conditions are those of training windows, drawn with replacement.
     """
@@ -142,12 +173,12 @@ def curves(served: Synthesis, settings: SynthesisFitSettings) -> dict[str, WearC
     rng = np.random.default_rng(settings.seed + 2)
     rows = rng.integers(0, len(served.reference.wear), settings.each)
     conditions = _of_rows(served, rows)
-    read = {name: np.empty((len(asked), settings.each)) for name in served.judges}
+    read = {name: np.empty((len(asked), settings.each)) for name in judges}
     for k, one in enumerate(asked):
         conditions[WEAR] = np.full(settings.each, one)
         made = gan.sample(conditions, seed=settings.seed + 3 + k)
-        for name, judge in served.judges.items():
-            read[name][k] = judge(made, conditions)
+        for name in judges:
+            read[name][k] = served.judges[name](made, conditions)
     return {name: curve_of(asked, some) for name, some in read.items()}
 
 

@@ -7,7 +7,7 @@ the same conditions; distance to the nearest training window; power in bands; sp
 Density and coverage: Naeem et al. 2020.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 from zlib import crc32
@@ -17,11 +17,12 @@ import pandas as pd
 
 from pipeline.nets.diversity import band_edges
 from pipeline.schema.arrays import Floats
+from pipeline.schema.predictions import AGAIN
 from pipeline.schema.verdict import Fact
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.synthesis.model import FOREST, Synthesis, beside, of_windows
+from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside, of_windows
 
 GENERATED = "wear of generated windows"
 LEARNT = "wear learnt from generated windows"
@@ -53,14 +54,21 @@ class _Pair:
     fake: Floats
     beside: Floats
     nearest: Any
+    others: tuple[tuple[Floats, Floats, Learner], ...]
 
     @property
     def scaled(self) -> tuple[Floats, Floats]:
         """Features on the scale of the training windows."""
         return self.served.scaling(self.real), self.served.scaling(self.fake)
 
+    def again(self, figure: Callable[[Floats, Floats, Learner], Floats]) -> dict[str, Floats]:
+        """A figure by each training, from its windows, their features and what learns from them."""
+        return {f"{AGAIN}{k}": figure(*one) for k, one in enumerate(self.others)}
 
-def compared(windows: WearWindows, served: Synthesis, name: str) -> Prediction:
+
+def compared(
+    windows: WearWindows, served: Synthesis, name: str, *, again: bool = False
+) -> Prediction:
     """What is compared of a tool.
 
     Parameters
@@ -71,6 +79,8 @@ def compared(windows: WearWindows, served: Synthesis, name: str) -> Prediction:
         The generator and its learners.
     name : str
         Of the case, which seeds the noise.
+    again : bool
+        Whether what decides is compared of generators of other seeds as well.
     """
     many = served.file.judged
     rows = np.unique(np.linspace(0, len(windows) - 1, min(many, len(windows))).round().astype(int))
@@ -89,12 +99,17 @@ def compared(windows: WearWindows, served: Synthesis, name: str) -> Prediction:
         return Prediction(frame=pd.DataFrame(), facts=facts, note=note)
     windows = windows.of(inside)
     conditions = {key: values[inside] for key, values in conditions.items()}
-    made = served.gan.sample(conditions, seed=crc32(name.encode()))
+    seed = crc32(name.encode())
+    made = served.gan.sample(conditions, seed=seed)
+    others = [
+        (some := gan.sample(conditions, seed=seed), of_windows(some), learner)
+        for gan, learner in (served.trainings if again and served.stored else ())
+    ]
     known = beside(served.gan.space, conditions)
     pair = _Pair(
         served=served, windows=windows, conditions=conditions, made=made,
         real=of_windows(windows.values), fake=of_windows(made), beside=known,
-        nearest=_nearest(served, known, windows.wear),
+        nearest=_nearest(served, known, windows.wear), others=tuple(others),
     )  # fmt: skip
     frame = pd.concat([*_wears(pair), *_distances(pair), *_spectra(pair)], ignore_index=True)
     return Prediction(frame=frame, facts=facts | _facts(pair))
@@ -146,7 +161,7 @@ def _wears(pair: _Pair) -> list[pd.DataFrame]:
             baseline_recorded=judge(np.asarray(windows.values, float), pair.conditions),
             baseline_nearest=near if name == FOREST else np.full(len(asked), np.nan),
             baseline_mean=mean,
-        )
+        ).assign(**pair.again(lambda made, *_, judge=judge: judge(made, pair.conditions)))
         for name, judge in served.judges.items()
     ]
     return [
@@ -155,7 +170,7 @@ def _wears(pair: _Pair) -> list[pd.DataFrame]:
             LEARNT, unit, t, measured=asked,
             predicted=served.from_generated(pair.real, pair.beside), baseline_recorded=judged,
             baseline_mean=mean,
-        ),
+        ).assign(**pair.again(lambda *one: one[2](pair.real, pair.beside))),
         _frame(
             AUGMENTED, unit, t, measured=asked,
             predicted=served.augmented(pair.real, pair.beside), baseline_recorded=judged,
@@ -166,16 +181,22 @@ def _wears(pair: _Pair) -> list[pd.DataFrame]:
 
 def _distances(pair: _Pair) -> list[pd.DataFrame]:
     """Distances between neighbours in wear and conditions, and to the nearest training window."""
-    real, fake = pair.scaled
-    t = pair.windows.progress
-    other = _neighbour(pair)
-    apart = [np.sqrt(((one - one[other]) ** 2).mean(axis=1)) for one in (real, fake)]
-    training = pair.served.scaling(pair.served.reference.recorded)
-    near = [np.sqrt(squared_distances(one, training).min(axis=1)) for one in (real, fake)]
+    t, other, scaling = pair.windows.progress, _neighbour(pair), pair.served.scaling
+    training = scaling(pair.served.reference.recorded)
+
+    def apart(features: Floats) -> Floats:
+        one = scaling(features)
+        return np.asarray(np.sqrt(((one - one[other]) ** 2).mean(axis=1)))
+
+    def nearest(features: Floats) -> Floats:
+        return np.asarray(np.sqrt(squared_distances(scaling(features), training).min(axis=1)))
+
     return [
-        _frame(SPREAD, "1", t, measured=apart[0], predicted=apart[1]),
-        _frame(COPY, "1", t, measured=near[0], predicted=near[1]),
-    ]
+        _frame(
+            quantity, "1", t, measured=distance(pair.real), predicted=distance(pair.fake)
+        ).assign(**pair.again(lambda _, fake, *rest, distance=distance: distance(fake)))
+        for quantity, distance in ((SPREAD, apart), (COPY, nearest))
+    ]  # fmt: skip
 
 
 def _neighbour(pair: _Pair) -> Any:

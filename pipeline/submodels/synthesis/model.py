@@ -148,11 +148,13 @@ class GeneratorFile:
     """``generator.json``: document of the network, features as packed arrays, networks that judge.
 
     The latter are those of the wear model, which saw recorded windows of training tools alone.
+    ``others`` are generators of other seeds, which do not serve, with features of their windows.
     """
 
     document: Mapping[str, Any]
     reference: Mapping[str, Any]
     judges: tuple[Mapping[str, Any], ...] = ()
+    others: tuple[Mapping[str, Any], ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -203,6 +205,19 @@ class Synthesis:
     gan: "TrainedGan"
     reference: Reference
     networks: "tuple[WearJudge, ...]" = ()
+    stored: tuple[Mapping[str, Any], ...] = ()
+
+    @cached_property
+    def trainings(self) -> "tuple[tuple[TrainedGan, Learner], ...]":
+        """Generators of all seeds, the one that serves first, each with what learns from it."""
+        from pipeline.nets.dcgan import restore_gan
+        from pipeline.nets.window_model import unpacked
+
+        others = [
+            (restore_gan(one["document"]), self._learner(unpacked(one["generated"]).astype(float)))
+            for one in self.stored
+        ]
+        return (self.gan, self.from_generated), *others
 
     @cached_property
     def judges(self) -> Mapping[str, Judge]:
@@ -234,23 +249,22 @@ class Synthesis:
     @cached_property
     def judge(self) -> Learner:
         """Learnt from recorded training windows."""
-        return self._learner(recorded=True, generated=False)
+        return self._learner(self.reference.recorded)
 
     @cached_property
     def from_generated(self) -> Learner:
         """Learnt from generated windows alone."""
-        return self._learner(recorded=False, generated=True)
+        return self._learner(self.reference.generated)
 
     @cached_property
     def augmented(self) -> Learner:
         """Learnt from both."""
-        return self._learner(recorded=True, generated=True)
+        return self._learner(self.reference.recorded, self.reference.generated)
 
-    def _learner(self, *, recorded: bool, generated: bool) -> Learner:
+    def _learner(self, *parts: Floats) -> Learner:
         from sklearn.ensemble import RandomForestRegressor
 
         mine = self.reference
-        parts = [p for p, use in ((mine.recorded, recorded), (mine.generated, generated)) if use]
         x = np.concatenate([np.hstack([self.scaling(p), mine.conditions]) for p in parts])
         forest = RandomForestRegressor(
             n_estimators=self.file.trees, min_samples_leaf=3, max_features=0.33, n_jobs=1,
@@ -348,4 +362,5 @@ def load_synthesis(folder: Path) -> Synthesis:
         gan=restore_gan(stored.document),
         reference=reference_of(stored),
         networks=tuple(restore_judge(one) for one in stored.judges),
+        stored=stored.others,
     )

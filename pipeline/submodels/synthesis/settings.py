@@ -18,6 +18,9 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
         Sizes of generator and discriminator.
     training : GanTraining
         Its budget.
+    trainings : int
+        Generators of as many seeds, trained side by side: the first serves, and from all of them
+        it is known how far trainings differ.
     by_tool : bool
         Whether the tool is a condition too; of one that was not learnt the mean of those that were
         takes its place.
@@ -44,6 +47,7 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
 
     network: GanSettings = field(default_factory=GanSettings)
     training: GanTraining = field(default_factory=GanTraining)
+    trainings: Count = 1
     by_tool: bool = True
     left_out: tuple[str, ...] = ()
     windows: Annotated[int, Range(least=20)] = 20_000

@@ -190,8 +190,9 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
         # the curve is read from what was stored, in its precision
         write_json(model, folder / "model.json")
         served = load_synthesis(folder)
-        read = looks(served, found.earlier, fitting)
-        return replace(model, curves=curves(served, fitting), looks=read)
+        read = curves(served, fitting, model.judges)
+        seen = looks(served, found.earlier, read[model.judges[0]], fitting)
+        return replace(model, curves=read, looks=seen)
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of lives."""
@@ -303,7 +304,13 @@ def _write(found: Trained, folder: Path, judges: tuple[Mapping[str, Any], ...]) 
 
     mine = found.reference
     reference = {name: packed(np.asarray(getattr(mine, name), np.float32)) for name in vars(mine)}
-    document = GeneratorFile(document=found.gan.document(), reference=reference, judges=judges)
+    others = tuple(
+        {"document": gan.document(), "generated": packed(made.astype(np.float32))}
+        for gan, made in found.others
+    )
+    document = GeneratorFile(
+        document=found.gan.document(), reference=reference, judges=judges, others=others
+    )
     write_json(document, folder / "generator.json")
 
 
@@ -315,7 +322,7 @@ def _predicted(case: Case, served: Synthesis) -> Prediction:
             f"{case.name} has channels {windows.channels}, the generator {served.file.channels}: "
             "run `dvc repro` after a change of wear_records"
         )
-    return compared(windows, served, case.name)
+    return compared(windows, served, case.name, again=case.role != "training")
 
 
 def _rounded(value: Any) -> float:

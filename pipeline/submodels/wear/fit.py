@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.interval import Bands
@@ -91,8 +92,8 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     several = {tool: len(set(windows.recording[windows.tool == tool].tolist())) for tool in tools}
     per_recording = max(several.values()) > 1
     tasks = _tasks(windows, tools, progress, settings)
-    slow = RESNET in settings.methods  # else a process takes longer to start than to fit
-    done = mapped(_fold, tasks, compute="processes" if slow else "serial")
+    steps = len(tasks) * settings.training.steps(min(len(windows), settings.windows))
+    done = mapped(_fold, tasks, compute=place(steps if RESNET in settings.methods else 0))
     told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
         tasks, done, strict=True
     )]  # fmt: skip

@@ -114,15 +114,15 @@ class Forest:
     limit: Floats
     value: Floats
 
-    def predict(self, x: Floats) -> Floats:
-        """Mean of the trees for scaled features (N, F), shape (N,)."""
+    def by_tree(self, x: Floats) -> Floats:
+        """Wear by each tree for scaled features (N, F), shape (R, N)."""
         rows, at = np.arange(len(x))[:, None], np.tile(self.roots, (len(x), 1))
         x = x.astype(np.float32)  # as the trees compared them
         while (inner := self.left[at] >= 0).any():
             goes_left = x[rows, self.feature[at]] <= self.limit[at]
             below = np.where(goes_left, self.left[at], self.right[at])
             at = np.where(inner, below, at)
-        found: Floats = self.value[at].mean(axis=1)
+        found: Floats = self.value[at].T
         return found
 
     def document(self) -> dict[str, Any]:

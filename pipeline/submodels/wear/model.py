@@ -1,6 +1,6 @@
 """Stored model of tool wear, and the object that predicts from it with every method."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -16,6 +16,7 @@ from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import CLASS_UNIT
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import ALL_REGIMES
+from pipeline.submodels.statistics import DRAWN
 from pipeline.submodels.wear.due import Lasting
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import Curve, Forest, ForestSettings, Ridge
@@ -233,14 +234,23 @@ class Fitted:
 
     def predict(self, windows: WearWindows) -> dict[str, Floats]:
         """Wear of windows by every method that is fitted, (N,) each; NaN where it cannot tell."""
+        each = self.by_members(windows)
+        return {name: self.bounded(some.mean(axis=0)) for name, some in each.items()}
+
+    def bounded(self, values: Floats) -> Floats:
+        """No wear below zero; of a class none above one."""
+        return np.clip(values, 0.0, 1.0 if self.is_class else None)
+
+    def by_members(self, windows: WearWindows) -> dict[str, Floats]:
+        """The same by each network of a fold and each tree, shape (M, N); of others M is 1."""
         x = self.feature_scaling.scaled(features(windows, self.scaling, self.known))
         columns = self.known.columns(windows)
         found: dict[str, Floats] = {}
         if self.networks:
             by_each = [one.predict(windows.values, columns) for one in self.networks]
-            found[RESNET] = np.mean(by_each, axis=0)
+            found[RESNET] = np.stack(by_each)
         if self.forest is not None:
-            found[FOREST] = self.forest.predict(x)
+            found[FOREST] = self.forest.by_tree(x)
         if self.ridge is not None:
             found[RIDGE] = self.ridge.predict(x)
         if self.guess is not None:
@@ -249,9 +259,7 @@ class Fitted:
         if self.is_class:
             by = self.by_conditions
             found[GUESS] = found[MEAN] if by is None else by.predict(self.known.matrix(windows))
-        if self.is_class:
-            return {name: np.clip(values, 0.0, 1.0) for name, values in found.items()}
-        return {name: np.maximum(values, 0.0) for name, values in found.items()}
+        return {name: np.atleast_2d(values) for name, values in found.items()}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -296,9 +304,22 @@ class Wear:
 
     def predict(self, windows: WearWindows) -> tuple[Readings, dict[str, Floats]]:
         """Readings of windows, and their wear by every method and the blend, (K,) each."""
+        readings, found, _ = self.predict_again(windows, draws=0)
+        return readings, found
+
+    def predict_again(
+        self, windows: WearWindows, draws: int = DRAWN
+    ) -> tuple[Readings, dict[str, Floats], list[dict[str, Floats]]]:
+        """As :meth:`predict`, and by networks and trees that are drawn with replacement."""
         readings = Readings.among(windows, per_recording=self.file.per_recording)
-        found = {name: readings.mean(one) for name, one in self.fitted.predict(windows).items()}
-        return readings, self.together(found)
+        each, random = self.fitted.by_members(windows), np.random.default_rng(0)
+
+        def found(rows: Callable[[int], Any]) -> dict[str, Floats]:
+            told = {n: self.fitted.bounded(m[rows(len(m))].mean(axis=0)) for n, m in each.items()}
+            return self.together({name: readings.mean(one) for name, one in told.items()})
+
+        again = [found(lambda many: random.integers(0, many, many)) for _ in range(draws)]
+        return readings, found(np.arange), again
 
     def together(self, found: Mapping[str, Floats]) -> dict[str, Floats]:
         """Wear by every method, (K,) each, with their median and the blend."""

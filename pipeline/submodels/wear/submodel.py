@@ -11,6 +11,7 @@ import pandas as pd
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition
+from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
@@ -264,10 +265,11 @@ def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
             frame=pd.DataFrame(),
             note=f"its windows of {', '.join(windows.channels)} are none of those learnt",
         )
-    readings, found = wear.predict(windows)
+    readings, found, again = wear.predict_again(windows)
     name, told, low, high = wear.served(found)
     first = readings.first
     others = {f"baseline_{one}": values for one, values in found.items() if one != name}
+    others |= {f"{AGAIN}{k}": wear.served(one)[1] for k, one in enumerate(again)}
     frame = pd.DataFrame({
         "quantity": file.quantity, "unit": file.wear_unit, "regime": "",
         "t": _seconds(windows.progress[first], file.progress_unit),
