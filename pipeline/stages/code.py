@@ -75,7 +75,7 @@ def stages(known: dict[str, Module], package: str) -> dict[str, list[str]]:
     return own
 
 
-OVER_ALL = {"report", "register"}
+OVER_ALL = {"champion", "report"}
 """Stages that look sub-models up by name."""
 
 

@@ -67,7 +67,6 @@ def test_the_command_gives_the_stage_its_paths(name: str) -> None:
     known = paths(stage.get("deps", [])) | paths(stage["outs"]) | paths(stage.get("metrics", []))
     known |= paths(stage.get("plots", []))
     known |= set(parameters(stage))
-    known |= {"champions.json"} if name == "register" else set()  # it keeps that itself
     if INDEX in parameters(stage):  # by their hashes, not as a whole
         known |= {"data/raw/${item}", "data/signals/${item}"}
     for path in given:
