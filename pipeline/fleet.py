@@ -25,8 +25,8 @@ class Fleet:
         Those with part programs that are made faster or cheaper inside their limits.
     trials : tuple of str
         Those of them where the simulated shop floor cuts these programs before and after.
-    budget : str
-        File of ``conf/budget/`` with the sizes of searches and trainings.
+    chosen_budget : str
+        File of ``conf/budget/`` that it is built with.
 
     Raises
     ------
@@ -42,7 +42,7 @@ class Fleet:
     drives_under: Mapping[str, str] = field(default_factory=dict)
     optimised: tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
-    budget: str = "default"
+    chosen_budget: str = "default"
 
     def __post_init__(self) -> None:
         lists = {

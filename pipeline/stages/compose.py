@@ -218,7 +218,7 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
             _check_machines(conf, list(fleet.machines))
             if not any(one.startswith("budget=") for one in overrides):
-                overrides = (*overrides, f"budget={fleet.get('budget', 'default')}")
+                overrides = (*overrides, f"budget={fleet.get('chosen_budget', 'default')}")
             machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
             config = hydra_compose("config", overrides=[*overrides, *entries, *machines])
         return OmegaConf.to_yaml(config, resolve=True) + as_section(
