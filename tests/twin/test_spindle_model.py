@@ -39,7 +39,7 @@ def test_windows_start_from_what_was_measured(truth: object) -> None:
     network = ONE if truth is ONE else TWO
     piece = day_of(network, 1, hours=4.0)
     model = SpindleModel(network=network, records=RECORDS, step_s=60.0)
-    physics, whole, persistence = model.windows(piece, 3600.0)
+    physics, (whole,), persistence = model.windows(piece, 3600.0)
     measured = piece.frame[TARGET].to_numpy()
     np.testing.assert_allclose(physics, measured, atol=1e-9)
     np.testing.assert_array_equal(physics, whole)

@@ -56,8 +56,8 @@ LENGTH, TOP = 8e-3, 8e-3
 """Standard deviations of a tool's length and of the blank's top [mm]."""
 RAYLEIGH = sqrt(pi / 2)
 """Mean of Rayleigh's distribution over its scale."""
-STEPS = 72
-"""Least number of steps in a revolution: 5 degrees each, so that a peak is met to 0.1 %."""
+STEPS = 120
+"""Least number of steps in a revolution: 3 degrees each."""
 PIECE = 1.0
 """Time over which wear counts as constant [s]."""
 BEFORE = 1.0
@@ -142,14 +142,9 @@ def forces(
             a, b = np.sin(tip), np.cos(tip)
             for s in range(lowest, slices):
                 sine, cosine = a * ahead[s] - b * behind[s], b * ahead[s] + a * behind[s]
-                # against its own path first, which tells all that is behind the tool
-                h = _chip(radii, tooth, s, sine, cosine, steps, k, turn, flutes)
+                h = _chip(radii, tooth, s, sine, cosine, steps, k, turn)
                 if h <= 0.0 or not _in_material(layers, s, radii[tooth, s], sine, cosine, steps, k,
                                           turn, cutter.radius):  # fmt: skip
-                    continue
-                for back in range(flutes - 1, 0, -1):
-                    h = min(h, _chip(radii, tooth, s, sine, cosine, steps, k, turn, back))
-                if h <= 0.0:
                     continue
                 t, r, axial = edge_force(edge, h * 1e-3, sharpness[tooth])
                 out[k - begin, 0] -= (t * cosine + r * sine) * height[s] * 1e-3
@@ -188,18 +183,23 @@ def _edges(
 @compiled_with(nogil=True, error_model="numpy")
 def _chip(
     radii: np.ndarray, tooth: int, s: int, sine: float, cosine: float, steps: Steps, k: int,
-    turn: int, back: int,
+    turn: int,
 ) -> float:  # fmt: skip
-    """Chip thickness between the paths of a tooth and of the one ``back`` teeth before it [mm]."""
-    flutes = radii.shape[0]
-    then, before = k - back * (turn // flutes), radii[(tooth - back) % flutes, s]
-    dx, dy = steps.x[then] - steps.x[k], steps.y[then] - steps.y[k]
-    # that tooth crossed this radius a little off the full pitches: its centre had moved on
-    bend = (dy * sine - dx * cosine) / before
-    share = 1.0 - bend * flutes / (2 * np.pi * back)
-    bend *= share
-    left = before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * share
-    return radii[tooth, s] - left
+    """Chip thickness between the paths of a tooth and of the teeth before it [mm]."""
+    flutes, own = radii.shape[0], radii[tooth, s]
+    part = turn // flutes
+    left = 0.0
+    for back in range(flutes, 0, -1):  # its own path first: behind the tool it ends the search
+        then, before = k - back * part, radii[(tooth - back) % flutes, s]
+        dx, dy = steps.x[then] - steps.x[k], steps.y[then] - steps.y[k]
+        # that tooth crossed this radius a little off the full pitches: its centre had moved on
+        bend = -(dx * cosine - dy * sine) / before
+        share = 1.0 - bend / (2 * np.pi * back / flutes)
+        bend *= share
+        left = max(left, before * (1 - bend * bend / 2) + (dx * sine + dy * cosine) * share)
+        if left >= own:
+            return 0.0
+    return own - left
 
 
 @compiled_with(nogil=True, error_model="numpy")
