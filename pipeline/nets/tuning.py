@@ -14,13 +14,11 @@ Sources: Feed2025 (whale optimisation, 8 candidates, 20 generations); Golovin et
 Vizier".
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import partial
-from math import inf, isfinite
+from math import inf
 from statistics import median
-from time import perf_counter
-from typing import Any
 
 import numpy as np
 
@@ -81,36 +79,6 @@ class Candidate:
         return float(self.errors[:epoch].min(initial=inf))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Generation:
-    """What a search says after each generation.
-
-    Parameters
-    ----------
-    number, of : int
-        Generations that are done, and that there are at most.
-    validation : float
-        Least RMSE so far, in the unit of the target.
-    candidates, pruned : int
-        Trained so far, and those among them that were stopped at a milestone.
-    seconds, left_s : float
-        Time so far [s], and to come before the best are trained in full, at the mean time of a
-        generation.
-    """
-
-    number: int
-    of: int
-    validation: float
-    candidates: int
-    pruned: int
-    seconds: float
-    left_s: float
-
-
-Watch = Callable[[Generation], bool | None]
-"""Called after each generation; true ends the search."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tuned:
     """Result of a search for the settings of a network.
@@ -131,8 +99,6 @@ class Tuned:
         Those that were trained in full, the best by validation error first.
     bounds_hit : dict of str to str
         ``low`` or ``high`` for what lies at a bound of its range in the best of them.
-    seconds : float
-        That it took [s]; not part of the document.
     """
 
     settings: TuningSettings
@@ -142,58 +108,16 @@ class Tuned:
     evaluations: int
     retrained: tuple[TrainedSequence, ...]
     bounds_hit: dict[str, str]
-    seconds: float
 
     @property
     def network(self) -> TrainedSequence:
         """The best of those that were trained in full."""
         return self.retrained[0]
 
-    @property
-    def notice(self) -> str:
-        """What the bounds that were hit mean, as a sentence; empty where none was."""
-        if not self.bounds_hit:
-            return ""
-        found = _values(self.network, self.names)
-        said = [f"{name} = {found[name]:.4g} ({side})" for name, side in self.bounds_hit.items()]
-        return (
-            f"the best settings lie at a bound of their range, where a better value may lie "
-            f"outside: {', '.join(said)}"
-        )
-
-    def document(self) -> dict[str, Any]:
-        """All of it but its time in plain lists, numbers and words, as JSON holds them.
-
-        The same seed gives the same document in any number of processes.  A candidate that
-        diverged has no validation error (None).
-        """
-        settings = asdict(self.settings).items()
-        return {
-            "settings": {k: list(v) if isinstance(v, tuple) else v for k, v in settings},
-            "candidates": [
-                {
-                    "generation": one.generation, **one.values, "epochs": one.epochs,
-                    "validation": _finite(one.validation), "pruned": one.pruned,
-                }
-                for one in self.candidates
-            ],
-            "history": [_finite(error) for error in self.history.tolist()],
-            "evaluations": self.evaluations,
-            "retrained": [
-                {
-                    **_values(one, self.names), "seed": one.settings.seed, "epochs": one.epochs,
-                    "validation": _error(one),
-                }
-                for one in self.retrained
-            ],
-            "bounds_hit": dict(self.bounds_hit),
-            "network": self.network.document(),
-        }  # fmt: skip
-
 
 def tune(
     kind: SequenceSettings, windows: Windows, training: WindowTraining, settings: TuningSettings,
-    *, compute: Compute = "processes", device: str = "cpu", watch: Watch | None = None,
+    *, compute: Compute = "processes", device: str = "cpu",
 ) -> Tuned:  # fmt: skip
     """The best settings within their ranges, and the network that was trained with them.
 
@@ -212,8 +136,6 @@ def tune(
         Where candidates are trained, each on one thread; on a GPU one after another, here.
     device : str
         Of torch.
-    watch : callable or None
-        Called after each generation.
 
     Raises
     ------
@@ -231,23 +153,12 @@ def tune(
             "settings are compared by recordings that are not learnt from: set "
             "window_training.validation above 0"
         )
-    started = perf_counter()
     place: Compute = "serial" if device.startswith("cuda") else compute
     search = _Search(kind, thinned(windows, settings.windows), training, settings, place, device)
-    box, of = search.box, settings.generations
-
-    def told(number: int, _: Floats, best: float) -> bool:
-        seconds = perf_counter() - started
-        generation = Generation(
-            number=number, of=of, validation=best, candidates=len(search.known),
-            pruned=sum(one.pruned for one in search.known.values()), seconds=seconds,
-            left_s=seconds / number * (of - number),
-        )  # fmt: skip
-        return bool(watch and watch(generation))
-
+    box = search.box
     found = minimise(
         settings.method, search.cost, box.low, box.high, population=settings.population,
-        generations=of, seed=settings.seed, log=box.log, integer=box.integer, callback=told,
+        generations=settings.generations, seed=settings.seed, log=box.log, integer=box.integer,
     )  # fmt: skip
     candidates = tuple(search.known.values())
     retrained = _in_full(search, windows, training)
@@ -263,7 +174,6 @@ def tune(
         settings=settings, names=search.names, candidates=candidates, history=found.history,
         evaluations=found.evaluations, retrained=tuple(retrained),
         bounds_hit={name: "low" if side < 0 else "high" for name, side in sides if side},
-        seconds=perf_counter() - started,
     )  # fmt: skip
 
 
@@ -423,7 +333,3 @@ def _trained(task: Task, windows: Windows, device: str) -> TrainedSequence | Non
 def _error(found: TrainedSequence) -> float:
     """Least validation RMSE."""
     return float(found.history[:, 2].min())
-
-
-def _finite(error: float) -> float | None:
-    return error if isfinite(error) else None
