@@ -277,7 +277,7 @@ def identify_control(
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
-    blocks: NDArray[np.int64], settings: ControlFitSettings, likely: Bools | None,
+    blocks: NDArray[np.int64], settings: ControlFitSettings, *, likely: Bools | None,
 ) -> tuple[Optimum, Bools, Uncertainty]:  # fmt: skip
     """The optimum of what the logs determine of the ``active`` parameters, and which these are.
 
