@@ -15,6 +15,7 @@ from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pipeline.parallel import mapped
 from pipeline.schema.cache import code_hash
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
@@ -223,12 +224,14 @@ def ingest(
     # An ingest that is cut short leaves no entry of a file whose Parquet it had begun to replace.
     write_manifest(out, {**head, "files": entries})
     kept = len(entries)
-    for file in files:
-        if file.name not in entries:
-            progress(file.name)
-            outcome = _read(file, raw, out)
-            entries[file.name] = outcome.entry(file)
-            rejections[file.name] = outcome.rejected
+
+    def outcome(file: RawFile) -> Outcome:
+        progress(file.name)
+        return _read(file, raw, out)
+
+    todo = [file for file in files if file.name not in entries]
+    for file, found in zip(todo, mapped(outcome, todo, compute="threads"), strict=True):
+        entries[file.name], rejections[file.name] = found.entry(file), found.rejected
     remove_stale(out, entries)
     write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
     write_runs(out, entries)

@@ -127,7 +127,7 @@ def _end(
 def _placed(frame: pd.DataFrame, state: pd.DataFrame) -> pd.DataFrame:
     """With the program and the line that were in the control when each alarm began."""
     known = state.sort_values("time", ignore_index=True)
-    row = np.searchsorted(known["time"].to_numpy(), frame["start"].to_numpy(), side="right") - 1
+    row = np.asarray(known["time"].searchsorted(frame["start"], side="right")) - 1
     for name in AT:
         if name not in known or not len(known):
             frame[name] = pd.Series([None] * len(frame), dtype=object)

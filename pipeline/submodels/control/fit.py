@@ -225,8 +225,7 @@ def identify_control(
     settings : ControlFitSettings
         Of the search.
     near : ControlFit, optional
-        Control of more runs of the same units: where the search begins in its place, at what these
-        determine.
+        Control of more runs of the same units, where the search begins in place of ``start``.
 
     Raises
     ------
@@ -260,13 +259,13 @@ def identify_control(
     begin = np.array([one.start for one in free])
     begin[list(rates)] = [rate.value for rate in rates.values()]
     fitted = ~np.isin(np.arange(len(free)), list(rates))
-    scales = settings.scales_s
-    if near is not None and (fitted & near.determined).any():
+    if near is not None:
         begin = np.where(fitted, near.values, begin)
-        fitted, scales = fitted & near.determined, scales[-1:]
+        settings = replace(settings, scales_s=settings.scales_s[-1:])
     found, active, uncertainty = _determined(
-        residuals, free, begin, fitted, clusters(observed), replace(settings, scales_s=scales)
-    )
+        residuals, free, begin, fitted, clusters(observed), settings,
+        likely=None if near is None else fitted & near.determined,
+    )  # fmt: skip
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
@@ -278,13 +277,19 @@ def identify_control(
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
-    blocks: NDArray[np.int64], settings: ControlFitSettings,
+    blocks: NDArray[np.int64], settings: ControlFitSettings, *, likely: Bools | None,
 ) -> tuple[Optimum, Bools, Uncertainty]:  # fmt: skip
-    """The optimum of what the logs determine of the ``active`` parameters, and which these are."""
+    """The optimum of what the logs determine of the ``active`` parameters, and which these are.
+
+    Those that are not ``likely`` to be are taken out together, where these logs left them.
+    """
     values = begin
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
         found = optimum(residuals, free, values, active, scale, settings)
         values = found.values
+    if likely is not None and likely.any():
+        active = likely
+        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
     uncertainty = _uncertainty(found, blocks)
     while (loose := _loosest(free, found, uncertainty, active, settings)).any():
         active = active & ~loose

@@ -8,7 +8,7 @@ little is its own.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from functools import partial
 
 import numpy as np
 
@@ -50,41 +50,33 @@ def with_intervals(
     for letter, axis in axes.items():
         shown = {one.name: one for one in of_axis(recordings, letter) if one.trained}
         tasks += [
-            _Fold(letter, axis, [shown[one] for one in fitted], [shown[one] for one in left], again,
-                  settings.substeps)
+            (letter, axis, [shown[one] for one in fitted], [shown[one] for one in left])
             for fitted, left in splits(list(shown), settings.folds)
-        ]  # fmt: skip
-    errors: dict[str, dict[str, list[Residuals]]] = {letter: {} for letter in axes}
-    for fold, found in zip(tasks, mapped(_left_over, tasks), strict=True):
+        ]
+    parts = mapped(partial(_left_over, again=again, substeps=settings.substeps), tasks)
+    errors: dict[tuple[str, str], list[Residuals]] = {}
+    for (letter, *_), found in zip(tasks, parts, strict=True):
         for quantity, error in found:
-            errors[fold.letter].setdefault(quantity, []).append(error)
+            errors.setdefault((letter, quantity), []).append(error)
     return {
         letter: replace(axis, intervals={
-            quantity: _rounded(bands(Residuals.joined(parts))[ALL_REGIMES])
-            for quantity, parts in errors[letter].items() if len(parts) > 1
+            quantity: _rounded(bands(Residuals.joined(each))[ALL_REGIMES])
+            for (of, quantity), each in errors.items() if of == letter and len(each) > 1
         })
         for letter, axis in axes.items()
     }  # fmt: skip
 
 
-class _Fold(NamedTuple):
-    """An axis, the recordings that it is identified from again, and those left out."""
-
-    letter: str
-    axis: DriveAxis
-    fitted: list[Recording]
-    left: list[Recording]
-    again: Again
-    substeps: int
-
-
-def _left_over(fold: _Fold) -> list[tuple[str, Residuals]]:
-    """Errors of force and following error in the recordings left out."""
-    drive = identified_drive(fold.again(fold.letter, fold.fitted) or fold.axis)
+def _left_over(
+    fold: tuple[str, DriveAxis, list[Recording], list[Recording]], again: Again, substeps: int
+) -> list[tuple[str, Residuals]]:
+    """Errors of force and following error of an axis in the recordings left out of a fold."""
+    letter, axis, fitted, left = fold
+    drive = identified_drive(again(letter, fitted) or axis)
     return [
         (quantity, _residuals(error, one.name))
-        for one in fold.left
-        for quantity, error in _errors(one, fold.letter, drive, fold.substeps)
+        for one in left
+        for quantity, error in _errors(one, letter, drive, substeps)
     ]
 
 
