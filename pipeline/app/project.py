@@ -8,13 +8,15 @@ import sys
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
+from pipeline.registry.provenance import CHAMPIONS
+from pipeline.schema.bundle import Champions, write_champions
 from pipeline.schema.store import write_text
 from pipeline.stages.compose import compose
 
 CODE = "kerf-version"
 """File of the version and hash of the code: a dependency of every stage in place of the code."""
 SHARE = "share/kerf-twin"
-IGNORED = ("mlflow.db", "mlartifacts/", "data/*", "!data/golden/", "!data/metrics/")
+IGNORED = ("mlflow.db", "mlartifacts/", "/data/*", "!/data/golden/", "/reports/")
 
 
 def new_project(folder: Path) -> str:
@@ -39,6 +41,7 @@ def new_project(folder: Path) -> str:
         simulated = (source / "conf/fleet/simulated.yaml").read_text(encoding="utf-8")
         write_text(simulated, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
+        write_champions(Champions(), folder / CHAMPIONS)
         _set_up_dvc(folder)
         compose(folder / "conf", folder / "params.yaml")  # which `kerf status` reads
     write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")

@@ -1,6 +1,5 @@
 """Stages identify_<sub-model> and judge_<sub-model>, shared by all sub-models."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -75,5 +74,5 @@ def judge(
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
-    metrics.write_text(json.dumps(figures, indent=2) + "\n")
+    write_json(figures, metrics)
     write_plots(found.verdict, found.predictions, plots)
