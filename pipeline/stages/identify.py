@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pipeline.schema.bundle import SERVED, served
 from pipeline.schema.golden import read_golden
 from pipeline.schema.plots import write_plots
 from pipeline.schema.predictions import write_predictions
@@ -45,7 +46,7 @@ def judge(
     *,
     settings: Any,
 ) -> None:
-    """Judge the sub-model in ``folder``; write verdict, predictions, metrics, plots.
+    """Judge the sub-model in ``folder``; write verdict, predictions, columns, metrics, plots.
 
     Parameters
     ----------
@@ -73,6 +74,8 @@ def judge(
     )
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
+    example = submodel.example(folder)
+    write_json(served(example, submodel.serve(folder)(example)), folder / SERVED)
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
     write_json(figures, metrics)
     write_plots(found.verdict, found.predictions, plots)
