@@ -8,13 +8,22 @@ from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
 from pipeline.parameters import SETTINGS
+from pipeline.registry.provenance import CHAMPIONS
+from pipeline.schema.bundle import Champions, write_champions
 from pipeline.schema.store import write_text
 from pipeline.stages.compose import compose
 
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
-IGNORED = ("mlflow.db", "mlartifacts/", "data/*", "!data/golden/", "!data/metrics/")
+IGNORED = (
+    "mlflow.db",
+    "mlartifacts/",
+    "/data/*",
+    "!/data/golden/",
+    "!/data/settings/",
+    "/reports/",
+)
 
 
 def new_project(folder: Path) -> str:
@@ -39,6 +48,7 @@ def new_project(folder: Path) -> str:
         simulated = (source / "conf/fleet/simulated.yaml").read_text(encoding="utf-8")
         write_text(simulated, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
+        write_champions(Champions(), folder / CHAMPIONS)
         _set_up_dvc(folder)
         # `kerf status` reads them
         compose(folder / "conf", folder / "params.yaml", folder / SETTINGS)
