@@ -30,6 +30,9 @@ from .conftest import (
     shop_parameters,
 )
 
+PLAIN = NO_CUTS | NO_DRIVES | NO_GROWTH | NO_WEAR
+"""Changes by which the control and the spindle alone write records."""
+
 one_machine = pytest.mark.parametrize(
     "week", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
 )
@@ -77,7 +80,7 @@ def test_processes_write_the_same_bytes(tmp_path: Path) -> None:
 @one_machine
 @pytest.mark.parametrize(
     "parts",
-    [NO_CUTS | NO_DRIVES | NO_GROWTH | NO_WEAR, pytest.param({}, marks=pytest.mark.proof)],
+    [PLAIN, pytest.param({}, marks=pytest.mark.proof)],
     ids=["plain", "all"],
 )
 def test_another_seed_is_another_week(
@@ -139,13 +142,13 @@ def test_values_out_of_range_are_named(make, words: str) -> None:  # type: ignor
 
 
 def test_unknown_programs_are_named(tmp_path: Path) -> None:
-    p = shop_parameters("mill01", programs=["O7777"], weeks=1)
+    p = shop_parameters("mill01", programs=["O7777"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="O7777"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 
 
 def test_only_c_axis_programs_and_no_c_axis_is_an_error(tmp_path: Path) -> None:
-    p = shop_parameters("mill02", programs=["O4410"], weeks=1)
+    p = shop_parameters("mill02", programs=["O4410"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="without a C axis"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 
