@@ -16,7 +16,7 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: a dependency of every stage in place of the code."""
 SHARE = "share/kerf-twin"
-IGNORED = ("mlflow.db", "mlartifacts/", "/data/*", "!/data/golden/", "/reports/")
+IGNORED = ("mlflow.db", "mlartifacts/", "/data/*", "!/data/golden/", "/reports")
 
 
 def new_project(folder: Path) -> str:
