@@ -224,6 +224,8 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(root: Pat
     example = model.load_input_example(str(place))
     found = served.predict(example, params={"submodel": "spindle"})
     pd.testing.assert_frame_equal(found, direct(root / CHAMPION, example))
+    assert set(model.signature.inputs.input_names()) == set(example.columns)
+    assert model.signature.outputs.input_names() == list(found.columns)
     asked = (place / "requirements.txt").read_text().split()
     lock = (ROOT / "requirements.lock").read_text().split()
     assert all("==" in line and not line.startswith("kerf") for line in asked)

@@ -16,13 +16,14 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
+HELD = ("golden", "metrics", "settings")
+"""Folders of data/ that git holds."""
 IGNORED = (
     "mlflow.db",
     "mlartifacts/",
     "/data/*",
-    "!/data/golden/",
-    "!/data/settings/",
-    "/reports/",
+    *(f"!/data/{name}/" for name in HELD),
+    "/reports",
 )
 
 
