@@ -78,7 +78,8 @@ class LogLines:
         lines = [f"{when}|{what}" if when else what for when, what in pairs]
         if not self.native:
             return "\n".join([lines[k] for k in order]) + "\n", len(order)
-        rows, open_at = [], ""
+        rows: list[str] = []
+        open_at = ""
         for k in order:
             if not self.alone[k] and self.when[k] == open_at:
                 rows[-1] += f"|{self.what[k]}"
