@@ -454,10 +454,12 @@ def test_a_first_champion_serves_until_somebody_chooses(root: Path) -> None:
     assert aliases(root) == {"champion": 1, "challenger": 2}
     with pytest.raises(ValueError, match="version 1 of mill01 is its champion already"):
         promote(MACHINE, root, why="again", to=1)
-    for name in ("mlflow.db", CHAMPIONS):
-        (root / name).unlink()
+
+
+def test_a_store_that_lacks_the_champion_is_filled_before_a_promotion(root: Path) -> None:
+    (root / "mlflow.db").unlink()
     shutil.rmtree(root / "mlartifacts")
-    served = promote(MACHINE, root, why="better")  # into a store that was empty
+    served = promote(MACHINE, root, why="better")
     assert (served.version, aliases(root)) == (2, {"previous": 1, "champion": 2})
     shutil.rmtree(root / CHAMPION)
     (root / CHAMPIONS).unlink()
