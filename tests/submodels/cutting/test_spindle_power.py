@@ -20,7 +20,7 @@ from pipeline.submodels.cutting.spindle_load.levels import (
     settled,
     shown_power,
 )
-from pipeline.submodels.cutting.spindle_load.power import cut_rates, no_load, specific_force
+from pipeline.submodels.cutting.spindle_load.power import no_load, specific_force
 from tests.cutting.closed_forms import mean_torque
 from tests.submodels.cutting.spindle_loads import (
     FLUTES,
@@ -30,6 +30,7 @@ from tests.submodels.cutting.spindle_loads import (
     SCALE,
     D,
     cut_log,
+    cut_rates,
     free_power,
     no_load_log,
 )
