@@ -63,16 +63,16 @@ def test_a_project_of_an_installed_kerf_is_composed_and_built(
     assert made.stdout == "made shop: `cd shop` and `dvc repro`\n"
     project = tmp_path / "shop"
     before = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
-    assert before.returncode == 0 and "mill01" in before.stdout, before.stderr
+    assert before.returncode == 0 and "mill00" in before.stdout, before.stderr
     built = run(installed, python, "-m", "dvc", "repro", "-q", "compose", cwd=project)
     assert built.returncode == 0, built.stderr
     params = read_params(project / "params.yaml")
-    assert params["fleet"]["name"] == "simulated" and "mill01" in params["machine"]
+    assert params["fleet"]["name"] == "demo" and "mill00" in params["machine"]
     graph = run(installed, python, "-m", "dvc", "status", "report", cwd=project)
     assert graph.returncode == 0, graph.stderr  # every stage resolves without the checkout's files
     said = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
     assert said.returncode == 0, said.stderr
-    assert "mill01" in said.stdout and "not built" in said.stdout
+    assert "mill00" in said.stdout and "not built" in said.stdout
 
 
 def test_a_project_is_brought_up_and_keeps_its_own_conf(tmp_path: Path) -> None:

@@ -224,6 +224,8 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(root: Pat
     example = model.load_input_example(str(place))
     found = served.predict(example, params={"submodel": "spindle"})
     pd.testing.assert_frame_equal(found, direct(root / CHAMPION, example))
+    assert set(model.signature.inputs.input_names()) == set(example.columns)
+    assert model.signature.outputs.input_names() == list(found.columns)
     asked = (place / "requirements.txt").read_text().split()
     lock = (ROOT / "requirements.lock").read_text().split()
     assert all("==" in line and not line.startswith("kerf") for line in asked)
@@ -452,10 +454,12 @@ def test_a_first_champion_serves_until_somebody_chooses(root: Path) -> None:
     assert aliases(root) == {"champion": 1, "challenger": 2}
     with pytest.raises(ValueError, match="version 1 of mill01 is its champion already"):
         promote(MACHINE, root, why="again", to=1)
-    for name in ("mlflow.db", CHAMPIONS):
-        (root / name).unlink()
+
+
+def test_a_store_that_lacks_the_champion_is_filled_before_a_promotion(root: Path) -> None:
+    (root / "mlflow.db").unlink()
     shutil.rmtree(root / "mlartifacts")
-    served = promote(MACHINE, root, why="better")  # into a store that was empty
+    served = promote(MACHINE, root, why="better")
     assert (served.version, aliases(root)) == (2, {"previous": 1, "champion": 2})
     shutil.rmtree(root / CHAMPION)
     (root / CHAMPIONS).unlink()

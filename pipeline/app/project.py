@@ -16,13 +16,14 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
+HELD = ("golden", "metrics", "settings")
+"""Folders of data/ that git holds."""
 IGNORED = (
     "mlflow.db",
     "mlartifacts/",
     "/data/*",
-    "!/data/golden/",
-    "!/data/settings/",
-    "/reports/",
+    *(f"!/data/{name}/" for name in HELD),
+    "/reports",
 )
 
 
@@ -45,8 +46,8 @@ def new_project(folder: Path) -> str:
         (folder / "data/golden").mkdir(parents=True)
         (folder / "data/golden/.gitkeep").touch()
         shutil.copytree(source / "conf", folder / "conf")
-        simulated = (source / "conf/fleet/simulated.yaml").read_text(encoding="utf-8")
-        write_text(simulated, folder / "conf/fleet/active.yaml")
+        first = (source / "conf/fleet/demo.yaml").read_text(encoding="utf-8")
+        write_text(first, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
         write_champions(Champions(), folder / CHAMPIONS)
         _set_up_dvc(folder)

@@ -3,7 +3,6 @@
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -82,11 +81,12 @@ def _log(
         parameters = list(flat(made_with).items())
         for first in range(0, len(parameters), BATCH):
             mlflow.log_params(dict(parameters[first : first + BATCH]))
-        mlflow.log_metrics(key_figures(bundle, folder))
+        figures = {name: key_figures(name, folder / name) for name in bundle.submodels}
+        mlflow.log_metrics({key: one for some in figures.values() for key, one in some.items()})
         _log_curves(bundle, folder, root)
         mlflow.set_tags(tags | {"mlflow.note.content": as_description(card)})
         mlflow.log_text(card, "model_card.md")
-        _log_identifications(bundle, folder, root)
+        _log_identifications(bundle, folder, root, figures)
         model_id = _log_pyfunc(bundle, folder, root, signature, units, run.info)
     client, name = client_of(root), model_name(bundle.machine)
     if not client.search_registered_models(f"name='{name}'"):
@@ -142,7 +142,9 @@ def _log_pyfunc(
     return str(logged.model_id)
 
 
-def _log_identifications(bundle: Bundle, folder: Path, root: Path) -> None:
+def _log_identifications(
+    bundle: Bundle, folder: Path, root: Path, figures: Mapping[str, Mapping[str, float]]
+) -> None:
     """A run of its own, below the bundle's, for each sub-model that no version has had so far."""
     import mlflow
 
@@ -150,10 +152,9 @@ def _log_identifications(bundle: Bundle, folder: Path, root: Path) -> None:
     for name, one in bundle.submodels.items():
         if any(version.tags.get(f"{name}.sha256") == one.sha256 for version in before):
             continue
-        alone = replace(bundle, submodels={name: one})
         with mlflow.start_run(run_name=f"{bundle.machine}-{name}-{one.sha256[:8]}", nested=True):
             mlflow.log_params(parameters_of(name, folder / name))
-            mlflow.log_metrics(key_figures(alone, folder))
+            mlflow.log_metrics(dict(figures[name]))
             files = training_files(name, folder / name)
             mlflow.log_text("".join(f"{sha256}  {file}\n" for file, sha256 in files),
                             "training_files.sha256")  # fmt: skip

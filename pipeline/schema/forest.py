@@ -84,6 +84,14 @@ class Trees:
         _add_trees(np.ascontiguousarray(x, np.float32), *self._nodes, weights, found)
         return found
 
+    def by_tree(self, x: Floats) -> Floats:
+        """Value of each tree for features (N, F), shape (R, N)."""
+        found = np.zeros((len(self.roots), len(x)))
+        each = np.eye(len(self.roots))
+        _add_trees(np.ascontiguousarray(x, np.float32), *self._nodes, each, found)
+        # each sample's values beside each other: a mean over trees is then summed pairwise
+        return np.asfortranarray(found)
+
     @cached_property
     def _nodes(self) -> tuple[Any, ...]:
         return (self.roots, self.left, self.right, self.feature, self.limit, self.value,

@@ -115,8 +115,8 @@ def write_work(out: Path, parameters: ShopParameters) -> dict[str, Any]:
 
 
 KINDS: dict[str, Callable[[Path, ShopParameters], Any]] = {
-    "wear": write_wear,
     "work": write_work,
+    "wear": write_wear,
     "feed": write_feed,
     "growth": write_growth,
     "cutting": write_cutting,
@@ -124,7 +124,7 @@ KINDS: dict[str, Callable[[Path, ShopParameters], Any]] = {
     "shafts": write_shafts,
     "control": write_control,
 }
-"""Kinds of records, the longest to simulate first, so that processes end together."""
+"""Kinds of records; what takes longest is among the first, so that processes end together."""
 
 
 def _since_first_midnight(timeline: Timeline) -> list[Cycle]:

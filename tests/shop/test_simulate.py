@@ -67,10 +67,8 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
 
 def test_processes_write_the_same_bytes(tmp_path: Path) -> None:
     """Kinds of records share no state: where each is written changes neither them nor the truth."""
-    short = shop_parameters(
-        "mill01", weeks=1, growth={"numbers": [3]}, wear={"most": 2}, cutting={"recorded": False},
-        drives={"tool": {"speeds": [100.0]}, "feed": {"recorded": False}},
-    )  # fmt: skip
+    some = {"growth": {"numbers": [3]}, "wear": {"most": 2}}
+    short = shop_parameters("mill01", weeks=1, **some, **NO_CUTS, **NO_DRIVES)
     for compute in ("serial", "processes"):
         simulate(tmp_path / compute, tmp_path / f"{compute}.json", short, compute)
     assert digests(tmp_path / "serial") == digests(tmp_path / "processes")

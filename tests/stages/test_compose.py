@@ -91,10 +91,10 @@ def test_outside_of_an_experiment_conf_alone_counts(
 
 def test_a_budget_that_is_set_is_the_group(root: Path) -> None:
     set_(root, "budget", "quick")
-    set_(root, "residual_forest.folds", 3)
+    set_(root, "residual_forest.leaf", 3)
     quick = yaml.safe_load(composed(root / "conf", ("budget=quick",)))
     assert quick["residual_forest"]["trees"] != params(root)["residual_forest"]["trees"]
-    quick["residual_forest"]["folds"] = 3
+    quick["residual_forest"]["leaf"] = 3
     assert again(root) == quick
 
 

@@ -13,7 +13,6 @@ from pipeline.schema.model import Correlation
 from pipeline.schema.store import write_json
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import write_parts
-from pipeline.stages import trial as trial_stage
 from pipeline.stages.__main__ import run
 from pipeline.twin.control import ControlFitFacts, ControlModelFile
 from tests.small_project import MACHINE, build, change, inside, new_project, params, store
@@ -81,10 +80,8 @@ def test_metrics_are_those_of_the_document(project: Path) -> None:
     assert list(metrics) == sorted(metrics)
 
 
-def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(trial_stage, "SEEDS", range(2))
+def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: Path) -> None:
+    change(project, f"machine.{MACHINE}.shop", trial_cuts=2)
     build(project, "trial")
     cut = json.loads((project / f"data/trials/{MACHINE}.json").read_text())
     (told,) = cut["parts"].values()

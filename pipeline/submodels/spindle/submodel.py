@@ -3,12 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.sections import SubModelPage
 from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
@@ -56,6 +55,9 @@ from pipeline.twin.spindle import (
     load_spindle_model,
     spindle_stretches,
 )
+
+if TYPE_CHECKING:
+    from pipeline.charts.sections import SubModelPage
 
 METHOD = "bounded least squares (soft L1) on free runs over the training days"
 REMEDY = {
@@ -248,7 +250,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
 
-    def page(self, shown: Shown[SpindleModelFile]) -> SubModelPage:
+    def page(self, shown: Shown[SpindleModelFile]) -> "SubModelPage":
         """The thermal network, the judged days, and the verdict in words."""
         from pipeline.submodels.spindle.page import page
 

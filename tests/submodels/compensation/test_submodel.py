@@ -15,6 +15,7 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Records
+from pipeline.submodels.compensation import submodel
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, modelled_following
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
@@ -30,6 +31,7 @@ from pipeline.submodels.compensation.records import CompensationRecords
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.conformal import half_widths
 from pipeline.submodels.judge import leak_reasons
+from pipeline.submodels.statistics import DRAWN
 from tests.submodels.compensation.axis_files import (
     ALONE,
     PERIOD,
@@ -232,6 +234,28 @@ def test_a_search_and_the_published_leak_stand_in_the_model(tmp_path: Path) -> N
     assert found.model.search is not None and found.model.search.kind == "lstm"
     assert found.model.leak is not None and found.model.leak.inputs == ("measured error",)
     assert found.model.leak.honest_um == found.model.axes["X"][PREDICTION].scores["lstm"].rmse_um
+
+
+def test_networks_that_do_not_serve_are_compared_on_some_samples(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What serves and what it has to beat is known of all; of training recordings nothing else."""
+    found = build(tmp_path, recordings(), settings=replace(QUICK, kinds=("arx", "lstm")))
+    monkeypatch.setattr(submodel, "COMPARED", 40)
+    model = load_compensation(found.folder)
+    use = model.file.axes["X"][PREDICTION]
+    serving = replace(use, champion="lstm")  # whose weights are random: it says how far they matter
+    file = replace(model.file, axes={"X": {PREDICTION: serving}})
+    cases = SUBMODEL.cases(Records(**found.reads), judging(TRAINING, records()))
+    held, learnt = (cases.of(role)[0].load() for role in ("held_out", "training"))
+    frame = submodel._predicted(held, replace(model, file=file)).frame
+    compared = frame["baseline_arx"].notna()
+    assert len(frame) > 100 and 20 <= compared.sum() <= 40
+    assert frame[["predicted", "low", "high", f"baseline_{TWIN}"]].notna().all(axis=None)
+    again = frame[[name for name in frame if name.startswith("again_")]]
+    assert again.shape[1] == DRAWN and (np.ptp(again, axis=1) > 0).mean() > 0.9
+    assert "baseline_arx" not in submodel._predicted(learnt, replace(model, file=file)).frame
+    assert not any("again" in name for name in submodel._predicted(held, model).frame)
 
 
 def test_it_serves_its_example(built: Built) -> None:

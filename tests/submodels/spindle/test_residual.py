@@ -169,6 +169,8 @@ def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well() -> No
     other[rng.random(other.shape) < 0.3] = np.nan
     trees = Trees.of(made)
     np.testing.assert_allclose(trees.predict(other), made.predict(other), rtol=1e-12)
+    each = [tree.predict(other) for tree in made.estimators_]
+    np.testing.assert_array_equal(trees.by_tree(other), each)
     again = Trees.restored(trees.document())
     np.testing.assert_array_equal(again.predict(other), trees.predict(other))
 

@@ -147,6 +147,24 @@ def test_two_fits_are_the_same_bits(tmp_path: Path) -> None:
         assert files[0].joinpath(name).read_bytes() == files[1].joinpath(name).read_bytes()
 
 
+def test_generators_of_other_seeds_tell_how_far_trainings_differ(tmp_path: Path) -> None:
+    """Of what decides, on tools that were held out; the first training is the one that serves."""
+    found = build(tmp_path, settings=replace(SHORT, trainings=2))
+    predict = SUBMODEL.load(found.folder, found.settings)
+    case = next(one for one in found.cases.cases if one.role == "held_out")
+    frame = predict(case).frame
+    deciding = {judging.GENERATED, judging.LEARNT, judging.SPREAD, judging.COPY}
+    assert {one for one, rows in frame.groupby("quantity") if rows["again_1"].notna().all()} == (
+        deciding
+    )
+    rows = frame[frame["quantity"].isin(deciding)]
+    np.testing.assert_array_equal(rows["again_0"], rows["predicted"])
+    assert (rows["again_1"] != rows["predicted"]).mean() > 0.9
+    assert "again_2" not in frame
+    learnt = predict(next(iter(found.cases.of("training")))).frame
+    assert not any(name.startswith("again_") for name in learnt)
+
+
 def test_windows_out_of_what_was_learnt_are_counted_and_not_generated(built: Built) -> None:
     """A held-out tool that wears further: its last windows have no generated counterpart."""
     case = next(one for one in built.cases.cases if one.name == "T7")  # wears faster

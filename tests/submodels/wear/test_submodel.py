@@ -12,6 +12,7 @@ from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import WearSource
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.judge import judge
+from pipeline.submodels.statistics import DRAWN
 from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     BLEND,
@@ -84,6 +85,11 @@ def test_every_method_is_compared_and_stored(tmp_path: Path) -> None:
     rows = frame[frame["case"] == case.name]
     np.testing.assert_allclose(told[model.champion], rows["predicted"], rtol=1e-12)
     assert len(SUBMODEL.curves(found.folder)) == 2
+    _, same, again = wear.predict_again(case.load())
+    assert len(again) == DRAWN and all(np.array_equal(same[name], told[name]) for name in told)
+    for name in told:  # networks and trees are drawn, the rest has no seed
+        drawn = np.ptp([one[name] for one in again], axis=0).max()
+        assert (drawn > 0) == (name in (RESNET, FOREST, MEDIAN, BLEND)), name
 
 
 def test_the_same_fit_gives_the_same_bytes(tmp_path: Path, built: Built) -> None:

@@ -13,16 +13,23 @@ far above the minimum and are left out.  The mean of A is good where teeth are i
 the time; at low immersion flip lobes appear that only semi-discretisation shows.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import ceil, nan, pi
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.stability.directional import RegenerativeCut, mean_matrix
-from pipeline.cutting.stability.tip_dynamics import Dynamics, FrequencyResponse, receptance
+from pipeline.cutting.stability.semi_discretisation import eigenvalues
+from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, Mode, modal_receptance
+from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats
 
 Complex = NDArray[np.complex128]
+Dynamics = Sequence[Mode] | FrequencyResponse
+"""Dynamics of one tip: modes, or a measured response."""
+_TURN = 2.0 * pi
 TOLERANCE = 2e-4
 """Of the depth (over it) and the phase (over a radian) where none is said."""
 _SHALLOW = 0.05
@@ -93,19 +100,7 @@ def lobes(
         Spindle speeds [1/s], above 0.
     tolerance : float
         Of the depth and of the phase [1].
-
-    Examples
-    --------
-    >>> from math import pi
-    >>> from pipeline.cutting.stability.tip_dynamics import Mode
-    >>> tip = [Mode(direction="x", natural_frequency_Hz=922.0, damping=0.011, mass_kg=0.03993)]
-    >>> slot = RegenerativeCut(K_tc=6e8, K_rc=2e8, flutes=4, entry=0.0, exit=pi)
-    >>> found = lobes(tip, slot, [12000 / 60])
-    >>> round(float(found.depth_limit[0]) * 1e3, 3)  # [mm]
-    2.425
     """
-    from pipeline.cutting.stability.stability_kernel import lowest_lobes
-
     speeds = checked_speeds(n)
     if not len(speeds):
         return Lobes(n=speeds, depth_limit=speeds.copy(), chatter_frequency=speeds.copy())
@@ -158,33 +153,6 @@ def stability_boundary(
     branches = [_segments(2 * np.pi * frequency, branch) for branch in _tracked(values).T]
     omega, share, inverse = (np.concatenate(part) for part in zip(*branches, strict=True))
     return StabilityBoundary(omega=omega, share=share, inverse=inverse)
-
-
-def eigenvalues(matrix: Floats, response: Complex) -> Complex:
-    """Both eigenvalues of A Phi [1/m], in no order.
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (2, 2)
-        A [N/m^2].
-    response : ndarray of complex, shape (F, 2, 2)
-        Phi [m/N].
-
-    Returns
-    -------
-    ndarray of complex, shape (F, 2)
-    """
-    product = matrix @ response
-    half = (product[:, 0, 0] + product[:, 1, 1]) / 2
-    apart = (product[:, 0, 0] - product[:, 1, 1]) / 2
-    root = np.sqrt(apart**2 + product[:, 0, 1] * product[:, 1, 0])
-    greater = np.where(np.abs(half + root) >= np.abs(half - root), half + root, half - root)
-    # the product of both: no rounding of the greater one is left where the other is 0
-    both = (matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]) * (
-        response[:, 0, 0] * response[:, 1, 1] - response[:, 0, 1] * response[:, 1, 0]
-    )
-    lesser = np.divide(both, greater, out=np.zeros_like(both), where=greater != 0.0)
-    return np.stack([greater, lesser], axis=1)
 
 
 def _first_frequencies(
@@ -265,3 +233,41 @@ def _segments(omega: Floats, branch: Complex) -> tuple[Floats, Floats, Floats]:
     both = np.stack([begin, end], axis=1)[kept]
     share = np.arctan2(both.real, -both.imag) / np.pi
     return np.stack([begin_at, end_at], axis=1)[kept], share, 2.0 * both.real
+
+
+def receptance(dynamics: Dynamics, frequency_Hz: Floats) -> Complex:
+    """Of either kind [m/N]; shape (F, 2, 2)."""
+    if isinstance(dynamics, FrequencyResponse):
+        return dynamics.at(frequency_Hz)
+    return modal_receptance(dynamics, frequency_Hz)
+
+
+@compiled
+def lowest_lobes(omega, share, inverse, period, out, chatter):  # type: ignore[no-untyped-def]
+    """Fill the greatest 1 / depth of all lobes at each tooth period, and its frequency [rad/s].
+
+    Parameters
+    ----------
+    omega, share, inverse : ndarray, shape (G, 2)
+        Segments of the boundary.
+    period : ndarray, shape (S,)
+        Tooth period [s].
+    out, chatter : ndarray, shape (S,)
+        Filled; 0 and nan where there is no lobe.
+    """
+    for s in range(period.shape[0]):
+        out[s] = 0.0
+        chatter[s] = nan
+        for g in range(omega.shape[0]):
+            if inverse[g, 0] <= out[s] and inverse[g, 1] <= out[s]:
+                continue
+            first = omega[g, 0] * period[s] / _TURN - share[g, 0]
+            last = omega[g, 1] * period[s] / _TURN - share[g, 1]
+            k = max(ceil(min(first, last)), 0)
+            while k <= max(first, last):
+                along = (k - first) / (last - first) if last != first else 0.0
+                value = inverse[g, 0] + along * (inverse[g, 1] - inverse[g, 0])
+                if value > out[s]:
+                    out[s] = value
+                    chatter[s] = omega[g, 0] + along * (omega[g, 1] - omega[g, 0])
+                k += 1
