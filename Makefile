@@ -29,10 +29,10 @@ test: $(TESTS)
 	ruff check .
 	ruff format --check .
 	mypy
-	pytest -n auto --dist loadfile -m "not proof"
+	pytest -n auto --dist worksteal -m "not proof"
 
 proof: $(TESTS)
-	pytest -n auto -m proof
+	pytest -n auto --dist worksteal -m proof
 
 benchmark: $(TESTS)
 	pytest tests/benchmarks --benchmark-only -s

@@ -1,7 +1,8 @@
 """Champions: which bundle of a machine serves, and how another takes its place.
 
-``champions.json`` names them, git holds it, so that a promotion is a commit; ``data/champion``
-holds their files, and the aliases in the registry follow.
+``champions.json`` names those that somebody chose; git holds it, so that a promotion is a commit.
+``data/champion`` holds the files of all, also of first bundles, which serve until somebody chooses;
+the aliases in the registry follow.
 """
 
 import getpass
@@ -46,22 +47,74 @@ DATA = Path("data")
 FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
 
 
-def first_champion(bundle: Bundle, registered: Sequence[Version]) -> Champion:
-    """The champion of a machine that has none: a bundle that passed, else the newest.
+def champion_of(machine: str, root: Path = Path()) -> Champion | None:
+    """The champion that somebody promoted, else the first bundle: the one in ``data/champion``."""
+    chosen = read_champions(root / CHAMPIONS).machines.get(machine)
+    held = stored_bundle(root / DATA / "champion" / machine, machine)
+    return chosen if chosen is not None or held is None else first_champion(held, root)
+
+
+def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
+    """A bundle as the champion that nobody chose; version 0 where no store has it."""
+    known = versions(bundle.machine, root)
+    number = next((v.version for v in known if v.bundle == bundle.sha256), 0)
+    lacking = bundle.named("failed", "not decided", "not judged")
+    why = f"{FIRST_WHY}: {lacking}" if lacking else FIRST_WHY
+    return Champion(version=number, bundle=bundle.sha256, since="", by=FIRST_BY, why=why)
+
+
+def first_serving(newest: Bundle, registered: Sequence[Version]) -> str:
+    """Hash of the bundle that serves where none does: one that passed, else the newest."""
+    passed = [v.bundle for v in registered if v.status == "passed"]
+    return newest.sha256 if newest.status == "passed" or not passed else passed[-1]
+
+
+def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Champion:
+    """Register what the store lacks of a machine, and fill ``data/champion`` with what serves.
+
+    That is the bundle that somebody promoted, else the one that serves already, else the newest.
+    Where nothing is new the store is only read.
 
     Parameters
     ----------
-    bundle : Bundle
-        The newest, registered already.
-    registered : sequence of Version
-        All of the machine.
+    machine : str
+        Whose.
+    names : sequence of str
+        Its sub-models.
+    root : Path
+        The project.
+
+    Raises
+    ------
+    StoreError
+        When a model is missing or broken.
+    ValueError
+        When the bundle that champions.json names lies nowhere.
     """
-    passed = [v for v in registered if v.status == "passed"]
-    own = next(v for v in registered if v.bundle == bundle.sha256)
-    one = own if bundle.status == "passed" or not passed else passed[-1]
-    lacking = bundle.named("failed", "not decided", "not judged") if one is own else ""
-    why = f"{FIRST_WHY}: {lacking}" if lacking else FIRST_WHY
-    return Champion(version=one.version, bundle=one.bundle, since="", by=FIRST_BY, why=why)
+    models, serves = root / DATA / "models" / machine, root / DATA / "champion" / machine
+    newest, champion = bundle_of(models, machine, names), champion_of(machine, root)
+    held = stored_bundle(serves, machine)
+    if champion is not None and held is not None and held.sha256 == champion.bundle:
+        register(held, serves, root)
+    register(newest, models, root, made_with=lambda: made_with(machine, names, root))
+    wanted = champion.bundle if champion else first_serving(newest, versions(machine, root))
+    filled = fill_champion(wanted, names, models, serves, root=root)
+    champion = read_champions(root / CHAMPIONS).machines.get(machine) or first_champion(
+        filled, root
+    )
+    other = None if wanted == newest.sha256 else newest.sha256
+    name_versions(machine, root, champion=wanted, challenger=other)
+    note_promotion(machine, root, champion)
+    return champion
+
+
+def _refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None:
+    """The champion; a store that lacks it, deleted or another server, is filled first."""
+    champion, models = champion_of(machine, root), root / DATA / "models" / machine
+    known = {v.bundle for v in versions(machine, root)}
+    if champion is None or champion.bundle in known or newest_bundle(models, names) is None:
+        return champion
+    return keep_serving(machine, names, root)
 
 
 def fill_champion(
@@ -101,7 +154,7 @@ def fill_champion(
             f"champions.json names bundle {bundle[:12]} as the champion of {machine}, which is "
             f"neither in {models}, nor in {target}, nor in the registry: run `dvc pull {target}`, "
             f"or bring {DATABASE} and {ARTIFACTS} along, or take {machine} out of champions.json "
-            "and run `dvc repro`, so that the newest bundle serves"
+            f"and run `dvc repro`, so that what is in {target}, else the newest bundle, serves"
         )
     source = checked_place(found[0], root) / "artifacts" / "bundle"
     held = read_json(source / BUNDLE, Bundle)
@@ -151,23 +204,23 @@ def promote(
     """
     if not why.strip():
         raise ValueError(f"a champion of {machine} needs a reason: give it with --why")
-    champions = read_champions(root / CHAMPIONS)
-    now = champions.machines.get(machine)
+    champions, names = read_champions(root / CHAMPIONS), _names(machine, root)
+    now, chosen = _refilled(machine, names, root), champions.machines.get(machine)
     if to is None:
-        champions, sha256, note = _challenge(machine, champions, root, anyway)
+        champions, sha256, note = _challenge(machine, champions, now, names, root, anyway)
         why = f"{why} ({note})" if note else why
     else:
         sha256 = _of_version(machine, to, root)
-    if now is not None and sha256 == now.bundle:
-        raise ValueError(f"version {now.version} of {machine} is its champion already")
+    if chosen is not None and sha256 == chosen.bundle:
+        raise ValueError(f"version {chosen.version} of {machine} is its champion already")
     number = next(v.version for v in versions(machine, root) if v.bundle == sha256)
-    name_versions(machine, root, previous=now.bundle if now else None)
+    name_versions(machine, root, previous=now.bundle if now and now.bundle != sha256 else None)
     name_versions(machine, root, champion=sha256)
     champion = Champion(
         version=number, bundle=sha256, since=_utc_now(), by=by or person(root), why=why
     )
     note_promotion(machine, root, champion)
-    names, models = _names(machine, root), root / DATA / "models" / machine
+    models = root / DATA / "models" / machine
     fill_champion(sha256, names, models, root / DATA / "champion" / machine, root=root)
     write_champions(champions.promoted(machine, champion), root / CHAMPIONS)
     newest = newest_bundle(models, names)
@@ -209,7 +262,12 @@ def _names(machine: str, root: Path) -> tuple[str, ...]:
 
 
 def _challenge(
-    machine: str, champions: Champions, root: Path, anyway: bool
+    machine: str,
+    champions: Champions,
+    now: Champion | None,
+    names: Sequence[str],
+    root: Path,
+    anyway: bool,
 ) -> tuple[Champions, str, str]:
     """Hold the newest bundle against the champion; champions with looks, its hash, and a note.
 
@@ -220,12 +278,10 @@ def _challenge(
     """
     from pipeline.submodels.promotion import objections, sealed_objections
 
-    names = _names(machine, root)
     if not names:
         raise ValueError(f"{machine} has no sub-model in this fleet: see fleet in params.yaml")
     models = root / DATA / "models" / machine
     challenger = bundle_of(models, machine, names)
-    now = champions.machines.get(machine)
     if now is None:
         raise ValueError(f"{machine} has no champion yet: run `dvc repro` to register the first")
     if now.bundle == challenger.sha256:
@@ -319,14 +375,15 @@ def made_with(machine: str, names: Sequence[str], root: Path) -> dict[str, Any]:
 def status(machine: str, root: Path = Path()) -> list[dict[str, str]]:
     """Rows for ``kerf status``: one for each sub-model of a machine that the fleet builds.
 
+    A store that lacks the champion, deleted or another server, is filled first.
+
     Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` (verdict of the newest model),
     ``champion`` (verdict of the one that serves), ``serving`` (version of the champion) and
     ``challenger`` (version of the newest bundle where it is another).
     """
-    champion = read_champions(root / CHAMPIONS).machines.get(machine)
-    known = versions(machine, root)
-    numbers = {v.bundle: v.version for v in reversed(known)}
     names = _names(machine, root)
+    champion = _refilled(machine, names, root)
+    numbers = {v.bundle: v.version for v in reversed(versions(machine, root))}
     serves = stored_bundle(root / DATA / "champion" / machine, machine)
     newest = newest_bundle(root / DATA / "models" / machine, names)
     other = champion is not None and newest is not None and newest.sha256 != champion.bundle

@@ -25,6 +25,8 @@ class Fleet:
         Those with part programs that are made faster or cheaper inside their limits.
     trials : tuple of str
         Those of them where the simulated shop floor cuts these programs before and after.
+    chosen_budget : str
+        File of ``conf/budget/`` that it is built with.
 
     Raises
     ------
@@ -40,6 +42,7 @@ class Fleet:
     drives_under: Mapping[str, str] = field(default_factory=dict)
     optimised: tuple[str, ...] = ()
     trials: tuple[str, ...] = ()
+    chosen_budget: str = "default"
 
     def __post_init__(self) -> None:
         lists = {

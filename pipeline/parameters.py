@@ -1,9 +1,13 @@
-"""The only file that opens params.yaml: one section, typed, unknown keys refused.
+"""The only file that opens params.yaml and data/settings: one section, typed, unknown keys refused.
 
-What a value is not is never made of it: no word becomes a truth value or a list of letters, no
-fraction a whole number.
+What we choose stands in params.yaml; what a machine and a workshop are, which is long, in JSON
+beside it, since DVC reads a stage's parameters anew for each stage and YAML takes it fifty times as
+long.  What a value is not is never made of it: no word becomes a truth value or a list of letters,
+no fraction a whole number.
 """
 
+import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -14,6 +18,12 @@ from pipeline.schema.structure import structured
 T = TypeVar("T")
 
 PARAMS = Path("params.yaml")
+SETTINGS = Path("data/settings")
+"""Folder of the composed settings that are not in params.yaml, beside it."""
+CATALOGUE = "catalogue.json"
+"""File of that folder with the sections of :data:`CATALOGUES`; machines have one file each."""
+CATALOGUES = ("material", "tool", "catalogue")
+"""Sections with what a workshop has in stock and what its handbooks say."""
 NotYaml = yaml.YAMLError
 """What reading YAML raises."""
 
@@ -22,19 +32,66 @@ class ParametersError(ValueError):
     """A section of params.yaml that is missing or not what its stage asks for."""
 
 
-def read_params(path: Path = PARAMS) -> dict[str, Any]:
-    """All of params.yaml.
+def read_params(path: Path = PARAMS, settings: Path | None = None) -> dict[str, Any]:
+    """All of params.yaml, with the catalogues and the sections ``machine`` beside it.
+
+    Parameters
+    ----------
+    path : Path
+        Of params.yaml.
+    settings : Path or None
+        Folder of the rest; None for ``data/settings`` beside ``path``.
 
     Raises
     ------
     ParametersError
-        When the file is missing or is no YAML mapping.
+        When a file is missing or holds no mapping.
     """
     if not path.exists():
         raise ParametersError(
             f"{path} does not exist: run `dvc repro compose` to write it from conf/"
         )
-    return read_yaml(path.read_text(), str(path))
+    folder = path.parent / SETTINGS if settings is None else settings
+    files = {one.relative_to(folder).as_posix(): one.read_text() for one in folder.rglob("*.json")}
+    return joined(read_yaml(path.read_text(), str(path)), files)
+
+
+def joined(values: dict[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
+    """The sections of params.yaml with those of the files of ``data/settings``, by their names.
+
+    Raises
+    ------
+    ParametersError
+        When a file is no JSON mapping, or a section stands in two places.
+    """
+    own = set(values)
+    for name, text in sorted(files.items()):
+        try:
+            found = json.loads(text, object_pairs_hook=_keyed)
+        except ValueError as error:
+            raise ParametersError(f"{SETTINGS / name} is no JSON: {error}") from error
+        sections = found if name == CATALOGUE else {"machine": {Path(name).stem: found}}
+        for section, content in sections.items():
+            if section in own:
+                raise ParametersError(
+                    f"params.yaml holds {section}, which stands in {SETTINGS / name}: set it "
+                    f"there, `-S {SETTINGS / name}:KEY=VALUE`"
+                )
+            values.setdefault(section, {}).update(content)
+    return values
+
+
+def _keyed(pairs: list[tuple[str, Any]]) -> dict[str | int, Any]:
+    """A mapping of JSON with numbers as keys where YAML has them: tools by their number."""
+    return {int(key) if key.isdecimal() else key: value for key, value in pairs}
+
+
+def parted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """What of a composition stands in params.yaml, and the files of ``data/settings``."""
+    own = {name: one for name, one in values.items() if name not in (*CATALOGUES, "machine")}
+    parts = {f"machine/{name}.json": one for name, one in values.get("machine", {}).items()}
+    parts[CATALOGUE] = {name: values[name] for name in CATALOGUES if name in values}
+    return own, {name: json.dumps(one, indent=1) + "\n" for name, one in parts.items()}
 
 
 def read_yaml(text: str, source: str = "params.yaml") -> dict[str, Any]:

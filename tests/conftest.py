@@ -1,11 +1,15 @@
 """What several rooms' tests need."""
 
+import gc
 import os
+import pickle
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 from unittest import mock
 
 import pytest
+import yaml
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 
@@ -23,6 +27,17 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "same"))
 # with the tests that ran before in the same process.
 providers._get_local_constants = providers.Constants
 
+# DVC starts two processes after each command, one that counts its users and one that seeks updates.
+os.environ["DVC_TEST"] = "true"
+LONG_TEXT = 5000
+"""Characters of a text that takes longer to parse than to copy."""
+
+
+def pytest_collection_finish() -> None:
+    """What is loaded by now stays, so that the collector need not walk it again and again."""
+    gc.collect()
+    gc.freeze()
+
 
 @pytest.fixture(scope="session", autouse=True)
 def compositions() -> Iterator[None]:
@@ -38,6 +53,25 @@ def compositions() -> Iterator[None]:
 
     original = compose.composed
     with mock.patch.object(compose, "composed", composed):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def parsed_texts() -> Iterator[None]:
+    """The same long text of YAML is parsed once in a session; params.yaml takes 0.1 s."""
+    known: dict[object, bytes] = {}
+
+    def load(stream: Any, Loader: Any) -> Any:
+        text = stream.read() if hasattr(stream, "read") else stream
+        if len(text) < LONG_TEXT:
+            return original(text, Loader)
+        if (text, Loader) not in known:
+            fast = yaml.CSafeLoader if Loader is yaml.SafeLoader else Loader  # of the same values
+            known[text, Loader] = pickle.dumps(original(text, fast))
+        return pickle.loads(known[text, Loader])
+
+    original = yaml.load
+    with mock.patch.object(yaml, "load", load):
         yield
 
 

@@ -6,6 +6,7 @@ import shlex
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import deepcopy
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,7 +14,9 @@ from typing import Any
 
 import yaml
 
+from pipeline.parameters import SETTINGS, read_params
 from pipeline.stages.__main__ import run
+from pipeline.stages.compose import write_settings
 
 ROOT = Path(__file__).parents[1]
 MACHINE = "mill01"
@@ -40,17 +43,17 @@ def new_project(folder: Path) -> Path:
     with_conf(folder)
     for path in PATHS:
         (folder / path).mkdir(parents=True)
-    (folder / "params.yaml").write_text(_params_of_one_week())
+    store(folder, deepcopy(_params_of_one_week()))
     return folder
 
 
 @cache
-def _params_of_one_week() -> str:
-    """params.yaml of the project, composed once: that takes longer than most of its tests."""
+def _params_of_one_week() -> dict[str, Any]:
+    """Parameters of the project, composed once: that takes longer than most of its tests."""
     with TemporaryDirectory() as name:
         folder = with_conf(Path(name))
         with inside(folder):
-            run("compose", "conf", "params.yaml")
+            run("compose", "conf", "params.yaml", "data/settings")
         change(folder, "fleet", machines=[MACHINE], simulated=[MACHINE],
                submodels={name: [MACHINE] for name in SUBMODELS}, optimised=[MACHINE],
                trials=[MACHINE])  # fmt: skip
@@ -58,9 +61,9 @@ def _params_of_one_week() -> str:
         days = {"first": MONDAY, "last": WEDNESDAY}
         change(folder, f"machine.{MACHINE}.roles", training_days=days)
         change(folder, "spindle_fit", nodes=[1], time_constants_s=[1500.0])
-        change(folder, "residual_forest", trees=5, folds=2, every_s=3600.0)
+        change(folder, "residual_forest", trees=5, every_s=3600.0)
         change(folder, "spindle_interval", folds=2)
-        return (folder / "params.yaml").read_text()
+        return params(folder)
 
 
 def with_conf(folder: Path, fleet: str = "simulated") -> Path:
@@ -72,15 +75,18 @@ def with_conf(folder: Path, fleet: str = "simulated") -> Path:
 
 
 def change(project: Path, section: str, **values: Any) -> None:
-    """Set keys of a section of params.yaml."""
-    path = project / "params.yaml"
-    params = yaml.load(path.read_text(), Loader=yaml.CSafeLoader)
-    found = params
+    """Set keys of a section of the parameters."""
+    every = params(project)
+    found = every
     for key in section.split("."):
         found = found[key]
     found.update(values)
-    text = yaml.dump(params, Dumper=yaml.CSafeDumper, sort_keys=False)  # sub-models have an order
-    path.write_text(text)
+    store(project, every)
+
+
+def store(project: Path, values: dict[str, Any]) -> None:
+    """Write a project's parameters as the stage ``compose`` does."""
+    write_settings(values, project / "params.yaml", project / SETTINGS)
 
 
 def build(project: Path, *stages: str) -> None:
@@ -96,11 +102,8 @@ def build(project: Path, *stages: str) -> None:
 
 
 def params(project: Path) -> dict[str, Any]:
-    """All of the project's params.yaml."""
-    found: dict[str, Any] = yaml.load(
-        (project / "params.yaml").read_text(), Loader=yaml.CSafeLoader
-    )
-    return found
+    """All parameters of a project."""
+    return read_params(project / "params.yaml")
 
 
 def files_of(folder: Path) -> dict[str, Any]:

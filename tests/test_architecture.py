@@ -76,10 +76,16 @@ def room(path: Path) -> str:
     return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
+@cache
+def parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text())
+
+
+@cache
 def imported(path: Path, *, at_top: bool = False) -> list[str]:
     """Dotted names that a file imports, at its top alone or inside functions too."""
     names = []
-    tree = ast.parse(path.read_text())
+    tree = parsed(path)
     for node in tree.body if at_top else ast.walk(tree):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
@@ -183,13 +189,13 @@ def test_few_small_files_have_a_single_importer() -> None:
 def test_functions_take_few_positional_arguments() -> None:
     over = []
     for path in modules():
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(parsed(path)):
             if not isinstance(node, ast.FunctionDef):
                 continue
-            decorators = " ".join(ast.unparse(d) for d in node.decorator_list)
-            compiled = any(w in decorators for w in ("compiled", "inlined", "jit", "command"))
             names = [a.arg for a in (*node.args.posonlyargs, *node.args.args)]
             count = len([name for name in names if name not in ("self", "cls")])
+            decorators = " ".join(ast.unparse(d) for d in node.decorator_list)
+            compiled = any(w in decorators for w in ("compiled", "inlined", "command"))
             compiled |= dotted(path) in SHARED_WITH_KERNELS
             stage = room(path) == "stages" and node.name == path.stem
             if count > MOST_POSITIONAL and not (compiled or stage):
@@ -201,7 +207,7 @@ def test_functions_take_few_positional_arguments() -> None:
     "face", sorted(PACKAGE.glob("*/**/__init__.py")), ids=lambda p: str(p.relative_to(PACKAGE))
 )
 def test_a_face_says_what_its_folder_holds_and_what_others_may_import(face: Path) -> None:
-    tree = ast.parse(face.read_text())
+    tree = parsed(face)
     words = ast.get_docstring(tree) or ""
     assert len(words) > 60, f"{face} does not say what its folder holds"
     values = [
@@ -225,7 +231,7 @@ def test_other_rooms_import_what_a_face_names() -> None:
                 continue
             for depth in range(1, len(parts)):
                 face = PACKAGE.joinpath(*parts[:depth]) / "__init__.py"
-                named = ast.parse(face.read_text())
+                named = parsed(face)
                 shown = next(
                     (
                         ast.literal_eval(n.value)

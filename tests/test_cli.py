@@ -33,7 +33,17 @@ from pipeline.schema.part import Objective
 from pipeline.submodels.contract import submodel
 from tests import bundled_project
 from tests.fuzz.seeds import LOGS
-from tests.small_project import MACHINE, MONDAY, ROOT, SUBMODELS, build, change, inside, new_project
+from tests.small_project import (
+    MACHINE,
+    MONDAY,
+    ROOT,
+    SUBMODELS,
+    build,
+    change,
+    inside,
+    new_project,
+    params,
+)
 
 COMMANDS = (
     "ingest", "status", "report", "fleet", "golden", "promote", "predict", "interpret", "simulate",
@@ -328,7 +338,7 @@ def test_another_fleet_is_made_active(project: Path) -> None:
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):
         build(project, "compose")
-    assert "mazak01" in (project / "params.yaml").read_text()
+    assert "mazak01" in params(project)["machine"]
     # dependencies of the report that no stage of this fleet writes
     assert all((project / "data" / name).is_dir() for name in ("truth", "programs", "trials"))
     kerf(project, "fleet", "simulated")

@@ -85,7 +85,7 @@ def test_a_documented_command_is_one(words: list[str]) -> None:
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = new_project(tmp_path_factory.mktemp("documented") / "project")
     shutil.copy(ROOT / "champions.json", folder)
-    places = ["part.nc", "faster.nc", "data/raw/mill01/parts/O5181.nc"]
+    places = ["part.nc", "faster.nc", "data/raw/mill00/parts/O5181.nc"]
     places += [word for words in RUN for word in words[1:] if re.search(r"\.nc$", word, re.I)]
     for place in places:
         (folder / place).parent.mkdir(parents=True, exist_ok=True)

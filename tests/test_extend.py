@@ -73,7 +73,7 @@ def test_the_page_makes_a_sub_model_that_is_identified_and_judged(project: Path)
         )  # fmt: skip
         assert answer.returncode == 0, answer.stderr
 
-    run("compose", "conf", "params.yaml")
+    run("compose", "conf", "params.yaml", "data/settings")
     reads = ["data/signals/mill01/manifest.json", "data/clean/mill01"]
     folder = project / "data/models/mill01/winding"
     run("identify_winding@mill01", *reads, str(folder))

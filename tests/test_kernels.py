@@ -1,30 +1,124 @@
-"""Compiled loops are kept beside their files, or in the user's cache."""
+"""Compiled loops are kept in the user's cache under a hash of what they are made of."""
 
+import importlib
+import os
+import pkgutil
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+from numba.core.dispatcher import Dispatcher
 
+import pipeline
 from pipeline import kernels
 
+LOOPS = """
+from pipeline.kernels import compiled
+from pipeline.{other} import FACTORS, SCALE, inner
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    (tmp_path / "loop.py").write_text("x = 1\n")
-    return tmp_path
+@compiled
+def outer(x):
+    return inner(x) * SCALE + FACTORS[0]
+"""
+INNER = """
+import numpy as np
+from pipeline.kernels import compiled
+
+FACTORS = np.array([{factor}])
+SCALE = {scale}
+
+@compiled
+def inner(x):
+    return x + {term}
+"""
 
 
-def test_the_place_changes_with_any_file_of_the_folder(folder: Path) -> None:
-    first = kernels._place.__wrapped__(folder)
-    assert first.parent == folder / "__pycache__"
-    (folder / "other.py").write_text("y = 2\n")
-    assert kernels._place.__wrapped__(folder) != first
+def run(project: Path, cache: Path) -> tuple[float, list[str]]:
+    """What the outer loop gives of 1 in a process of its own, and the loops it had to compile."""
+    code = (
+        "from numba.core import event\n"
+        "class Seen(event.Listener):\n"
+        "    def on_start(self, e): print(e.data['dispatcher'].py_func.__name__)\n"
+        "    def on_end(self, e): pass\n"
+        "event.register('numba:compile', Seen())\n"
+        "from pipeline.room.outer import outer\n"
+        "print(outer(1.0))\n"
+    )
+    environment = {"PATH": "", "KERF_CACHE": str(cache), "PYTHONPATH": str(project)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=project, env=environment, text=True, check=True,
+        capture_output=True,
+    )  # fmt: skip
+    *loops, value = done.stdout.split()
+    return float(value), sorted(loops)
 
 
-def test_a_folder_that_cannot_be_written_is_not_needed(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
+def project(folder: Path, scale: float = 2.0, term: float = 3.0, factor: float = 0.5) -> Path:
+    """A package of the name of ours whose loop calls one of another folder."""
+    for room in ("room", "elsewhere"):
+        (folder / "pipeline" / room).mkdir(parents=True, exist_ok=True)
+    shutil.copy(kernels.__file__, folder / "pipeline")
+    shutil.copytree(
+        Path(pipeline.__file__).parent / "schema", folder / "pipeline/schema", dirs_exist_ok=True
+    )
+    (folder / "pipeline/room/outer.py").write_text(LOOPS.format(other="elsewhere.inner"))
+    (folder / "pipeline/elsewhere/inner.py").write_text(
+        INNER.format(scale=scale, term=term, factor=factor)
+    )
+    return folder
+
+
+def test_another_copy_of_the_sources_compiles_nothing(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    assert run(project(tmp_path / "one"), cache) == (8.5, ["inner", "outer"])
+    assert run(project(tmp_path / "two"), cache) == (8.5, [])
+
+
+@pytest.mark.parametrize(
+    ("changed", "value"), [({"term": 4.0}, 10.5), ({"scale": 3.0}, 12.5), ({"factor": 0.25}, 8.25)]
+)
+def test_a_change_in_another_file_counts(
+    tmp_path: Path, changed: dict[str, float], value: float
 ) -> None:
-    monkeypatch.setenv("KERF_CACHE", "/cache/of/the/user")
-    monkeypatch.setattr(kernels.os, "access", lambda path, mode: False)
-    place = kernels._place.__wrapped__(folder)
-    assert place.parent == Path("/cache/of/the/user/loops") / folder.name
-    assert place.name == kernels._sources(folder)
+    """What a loop calls there, a number and an array; the loop there is compiled again as well."""
+    cache = tmp_path / "cache"
+    run(project(tmp_path / "one"), cache)
+    assert run(project(tmp_path / "two", **changed), cache) == (value, ["inner", "outer"])
+
+
+def test_a_cache_that_cannot_be_written_is_not_needed(tmp_path: Path) -> None:
+    cache = tmp_path / "cache"
+    cache.write_text("no folder")
+    assert run(project(tmp_path / "one"), cache) == (8.5, ["inner", "outer"])
+
+
+def test_old_loops_are_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("KERF_CACHE", str(tmp_path))
+    place = kernels.ByContent.from_function(project, __file__)
+    for name in ("old", "new"):
+        (tmp_path / "loops" / name).touch()
+    long_ago = (tmp_path / "loops/new").stat().st_mtime - 2 * kernels.KEPT_S
+    os.utime(tmp_path / "loops/old", (long_ago, long_ago))
+    place.ensure_cache_path()
+    assert [one.name for one in (tmp_path / "loops").iterdir()] == ["new"]
+
+
+def test_each_hash_holds_all_that_a_loop_calls() -> None:
+    """A name that is bound below a loop would not be in its hash."""
+    for module in pkgutil.walk_packages(pipeline.__path__, "pipeline."):
+        if not module.name.endswith("__main__"):
+            importlib.import_module(module.name)
+    loops = {
+        one.py_func: one
+        for module in list(sys.modules.values())
+        if getattr(module, "__name__", "").startswith("pipeline.")
+        for one in vars(module).values()
+        if isinstance(one, Dispatcher)
+    }
+    assert len(loops) > 300
+    before = {function: kernels.content(function) for function in loops}
+    kernels.content.cache_clear()
+    for function in loops:
+        assert kernels.content(function) == before[function], function

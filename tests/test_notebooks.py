@@ -4,6 +4,7 @@ import ast
 import json
 import os
 import shutil
+from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 import pytest
-import yaml
+from jupyter_client import KernelManager
 from nbclient import NotebookClient
 
 from pipeline.app.fleet import machine_parameters, use_fleet
@@ -22,7 +23,7 @@ from pipeline.parameters import structure
 from pipeline.schema.store import write_json
 from pipeline.stages.__main__ import run
 from tests import bundled_project
-from tests.small_project import MACHINE, ROOT, build, change, inside, new_project
+from tests.small_project import MACHINE, ROOT, build, change, inside, new_project, store
 from tests.submodels.cutting import cutting_files
 from tests.submodels.spindle import spindle_days
 from tests.submodels.synthesis import generated_lives
@@ -58,15 +59,31 @@ def test_notebooks_define_nothing(path: Path) -> None:
             assert not found, f"{path.name} defines {found[0]}: move it to its room"
 
 
+KERNEL = KernelManager()
+"""One process for all notebooks: its libraries take longer to load than most notebooks to run."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def kernel() -> Iterator[None]:
+    yield
+    if KERNEL.has_kernel:
+        KERNEL.shutdown_kernel(now=True)
+
+
 def executed(project: Path, name: str, asked: str) -> tuple[list[Any], Any]:
-    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell."""
+    """Outputs of a notebook that runs in its folder, and what ``asked`` is after its last cell.
+
+    It begins without a name of those that ran before it.
+    """
     folder = project / "notebooks"
     folder.mkdir(exist_ok=True)
     shutil.copy(ROOT / "notebooks" / name, folder)
     notebook = nbformat.read(folder / name, as_version=4)
     said = nbformat.v4.new_code_cell(f"import json\nprint(json.dumps({asked}))")
     notebook.cells.append(said)
-    NotebookClient(notebook, timeout=120, resources={"metadata": {"path": str(folder)}}).execute()
+    begin = f"%reset -f\nimport os\nos.chdir({str(folder)!r})\ndel os"
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(begin))
+    NotebookClient(notebook, km=KERNEL, timeout=120).execute()
     outputs = [o for cell in notebook.cells if cell.cell_type == "code" for o in cell.outputs]
     return outputs, json.loads(outputs[-1].text)
 
@@ -111,6 +128,8 @@ def held_against_the_tables(project: Path, machine: str) -> str:
 
 def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
     project = new_project(tmp_path / "project")
+    none = {"recorded": False}  # of which the state of the machine has nothing
+    change(project, f"machine.{MACHINE}.shop", cutting=none, drives=none, growth=none)
     build(project, "shop", "ingest", "clean")
     said = held_against_the_tables(project, MACHINE)
     assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
@@ -128,7 +147,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
         target.symlink_to(path)
     with inside(project):
         use_fleet("recorded")
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         change(project, "fleet", machines=[machine], submodels={}, optimised=[])
         for stage, folders in (("ingest", ("raw", "signals")), ("clean", ("signals", "clean"))):
             run(f"{stage}@{machine}", *(f"data/{folder}/{machine}" for folder in folders))
@@ -140,7 +159,7 @@ def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
 def with_generator(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project with a small generator of signals, and the lives that it is held against."""
     project = tmp_path_factory.mktemp("wear") / "project"
-    built = generated_lives.once()
+    built = generated_lives.once(tmp_path_factory)
     shutil.copytree(built.signals, project / "data/signals/rig")
     shutil.copytree(built.folder, project / "data/models/rig/synthesis")
     records = {
@@ -200,7 +219,7 @@ def test_the_time_of_a_program_goes_where_it_says(tmp_path: Path) -> None:
     with inside(project):
         values = machine_parameters("hurco")
     control = structure(values, "machine.hurco.control", ControlParameters)
-    (project / "params.yaml").write_text(yaml.safe_dump(values))
+    store(project, values)
     write_json(control_model(hurco02=control), project / "data/models/hurco/control/model.json")
     raw = project / "data/raw/hurco"
     raw.mkdir()

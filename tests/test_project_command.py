@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from pipeline.app.project import CODE, new_project
+from pipeline.parameters import read_params
 
 ROOT = Path(__file__).parents[1]
 TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE")
@@ -62,16 +63,16 @@ def test_a_project_of_an_installed_kerf_is_composed_and_built(
     assert made.stdout == "made shop: `cd shop` and `dvc repro`\n"
     project = tmp_path / "shop"
     before = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
-    assert before.returncode == 0 and "mill01" in before.stdout, before.stderr
+    assert before.returncode == 0 and "mill00" in before.stdout, before.stderr
     built = run(installed, python, "-m", "dvc", "repro", "-q", "compose", cwd=project)
     assert built.returncode == 0, built.stderr
-    params = yaml.safe_load((project / "params.yaml").read_text())
-    assert params["fleet"]["name"] == "simulated" and "mill01" in params["machine"]
+    params = read_params(project / "params.yaml")
+    assert params["fleet"]["name"] == "demo" and "mill00" in params["machine"]
     graph = run(installed, python, "-m", "dvc", "status", "report", cwd=project)
     assert graph.returncode == 0, graph.stderr  # every stage resolves without the checkout's files
     said = run(installed, kerf, "-C", "shop", "status", cwd=tmp_path)
     assert said.returncode == 0, said.stderr
-    assert "mill01" in said.stdout and "not built" in said.stdout
+    assert "mill00" in said.stdout and "not built" in said.stdout
 
 
 def test_a_project_is_brought_up_and_keeps_its_own_conf(tmp_path: Path) -> None:
@@ -86,9 +87,9 @@ def test_a_project_is_brought_up_and_keeps_its_own_conf(tmp_path: Path) -> None:
     stages = yaml.safe_load((project / "dvc.yaml").read_text())["stages"]
     ours = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
     assert list(stages) == list(ours)
-    for stage in stages.values():
-        deps = stage.get("do", stage)["deps"]
-        assert CODE in deps and not [d for d in deps if d.startswith("pipeline/")]
+    assert stages.pop("code")["deps"] == [CODE]  # in place of the checkout's code
+    assert ours.pop("code")["deps"] == ["pipeline"]
+    assert stages == ours
 
 
 def test_a_folder_that_holds_something_else_is_left_alone(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -18,6 +19,7 @@ from pipeline.stages.__main__ import run
 from pipeline.submodels.control.page import measured_time
 from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
 from pipeline.twin.control import WHOLE, ControlModelFile
+from tests.shared import made_once
 from tests.small_project import ROOT, inside
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
@@ -34,21 +36,34 @@ JUDGED = {
 """Errors of the runs that are judged [%], as they were first found."""
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory) -> Path:
-    folder = tmp_path_factory.mktemp("recorded-control")
+@pytest.fixture(
+    scope="module",
+    params=["no interval", pytest.param("with intervals", marks=pytest.mark.proof)],
+)
+def project(request, tmp_path_factory) -> Path:
+    """Built from the logs; the fits that leave runs out take five of six seconds.
+
+    They give the interval of a time, on which no test here rests but the last.
+    """
+    name = f"recorded-control-{request.param.split()[0]}"
+    if request.param == "with intervals":
+        return made_once(tmp_path_factory, name, build)
+    with mock.patch("pipeline.submodels.control.submodel.time_bands", return_value={}):
+        return made_once(tmp_path_factory, name, build)
+
+
+def build(folder: Path) -> None:
     shutil.copytree(ROOT / "conf", folder / "conf")
     shutil.copytree(ROOT / "data/golden", folder / "data/golden")
     with inside(folder):
         hurco = replace(use_fleet("recorded"), machines=("hurco",), submodels={}, optimised=())
         assert [files for _, _, files in collect(hurco, Path(RECORDINGS or ""))] == [23]
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         signals, raw = "data/signals/hurco", "data/raw/hurco"
         run("ingest@hurco", raw, signals)
         run("identify_control@hurco", signals, raw, MODEL)
         run("judge_control@hurco", signals, raw, MODEL, "data/golden",
             "data/metrics/hurco_control.json", "data/plots/hurco_control")  # fmt: skip
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -150,3 +165,9 @@ def test_stops_of_the_operator_are_no_part_of_a_run(verdict):
     assert stops[PLATE.format("01")] == pytest.approx(174, abs=3)
     assert stops[BOX.format("07")] == pytest.approx(10, abs=1)
     assert stops[PLATE.format("05")] == 0.0
+
+
+def test_times_have_an_interval_where_runs_were_left_out(model, request):
+    fitted = request.node.callspec.params["project"] == "with intervals"
+    assert bool(model.intervals) == fitted
+    assert all(band.lower > 0 and band.upper > 0 for band in model.intervals.values())

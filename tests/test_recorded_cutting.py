@@ -38,7 +38,7 @@ def documents(tmp_path_factory):
             optimised=(),
         )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1]
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         signals, models = f"data/signals/{MACHINE}", f"data/models/{MACHINE}"
         run(f"ingest@{MACHINE}", f"data/raw/{MACHINE}", signals)
         raw, folder = f"data/raw/{MACHINE}", f"{models}/cutting"

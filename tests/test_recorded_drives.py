@@ -40,7 +40,7 @@ def documents(tmp_path_factory):
             optimised=(),
         )
         assert [files for _, _, files in collect(fleet, Path(RECORDINGS or ""))] >= [1, 1]
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         found = {}
         for machine in MACHINES:
             signals, model = f"data/signals/{machine}", f"data/models/{machine}/drive"

@@ -58,7 +58,7 @@ def project(tmp_path_factory) -> Path:
             "fanuc_millturn": 1,
             "uniwear": 1,
         }
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
     build(folder)
     return folder
 
@@ -107,7 +107,7 @@ def test_the_report_opens_without_an_error_or_a_request(project, browser):
 def test_one_new_day_is_read_alone_and_gives_what_a_build_from_nothing_gives(project, tmp_path):
     raw = "data/raw/mazak01/week_2019-05-20/Mazak01-20190522-20190523.txt"
     grown, whole = tmp_path / "grown", project
-    for part in ("conf", "data/golden", "data/raw"):
+    for part in ("conf", "data/golden", "data/raw", "data/settings"):
         shutil.copytree(whole / part, grown / part)
     shutil.copy(whole / "params.yaml", grown)
     (grown / raw).unlink()

@@ -8,13 +8,21 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
 
-from pipeline.champions import first_champion, made_with, promote, status
+from pipeline.champions import (
+    champion_of,
+    first_champion,
+    first_serving,
+    made_with,
+    promote,
+    status,
+)
 from pipeline.registry.loading import load, place_of
 from pipeline.registry.provenance import CHAMPIONS, requirements
 from pipeline.registry.store import Version, client_of, model_name, versions
@@ -77,20 +85,14 @@ def test_without_a_registry_there_are_no_versions_and_none_is_made(tmp_path: Pat
 
 
 def test_the_first_serves_and_a_later_one_challenges(root: Path) -> None:
-    entry = read_champions(root / CHAMPIONS).machines[MACHINE]
+    entry = champion_of(MACHINE, root)
+    assert entry is not None
+    assert not (root / CHAMPIONS).exists()  # nobody chose it
     assert (entry.version, entry.since, entry.by, entry.why) == (1, "", "dvc repro", "first bundle")
     newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
     assert [v.version for v in versions(MACHINE, root)] == [1, 2]
     assert versions(MACHINE, root)[1].bundle == newest.sha256 != entry.bundle
     assert aliases(root) == {"champion": 1, "challenger": 2}
-    said = json.loads((root / "data/registered.json").read_text())
-    one = newest.submodels["spindle"]
-    assert said == {
-        MACHINE: {
-            "bundle_sha256": newest.sha256,
-            "submodels": {"spindle": {"sha256": one.sha256, "status": "passed"}},
-        }
-    }
     (row,) = status(MACHINE, root)
     assert (row["sub-model"], row["latest"], row["champion"]) == ("spindle", "passed", "passed")
     assert (row["origin"], row["serving"], row["challenger"]) == (
@@ -114,17 +116,22 @@ def test_nothing_new_is_registered_without_mlflow_and_changes_no_byte(root: Path
 
 def files_of(root: Path) -> dict[str, bytes]:
     """Bytes of what the stages write, the registry among it."""
-    paths = [*root.glob("data/**/*"), root / "champions.json", root / "mlflow.db"]
+    paths = [*root.glob("data/**/*"), root / "mlflow.db", root / CHAMPIONS]
     return {path.relative_to(root).as_posix(): path.read_bytes() for path in paths
             if path.is_file()}  # fmt: skip
 
 
-def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
-    serves = (root / "champions.json").read_bytes()
+@pytest.mark.parametrize(
+    "filling", [registered, partial(status, MACHINE)], ids=["dvc repro -f champion", "kerf status"]
+)
+def test_a_store_that_was_deleted_is_filled_again(
+    root: Path, filling: Callable[[Path], object]
+) -> None:
+    serves = (root / CHAMPION / "bundle.json").read_bytes()
     (root / "mlflow.db").unlink()
     shutil.rmtree(root / "mlartifacts")
-    registered(root)
-    assert (root / "champions.json").read_bytes() == serves
+    filling(root)
+    assert (root / CHAMPION / "bundle.json").read_bytes() == serves
     assert aliases(root) == {"champion": 1, "challenger": 2}
     expected = direct(root / CHAMPION, hour(root))
     pd.testing.assert_frame_equal(load(MACHINE, root=root)(hour(root)), expected)
@@ -217,6 +224,8 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(root: Pat
     example = model.load_input_example(str(place))
     found = served.predict(example, params={"submodel": "spindle"})
     pd.testing.assert_frame_equal(found, direct(root / CHAMPION, example))
+    assert set(model.signature.inputs.input_names()) == set(example.columns)
+    assert model.signature.outputs.input_names() == list(found.columns)
     asked = (place / "requirements.txt").read_text().split()
     lock = (ROOT / "requirements.lock").read_text().split()
     assert all("==" in line and not line.startswith("kerf") for line in asked)
@@ -350,10 +359,9 @@ def test_a_store_that_is_none_is_named(tmp_path: Path) -> None:
 
 
 def test_a_better_challenger_is_promoted_and_the_champion_can_come_back(root: Path) -> None:
-    known = read_champions(root / CHAMPIONS)
-    first = known.machines[MACHINE]
-    others = known.promoted("mill09", first)
-    write_champions(others, root / CHAMPIONS)
+    first = champion_of(MACHINE, root)
+    assert first is not None
+    write_champions(Champions().promoted("mill09", first), root / CHAMPIONS)
     now = promote(MACHINE, root, why="warmer oil", by="Kim")
     newest = bundle_of(root / MODELS, MACHINE, ["spindle"])
     assert (now.version, now.bundle, now.by, now.why) == (2, newest.sha256, "Kim", "warmer oil")
@@ -389,12 +397,13 @@ def test_a_promotion_that_breaks_off_has_kept_the_champion(
             raise OSError("the disk is full")
         really(self, name, alias, version)
 
-    before = (root / "champions.json").read_bytes()
+    before = (root / CHAMPION / "bundle.json").read_bytes()
     monkeypatch.setattr(MlflowClient, "set_registered_model_alias", breaks_off)
     with pytest.raises(OSError, match="disk"):
         promote(MACHINE, root, why="better")
     assert aliases(root) == {"previous": 1, "champion": 1, "challenger": 2}
-    assert (root / "champions.json").read_bytes() == before
+    assert not (root / CHAMPIONS).exists()
+    assert (root / CHAMPION / "bundle.json").read_bytes() == before
 
 
 def test_one_that_failed_is_refused_and_serves_only_anyway(root: Path) -> None:
@@ -422,27 +431,55 @@ def test_each_look_at_the_sealed_set_is_counted(root: Path) -> None:
 
 
 def test_a_champion_that_lies_nowhere_is_named(root: Path) -> None:
-    known = read_champions(root / CHAMPIONS)
-    lost = replace(known.machines[MACHINE], bundle="0" * 64)
-    write_champions(known.promoted(MACHINE, replace(lost, by="somebody")), root / CHAMPIONS)
+    first = champion_of(MACHINE, root)
+    assert first is not None
+    lost = replace(first, bundle="0" * 64, by="somebody")
+    write_champions(Champions().promoted(MACHINE, lost), root / CHAMPIONS)
     with pytest.raises(ValueError, match=r"000000000000 as the champion of mill01.*`dvc pull"):
         registered(root)
-    write_champions(known.promoted(MACHINE, lost), root / CHAMPIONS)
-    registered(root)  # one that nobody chose gives way to the newest
-    assert read_champions(root / CHAMPIONS).machines[MACHINE].bundle != lost.bundle
+    write_champions(Champions(), root / CHAMPIONS)
+    registered(root)
+    assert champion_of(MACHINE, root) == first
 
 
-def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown() -> None:
+def test_a_first_champion_serves_until_somebody_chooses(root: Path) -> None:
+    """The bundle in data/champion serves on, also in a store that never saw it; then a choice."""
+    first = champion_of(MACHINE, root)
+    assert first is not None
+    with pytest.raises(ValueError, match="has no version 7"):
+        promote(MACHINE, root, why="x", to=7)
+    chosen = promote(MACHINE, root, why="it is good", to=1)  # which git holds from now on
+    assert (chosen.bundle, chosen.why) == (first.bundle, "it is good")
+    assert read_champions(root / CHAMPIONS).machines == {MACHINE: chosen}
+    assert aliases(root) == {"champion": 1, "challenger": 2}
+    with pytest.raises(ValueError, match="version 1 of mill01 is its champion already"):
+        promote(MACHINE, root, why="again", to=1)
+
+
+def test_a_store_that_lacks_the_champion_is_filled_before_a_promotion(root: Path) -> None:
+    (root / "mlflow.db").unlink()
+    shutil.rmtree(root / "mlartifacts")
+    served = promote(MACHINE, root, why="better")
+    assert (served.version, aliases(root)) == (2, {"previous": 1, "champion": 2})
+    shutil.rmtree(root / CHAMPION)
+    (root / CHAMPIONS).unlink()
+    registered(root)
+    now = champion_of(MACHINE, root)
+    assert now is not None and now.bundle == served.bundle  # nothing serves: the newest does
+
+
+def test_the_first_champion_is_one_that_passed_or_says_what_was_not_shown(tmp_path: Path) -> None:
     passed = Version(machine="m", version=1, bundle="a", status="passed", aliases=())
     newest = Version(machine="m", version=2, bundle="b", status="failed", aliases=())
     statuses: dict[str, Status] = {"drive": "failed", "spindle": "passed", "wear": "not judged"}
     submodels = {name: BundledModel(sha256="", status=one) for name, one in statuses.items()}
     bundle = Bundle(machine="m", origin="simulated", submodels=submodels, sha256="b")
     assert bundle.status == "failed"
-    assert first_champion(bundle, [passed, newest]).version == 1
-    alone = first_champion(bundle, [newest])
-    assert (alone.version, alone.why) == (2, "first bundle: drive failed, wear not judged")
-    assert first_champion(bundle, [newest]) == alone  # no clock in it
+    assert first_serving(bundle, [passed, newest]) == "a"
+    assert first_serving(bundle, [newest]) == "b"
+    alone = first_champion(bundle, tmp_path)
+    assert (alone.version, alone.why) == (0, "first bundle: drive failed, wear not judged")
+    assert first_champion(bundle, tmp_path) == alone  # no clock in it
 
 
 def test_the_settings_of_a_machine_are_those_of_its_sub_models(root: Path) -> None:

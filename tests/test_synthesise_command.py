@@ -28,7 +28,7 @@ GIVEN = ("--wear", "120", "--set", "feed=300", "--set", "cut_type=slot")
 @pytest.fixture(scope="module")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     root = tmp_path_factory.mktemp("synthesise")
-    built = once()
+    built = once(tmp_path_factory)
     verdict = built.judged().verdict
     project = root / "project"
     shutil.copytree(ROOT / "conf", project / "conf", symlinks=True)

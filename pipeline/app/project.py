@@ -1,20 +1,30 @@
 """A project outside of Kerf's own folder: conf/, dvc.yaml and DVC, run by the installed Kerf."""
 
 import hashlib
-import re
 import shutil
 import subprocess
 import sys
 from importlib.metadata import PackageNotFoundError, distribution, version
 from pathlib import Path
 
+from pipeline.parameters import SETTINGS
+from pipeline.registry.provenance import CHAMPIONS
+from pipeline.schema.bundle import Champions, write_champions
 from pipeline.schema.store import write_text
 from pipeline.stages.compose import compose
 
 CODE = "kerf-version"
-"""File of the version and hash of the code: a dependency of every stage in place of the code."""
+"""File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
-IGNORED = ("mlflow.db", "mlartifacts/", "data/*", "!data/golden/", "!data/metrics/")
+HELD = ("golden", "metrics", "settings")
+"""Folders of data/ that git holds."""
+IGNORED = (
+    "mlflow.db",
+    "mlartifacts/",
+    "/data/*",
+    *(f"!/data/{name}/" for name in HELD),
+    "/reports",
+)
 
 
 def new_project(folder: Path) -> str:
@@ -36,11 +46,13 @@ def new_project(folder: Path) -> str:
         (folder / "data/golden").mkdir(parents=True)
         (folder / "data/golden/.gitkeep").touch()
         shutil.copytree(source / "conf", folder / "conf")
-        simulated = (source / "conf/fleet/simulated.yaml").read_text(encoding="utf-8")
-        write_text(simulated, folder / "conf/fleet/active.yaml")
+        first = (source / "conf/fleet/demo.yaml").read_text(encoding="utf-8")
+        write_text(first, folder / "conf/fleet/active.yaml")
         write_text("\n".join(IGNORED) + "\n", folder / ".gitignore")
+        write_champions(Champions(), folder / CHAMPIONS)
         _set_up_dvc(folder)
-        compose(folder / "conf", folder / "params.yaml")  # which `kerf status` reads
+        # `kerf status` reads them
+        compose(folder / "conf", folder / "params.yaml", folder / SETTINGS)
     write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")
     write_text(f"{version('kerf-twin')} {_code_hash()}\n", folder / CODE)
     return "brought up" if known else "made"
@@ -68,10 +80,8 @@ def templates() -> Path:
 
 
 def _of_project(text: str) -> str:
-    """dvc.yaml whose stages depend on the installed code as a whole, not on files of a checkout."""
-    lines = [line for line in text.split("\n") if not re.match(r" +- pipeline/", line)]
-    found = "\n".join(lines)
-    return re.sub(r"^( +)deps:\n", rf"\1deps:\n\1  - {CODE}\n", found, flags=re.MULTILINE)
+    """dvc.yaml whose stage ``code`` looks at the installed Kerf, not at a checkout."""
+    return text.replace("      - pipeline\n", f"      - {CODE}\n")
 
 
 def _code_hash() -> str:

@@ -155,20 +155,24 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         f"{s.quantity}, {s.regime}" if s.regime else s.quantity,
         "all of them" if s.group == "all" else s.group,
         ROLES[s.role],
-        _error(s.mae),
-        _error(s.rmse),
-        _error(s.max),
+        *(_error(getattr(s, name), s.spread.get(name)) for name in ("mae", "rmse", "max")),
         powers(unit_words(s.unit)),
-        _error(s.relative_percent),
-        *([_error(None if s.coverage_90 is None else 100 * s.coverage_90)] if covered else []),
+        _error(s.relative_percent, s.spread.get("relative_percent")),
+        *([_error(*_percents(s.coverage_90, s.spread.get("coverage_90")))] if covered else []),
         *errors,
         limits or "–",
         Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
     )
 
 
-def _error(value: float | None) -> str:
-    return "–" if value is None else number(value)
+def _error(value: float | None, spread: float | None = None) -> str:
+    if value is None:
+        return "–"
+    return f"{number(value)} ± {number(spread, 2)}" if spread else number(value)
+
+
+def _percents(*shares: float | None) -> list[float | None]:
+    return [None if share is None else 100 * share for share in shares]
 
 
 def _listing(

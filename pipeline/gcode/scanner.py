@@ -231,8 +231,9 @@ def scan(
 
     The arrays hold one element for each byte, and one more.
     """
-    at, tokens, lines, n = 0, 0, 0, len(data)
-    in_line, head = False, True
+    # literals would have all that follows compiled a second time
+    at, tokens, lines, n = np.int64(0), 0, 0, len(data)
+    in_line, head = False, at == 0
     while at < n:
         if not in_line:
             first_token[lines] = tokens

@@ -17,7 +17,6 @@ from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
-from torch.nn.utils import skip_init
 
 from pipeline.nets.settings import (
     BackPropagationSettings,
@@ -95,9 +94,13 @@ class FilteredNetwork(nn.Module, ABC):
         return t @ (mu / mu.sum(-1, keepdim=True)).transpose(-1, -2)
 
     def forward(self, x: Tensor, c: Tensor) -> Tensor:
-        """Layers 4 and 5: sum_j w_j (p_j . c + s_j), shape (T,)."""
-        p, s = self.consequents[:, :-1], self.consequents[:, -1]
-        return (self.strengths(self.bands, x) * nn.functional.linear(c, p, s)).sum(-1)
+        """Scaled output, shape (T,)."""
+        return self.output(self.consequents, x, c)
+
+    def output(self, consequents: Tensor, x: Tensor, c: Tensor) -> Tensor:
+        """Layers 4 and 5: sum_j w_j (p_j . c + s_j), shape (T,), of consequents (J, K + 1)."""
+        rules = nn.functional.linear(c, consequents[:, :-1], consequents[:, -1])
+        return (self.strengths(self.bands, x) * rules).sum(-1)
 
     def design(self, x: Tensor, c: Tensor) -> Tensor:
         """Matrix whose product with the consequents is the output, shape (T, J (K + 1))."""
@@ -184,14 +187,15 @@ class Whitened:
 
     def __call__(self, x: Tensor, c: Tensor) -> Tensor:
         """Scaled output, shape (T,)."""
-        return self.built.design(x, c) @ (self.start + self.map @ self.z)
+        return self.built.output(self._consequents(), x, c)
+
+    def _consequents(self) -> Tensor:
+        return (self.start + self.map @ self.z).view_as(self.built.consequents)
 
     @torch.no_grad()
     def settle(self) -> None:
-        """Keep the bounds of the bands, and give the network its consequents."""
-        self.built.keep_bounds()
-        b = self.start + self.map @ self.z
-        self.built.consequents.copy_(b.view_as(self.built.consequents))
+        """Give the network its consequents."""
+        self.built.consequents.copy_(self._consequents())
 
 
 class FuzzyFilteredNetwork(FilteredNetwork):
@@ -278,9 +282,9 @@ class BackPropagationNetwork(nn.Module):
         super().__init__()
         self.consequent_inputs = settings.consequent_inputs
         wide = sensors + (inputs if settings.consequent_inputs else 0)
-        # without torch's own initial weights, which would use its global random numbers
-        self.hidden = skip_init(nn.Linear, wide, settings.hidden, dtype=torch.float64)
-        self.output = skip_init(nn.Linear, settings.hidden, 1, dtype=torch.float64)
+        with torch.random.fork_rng([]):  # torch's own initial weights use its global numbers
+            self.hidden = nn.Linear(wide, settings.hidden, dtype=torch.float64)
+            self.output = nn.Linear(settings.hidden, 1, dtype=torch.float64)
         with torch.no_grad():
             for layer in (self.hidden, self.output):
                 reach = layer.in_features**-0.5

@@ -226,17 +226,13 @@ def _projection(
     if not isinstance(built, FilteredNetwork):
         raise TypeError(f"{type(built).__name__} has no bands to project")
     x, c, y = training
-    optimizer = torch.optim.Adam([built.places], lr=settings.learning_rate)
+    optimizer = torch.optim.Adam([built.places], lr=settings.learning_rate, fused=True)
     for done in range(1, settings.passes + 1):
-        a = built.design(x, c)
-        fixed = a.detach()
-        b = ridge_solution(fixed.mT @ fixed / len(y), fixed.mT @ y / len(y), settings.ridge)
-        with torch.no_grad():
-            built.consequents.copy_(b.view_as(built.consequents))
+        b = built.solve_consequents(x, c, y, settings.ridge)
         if progress.stopped(done):
             return
         optimizer.zero_grad()
-        torch.mean((a @ b - y) ** 2).backward()
+        torch.mean((built.output(b, x, c) - y) ** 2).backward()
         optimizer.step()
         built.keep_bounds()
 
@@ -253,7 +249,7 @@ def _gradient(
         progress.stopped(1)  # its least squares are a pass
     parameters = whitened.parameters if whitened else list(built.parameters())
     output = whitened or built
-    optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate)
+    optimizer = torch.optim.Adam(parameters, lr=settings.learning_rate, fused=True)
     rate = torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, T_max=settings.passes)
     for done in range(2 if whitened else 1, settings.passes + 1):
         for rows in torch.randperm(len(y), generator=generator).split(settings.batch):
@@ -261,8 +257,10 @@ def _gradient(
             torch.mean((output(x[rows], c[rows]) - y[rows]) ** 2).backward()
             optimizer.step()
             if whitened:
-                whitened.settle()
+                whitened.built.keep_bounds()
         rate.step()
+        if whitened:
+            whitened.settle()
         if progress.stopped(done):
             return
 

@@ -17,7 +17,7 @@ from pipeline.schema.verdict import Verdict
 CHAMPIONS = Path("champions.json")
 LOCK = Path("requirements.lock")
 NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
-          "scipy", "skops", "threadpoolctl")  # fmt: skip
+          "scipy", "threadpoolctl")  # fmt: skip
 """Distributions that a prediction imports; a version pins them."""
 
 
@@ -46,18 +46,16 @@ def plain(key: Any) -> str:
     return re.sub(r"[^\w.: -]", "_", str(key))
 
 
-def key_figures(bundle: Bundle, folder: Path) -> dict[str, float]:
-    """Key figures of every sub-model's verdict, and its identified parameters, as numbers."""
+def key_figures(name: str, folder: Path) -> dict[str, float]:
+    """Key figures of the verdict on a sub-model in ``folder``, and its parameters, as numbers."""
     from pipeline.submodels.contract import submodel
     from pipeline.submodels.judge import metrics
 
-    found: dict[str, Any] = {}
-    for name in bundle.submodels:
-        found |= flat(metrics(read_json(folder / name / VERDICT, Verdict)), f"{name}.")
-        model = read_json(folder / name / "model.json", submodel(name).model)
-        for group, parameters in model.parameters.items():
-            prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
-            found |= flat({key: one.value for key, one in parameters.items()}, prefix)
+    found = flat(metrics(read_json(folder / VERDICT, Verdict)), f"{name}.")
+    model = read_json(folder / "model.json", submodel(name).model)
+    for group, parameters in model.parameters.items():
+        prefix = f"{name}.parameter.{group}." if group else f"{name}.parameter."
+        found |= flat({key: one.value for key, one in parameters.items()}, prefix)
     return {name: float(v) for name, v in found.items() if isinstance(v, int | float)}
 
 

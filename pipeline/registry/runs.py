@@ -3,7 +3,6 @@
 import shutil
 import tempfile
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,7 @@ from pipeline.registry.provenance import (
     training_files,
 )
 from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
-from pipeline.schema.bundle import VERDICT, Bundle, copy_bundle
+from pipeline.schema.bundle import SERVED, VERDICT, Bundle, Served, copy_bundle
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 
@@ -55,23 +54,21 @@ def register(
     Raises
     ------
     ValueError
-        When the registry cannot be opened, or the bundle does not predict its own example.
+        When the registry cannot be opened.
     """
     there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
     if there:
         return there[0]
     client = client_of(root)
-    number = _log(bundle, folder, root, experiment_of(client, root), made_with())
-    return next(v for v in versions(bundle.machine, root) if v.version == number)
+    _log(bundle, folder, root, experiment_of(client, root), made_with())
+    return next(v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256)
 
 
 def _log(
     bundle: Bundle, folder: Path, root: Path, experiment: str, made_with: Mapping[str, Any]
-) -> int:
-    """Log a run with the bundle as a pyfunc; the number of the version that it becomes."""
+) -> None:
+    """Log a run with the bundle as a pyfunc, and register it as a version."""
     import mlflow
-
-    from pipeline.submodels.contract import submodel
 
     signature, units = _described(bundle, folder)
     tags = provenance(bundle, folder, root, made_with) | {
@@ -79,43 +76,75 @@ def _log(
         for name, columns in units.items() for column, unit in columns.items() if unit
     }  # fmt: skip
     mlflow.set_experiment(experiment)
-    run = f"{bundle.machine}-{bundle.sha256[:8]}"
-    with tempfile.TemporaryDirectory() as scratch, mlflow.start_run(run_name=run):
-        copy_bundle(folder, bundle, Path(scratch) / "bundle")
-        package = Path(__file__).parents[1]
-        code = Path(scratch) / package.name
-        shutil.copytree(package, code, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+    card = model_card(bundle, folder, units)
+    with mlflow.start_run(run_name=f"{bundle.machine}-{bundle.sha256[:8]}") as run:
         parameters = list(flat(made_with).items())
         for first in range(0, len(parameters), BATCH):
             mlflow.log_params(dict(parameters[first : first + BATCH]))
-        mlflow.log_metrics(key_figures(bundle, folder))
+        figures = {name: key_figures(name, folder / name) for name in bundle.submodels}
+        mlflow.log_metrics({key: one for some in figures.values() for key, one in some.items()})
         _log_curves(bundle, folder, root)
-        mlflow.set_tags(tags)
-        card = model_card(bundle, folder, units)
-        mlflow.set_tag("mlflow.note.content", as_description(card))
+        mlflow.set_tags(tags | {"mlflow.note.content": as_description(card)})
         mlflow.log_text(card, "model_card.md")
-        _log_identifications(bundle, folder, root)
-        first_name = next(iter(bundle.submodels))
-        logged = mlflow.pyfunc.log_model(
-            name="bundle",
+        _log_identifications(bundle, folder, root, figures)
+        model_id = _log_pyfunc(bundle, folder, root, signature, units, run.info)
+    client, name = client_of(root), model_name(bundle.machine)
+    if not client.search_registered_models(f"name='{name}'"):
+        client.create_registered_model(name)
+    # all at once: a version that there is has all its tags
+    client.create_model_version(
+        name, f"models:/{model_id}", run.info.run_id, tags=tags, model_id=model_id,
+        description=as_description(card),
+    )  # fmt: skip
+
+
+def _log_pyfunc(
+    bundle: Bundle,
+    folder: Path,
+    root: Path,
+    signature: Any,
+    units: Mapping[str, Mapping[str, str]],
+    run: Any,
+) -> str:
+    """Log the bundle as a pyfunc of a run; the id of the logged model.
+
+    ``mlflow.pyfunc.log_model`` would also load it, predict its example, and copy the run's
+    parameters and metrics to it: several times the work.
+    """
+    import mlflow
+    from mlflow.entities import LoggedModelOutput, LoggedModelStatus
+
+    from pipeline.submodels.contract import submodel
+
+    client, package = client_of(root), Path(__file__).parents[1]
+    logged = client.create_logged_model(run.experiment_id, name="bundle", source_run_id=run.run_id)
+    first = next(iter(bundle.submodels))
+    with tempfile.TemporaryDirectory() as scratch:
+        copy_bundle(folder, bundle, Path(scratch) / "bundle")
+        code = Path(scratch) / package.name
+        shutil.copytree(package, code, ignore=shutil.ignore_patterns("__pycache__", ".*"))
+        mlflow.pyfunc.save_model(
+            str(Path(scratch) / "model"),
             python_model=str(package / "serving.py"),
             artifacts={"bundle": str(Path(scratch) / "bundle")},
             code_paths=[str(code)],
             signature=signature,
-            input_example=_without_zone(submodel(first_name).example(folder / first_name)),
+            input_example=_without_zone(submodel(first).example(folder / first)),
             pip_requirements=requirements(root),
-            metadata={"units": units},
-            registered_model_name=model_name(bundle.machine),
-        )
-    number = str(logged.registered_model_version)
-    client = client_of(root)
-    client.update_model_version(model_name(bundle.machine), number, as_description(card))
-    for tag, value in tags.items():  # the hash comes last: a version that has it has all
-        client.set_model_version_tag(model_name(bundle.machine), number, tag, value)
-    return int(number)
+            mlflow_model=mlflow.models.Model(
+                artifact_path=logged.artifact_location, run_id=run.run_id,
+                model_uuid=logged.model_id, model_id=logged.model_id, metadata={"units": units},
+            ),
+        )  # fmt: skip
+        client.log_model_artifacts(logged.model_id, str(Path(scratch) / "model"))
+    client.finalize_logged_model(logged.model_id, LoggedModelStatus.READY)
+    client.log_outputs(run.run_id, [LoggedModelOutput(logged.model_id, step=0)])
+    return str(logged.model_id)
 
 
-def _log_identifications(bundle: Bundle, folder: Path, root: Path) -> None:
+def _log_identifications(
+    bundle: Bundle, folder: Path, root: Path, figures: Mapping[str, Mapping[str, float]]
+) -> None:
     """A run of its own, below the bundle's, for each sub-model that no version has had so far."""
     import mlflow
 
@@ -123,10 +152,9 @@ def _log_identifications(bundle: Bundle, folder: Path, root: Path) -> None:
     for name, one in bundle.submodels.items():
         if any(version.tags.get(f"{name}.sha256") == one.sha256 for version in before):
             continue
-        alone = replace(bundle, submodels={name: one})
         with mlflow.start_run(run_name=f"{bundle.machine}-{name}-{one.sha256[:8]}", nested=True):
             mlflow.log_params(parameters_of(name, folder / name))
-            mlflow.log_metrics(key_figures(alone, folder))
+            mlflow.log_metrics(dict(figures[name]))
             files = training_files(name, folder / name)
             mlflow.log_text("".join(f"{sha256}  {file}\n" for file, sha256 in files),
                             "training_files.sha256")  # fmt: skip
@@ -162,41 +190,30 @@ def _log_curves(bundle: Bundle, folder: Path, root: Path) -> None:
 def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, str]]]:
     """Signature of a bundle's pyfunc, and the unit of each column by sub-model.
 
-    Columns are found by predicting each sub-model's own example.  The sub-models read different
-    tables, so that each column is optional: what a sub-model lacks is said by itself.
+    The sub-models read different tables, so that each column is optional: what a sub-model lacks is
+    said by itself.
     """
     from mlflow.models import ModelSignature
-    from mlflow.types import ParamSchema, ParamSpec
+    from mlflow.types import ColSpec, ParamSchema, ParamSpec, Schema
 
     from pipeline.submodels.contract import submodel
 
-    taken: dict[str, Any] = {}
-    given: dict[str, Any] = {}
+    taken: dict[str, str] = {}
+    given: dict[str, str] = {}
     units: dict[str, dict[str, str]] = {}
     for name in bundle.submodels:
-        one = submodel(name)
-        example = one.example(folder / name)
-        predicted = one.serve(folder / name)(example)
-        for columns, frame in ((taken, example), (given, predicted)):
-            for column in frame.columns:
-                columns.setdefault(str(column), frame[column])
+        columns = read_json(folder / name / SERVED, Served)
+        taken, given = {**columns.inputs, **taken}, {**columns.outputs, **given}
         verdict = read_json(folder / name / VERDICT, Verdict)
         units[name] = {score.quantity: score.unit for score in verdict.scores}
-        units[name] |= {known.name: known.unit for known in one.inputs if known.unit}
+        units[name] |= {known.name: known.unit for known in submodel(name).inputs if known.unit}
+    inputs, outputs = (
+        Schema([ColSpec(kind, name, required=False) for name, kind in columns.items()])
+        for columns in (taken, given)
+    )
     default = next(iter(bundle.submodels))
     parameters = ParamSchema([ParamSpec("submodel", "string", default=default)])
-    return ModelSignature(inputs=_schema(taken), outputs=_schema(given), params=parameters), units
-
-
-def _schema(columns: Mapping[str, "pd.Series[Any]"]) -> Any:
-    """Columns with their MLflow types, none of them required."""
-    from mlflow.types import ColSpec, Schema
-
-    kinds = {"M": "datetime", "f": "double", "i": "long", "u": "long", "b": "boolean"}
-    return Schema([
-        ColSpec(kinds.get(getattr(values.dtype, "kind", "O"), "string"), name, required=False)
-        for name, values in columns.items()
-    ])  # fmt: skip
+    return ModelSignature(inputs=inputs, outputs=outputs, params=parameters), units
 
 
 def _without_zone(table: "pd.DataFrame") -> "pd.DataFrame":

@@ -41,11 +41,6 @@ CAUSES = {
 """Meaning of the causes of gaps, for people."""
 
 
-def rule_words(rule: str) -> str:
-    """A rule of cleaning in words; its own name when it is not listed here."""
-    return RULES.get(rule, rule)
-
-
 @dataclass(frozen=True, kw_only=True)
 class FileRead:
     """One raw file by its entry in the manifest; counts are of records, None when not known."""

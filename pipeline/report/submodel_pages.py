@@ -5,7 +5,7 @@ worst case, provenance, with a verdict in general words.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -82,11 +82,20 @@ def _part(
         signals=folders.signals,
     )
     page = one.page(shown)
-    return ModelledPart(
-        name=name,
-        title=one.title,
-        shown=shown,
-        page=page if page is not None else default_page(shown, name, one.title, one.needs),
+    if page is None:
+        page = default_page(shown, name, one.title, one.needs)
+    elif shown.verdict is not None and shown.verdict.status == "not decided":
+        page = replace(page, verdict=_undecided(shown.verdict, one.title, one.needs))
+    return ModelledPart(name=name, title=one.title, shown=shown, page=page)
+
+
+def _undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
+    """What a figure too near to its limit asks for, the same of every sub-model."""
+    why = "; ".join(verdict.reasons).rstrip(".")
+    return PartVerdict(
+        status="attention",
+        sentence=f"The model of the {title} is not decided: {why}.",
+        todo=f"Record more: {needs}.",
     )
 
 
@@ -126,11 +135,7 @@ def _verdict(shown: Shown[Any], title: str, needs: str) -> PartVerdict | None:
     by = "golden records" if v.judged_role == "golden" else "records held out of its fit"
     sentence = f"The model of the {title} {v.status} on {by}{_worst_words(v)}."
     if v.status == "not decided":
-        why = "; ".join(v.reasons).rstrip(".")
-        return PartVerdict(
-            status="attention", sentence=f"The model of the {title} is not decided: {why}.",
-            todo=f"Record {needs}.",
-        )  # fmt: skip
+        return _undecided(v, title, needs)
     if v.status == "failed":
         todo = f"Do not use this model; to mend it, record {needs}."
         return PartVerdict(status="failed", sentence=sentence, todo=todo)

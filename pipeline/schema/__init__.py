@@ -14,6 +14,7 @@ __all__ = [
     "days",
     "drive",
     "files",
+    "forest",
     "golden",
     "identity",
     "interval",

@@ -9,13 +9,37 @@ import shutil
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.schema.store import StoreError, content, parsed, read_json, write_json
 from pipeline.schema.verdict import Status, Verdict
 
-MODEL, VERDICT, PREDICTIONS, BUNDLE = (
-    "model.json", "verdict.json", "predictions.parquet", "bundle.json"
+if TYPE_CHECKING:
+    import pandas as pd
+
+MODEL, VERDICT, PREDICTIONS, SERVED, BUNDLE = (
+    "model.json", "verdict.json", "predictions.parquet", "served.json", "bundle.json"
 )  # fmt: skip
+KINDS = {"M": "datetime", "f": "double", "i": "long", "u": "long", "b": "boolean"}
+"""MLflow's name of a column's type by numpy's letter; any other is a string."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Served:
+    """The content of ``served.json``: columns that a sub-model takes and answers, with types."""
+
+    inputs: Mapping[str, str]
+    outputs: Mapping[str, str]
+
+
+def served(example: "pd.DataFrame", predicted: "pd.DataFrame") -> Served:
+    """Columns of a sub-model's own example and of what it predicts from it."""
+    kinds = [
+        {str(name): KINDS.get(getattr(kind, "kind", "O"), "string")
+         for name, kind in frame.dtypes.items()}
+        for frame in (example, predicted)
+    ]  # fmt: skip
+    return Served(inputs=kinds[0], outputs=kinds[1])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,7 +147,8 @@ def write_champions(champions: Champions, path: Path) -> None:
 def predicting_files(folder: Path) -> list[Path]:
     """Files of a sub-model's folder that predict, in the order of their names below it."""
     files = [path for path in folder.rglob("*") if path.is_file()]
-    predicting = [p for p in files if p not in (folder / VERDICT, folder / PREDICTIONS)]
+    judged = {folder / name for name in (VERDICT, PREDICTIONS, SERVED)}
+    predicting = [path for path in files if path not in judged]
     return sorted(predicting, key=lambda path: path.relative_to(folder).as_posix())
 
 
@@ -193,7 +218,7 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
     shutil.rmtree(beside, ignore_errors=True)
     for name in bundle.submodels:
         folder = source / name
-        for path in (*predicting_files(folder), folder / VERDICT):
+        for path in (*predicting_files(folder), folder / VERDICT, folder / SERVED):
             copy = beside / path.relative_to(source)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, copy)

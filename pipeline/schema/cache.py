@@ -1,5 +1,6 @@
 """Folder of what kerf works out once and may be deleted at any time."""
 
+import ast
 from collections.abc import Iterable
 from hashlib import sha256
 from pathlib import Path
@@ -20,6 +21,25 @@ def content_key(files: Iterable[Path], *words: str) -> str:
         content = path.read_bytes()
         digest.update(f"{path.as_posix()}\0{len(content)}\0".encode() + content)
     return digest.hexdigest()
+
+
+def code_hash(source: ast.Module) -> str:
+    """Hash of what a module does: of its syntax tree, without docstrings and texts below constants.
+
+    Examples
+    --------
+    >>> plain, explained = ast.parse("x = 1"), ast.parse("x = 1; 'Radius of a circle [m].'")
+    >>> code_hash(plain) == code_hash(explained)
+    True
+    """
+    for node in ast.walk(source):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [one for one in node.body if not _is_text(one)]
+    return sha256(ast.dump(source).encode()).hexdigest()
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def kept(folder: str, key: str) -> bytes | None:

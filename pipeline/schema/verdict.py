@@ -9,7 +9,7 @@ from pipeline.schema.model import LeftOut, Origin
 Role = Literal["training", "held_out", "golden", "sealed"]
 """What a case is for: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
 Status = Literal["passed", "failed", "not decided", "not judged"]
-"""Not decided: worse than a guess, by less than the sensor's steps can tell."""
+"""Not decided: nearer to a limit or a guess than trainings differ or the sensor's steps tell."""
 UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 
@@ -64,13 +64,16 @@ class Score(Figures):
         Greatest value of an error (by its name above), empty where nothing is required.
     coverage_limits : (float, float) or None
         Least and greatest ``coverage_90`` [1], of a score over all groups; None where none is set.
+    spread : mapping of str to float
+        Half of the 95 % interval of each figure, by its name above, over trainings with other
+        seeds; empty where nothing was trained, or nothing is decided.
     rounding : mapping of str to Figures
         Of each baseline, the difference of MAE and of RMSE that the sensor's steps leave open;
         empty where the measurement is fine enough.
     status : Status
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
-        Each limit that is passed, with value and limit; or why it was not judged.
+        Each limit that is passed or not decided, with value and limit; or why it was not judged.
     """
 
     quantity: str
@@ -83,6 +86,7 @@ class Score(Figures):
     baselines: Mapping[str, Figures] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
     coverage_limits: tuple[float, float] | None = None
+    spread: Mapping[str, float] = field(default_factory=dict)
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 
 RPM = 2 * np.pi / 60
@@ -145,7 +145,7 @@ def _integrated(duration: Floats, jerk: Floats, v_0: Floats) -> tuple[Floats, Fl
     return acceleration, speed, distance
 
 
-@njit(cache=True)
+@compiled_with()
 def slewed(command: np.ndarray, acceleration: float) -> np.ndarray:
     """Speed that follows ``command`` (T,) by at most ``acceleration`` each second, from rest."""
     out = np.empty(command.size)
@@ -156,7 +156,7 @@ def slewed(command: np.ndarray, acceleration: float) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
+@compiled_with()
 def lagged(x: np.ndarray, share: float, start: float) -> np.ndarray:
     """First-order lag of ``x`` (T,): each step closes ``share`` [1] of the distance."""
     out = np.empty(x.size)

@@ -1,12 +1,14 @@
 """Simulation of the weeks of one machine: its records, and the truth about them."""
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats
 from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
@@ -26,7 +28,9 @@ from pipeline.shop.trial.job import write_parts
 from pipeline.shop.wear.records import write_wear
 
 
-def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
+def simulate(
+    out: Path, truth: Path, parameters: ShopParameters, compute: Compute = "serial"
+) -> None:
     """Write what one machine of the simulated shop records, and the truth about it.
 
     Parameters
@@ -43,6 +47,8 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         fault with its exact time.
     parameters : ShopParameters
         The machine, the weeks and the faults of the records.
+    compute : {"serial", "threads", "processes"}
+        Where kinds of records are written, each into files of its own.
 
     Raises
     ------
@@ -51,6 +57,34 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
     """
     if truth.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"the truth {truth} must not stand among the records in {out}")
+    tasks = [(name, out, parameters) for name in KINDS]
+    found = dict(zip(KINDS, mapped(_written, tasks, compute=compute), strict=True))
+    document = {
+        "simulated": True,
+        "machine": parameters.machine,
+        "parameters": asdict(parameters),
+        **found.pop("work"),
+        **found,
+    }
+    write_devices(out / "Devices.xml", parameters)
+    write_parts(out, parameters)
+    write_text(truth, json.dumps(document, indent=1, sort_keys=True) + "\n")
+
+
+def _written(task: tuple[str, Path, ShopParameters]) -> Any:
+    """Write one kind of records; the truth about them."""
+    name, out, parameters = task
+    return KINDS[name](out, parameters)
+
+
+def write_work(out: Path, parameters: ShopParameters) -> dict[str, Any]:
+    """Write ``agent/<day>.txt`` and ``thermocouples/<day>.csv`` of the weeks of work into ``out``.
+
+    Returns
+    -------
+    dict
+        Days, cycles, heat, and the faults of both loggers.
+    """
     ambient = sensors.ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))
     machine = sensors.new_machine(parameters, float(ambient[0]))
@@ -65,11 +99,7 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
         tips.append(sensors.tip_temperatures(day))
         cycles += _since_first_midnight(timeline)
         days.append(_hours(timeline, parameters.start))
-    write_devices(out / "Devices.xml", parameters)
-    document = {
-        "simulated": True,
-        "machine": parameters.machine,
-        "parameters": asdict(parameters),
+    return {
         "days": days,
         "cycles": [_cycle(c, parameters.start, log.truth.unobserved) for c in cycles],
         "heat": {
@@ -77,20 +107,24 @@ def simulate(out: Path, truth: Path, parameters: ShopParameters) -> None:
             "to_air_J": round(machine.to_air),
             "to_chiller_J": round(machine.to_chiller),
         },
-        "control": write_control(out, parameters),
-        "drives": write_drives(out, parameters),
-        "feed": write_feed(out, parameters),
-        "shafts": write_shafts(out, parameters),
-        "cutting": write_cutting(out, parameters),
-        "growth": write_growth(out, parameters),
-        "wear": write_wear(out, parameters),
         "thermocouples": sensors.write_thermocouples(
             out / "thermocouples", np.concatenate(tips), parameters
         ),
         "log": log.truth.document(),
     }
-    write_parts(out, parameters)
-    write_text(truth, json.dumps(document, indent=1, sort_keys=True) + "\n")
+
+
+KINDS: dict[str, Callable[[Path, ShopParameters], Any]] = {
+    "work": write_work,
+    "wear": write_wear,
+    "feed": write_feed,
+    "growth": write_growth,
+    "cutting": write_cutting,
+    "drives": write_drives,
+    "shafts": write_shafts,
+    "control": write_control,
+}
+"""Kinds of records; what takes longest is among the first, so that processes end together."""
 
 
 def _since_first_midnight(timeline: Timeline) -> list[Cycle]:

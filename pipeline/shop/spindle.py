@@ -12,8 +12,8 @@ from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import BearingParameters, MotorParameters, SpindleParameters
@@ -28,7 +28,7 @@ SLOWEST = 10.0
 """Least speed at which the rated power is evaluated [rev/min]."""
 
 
-@njit(cache=True)
+@compiled_with()
 def viscosity(temperature: float, slope: float, intercept: float) -> float:
     """Kinematic viscosity of the lubricant [mm2/s], thinner when warm.
 
@@ -45,7 +45,7 @@ def viscosity_line(nu_40: float, nu_100: float) -> tuple[float, float]:
     return slope, y_40 + slope * math.log10(313.15)
 
 
-@njit(cache=True)
+@compiled_with()
 def friction_torque(
     speed: float, nu: float, load: float, d_m: float, f0: float, capacity: float
 ) -> float:
@@ -61,13 +61,13 @@ def friction_torque(
     return m_0 + m_1
 
 
-@njit(cache=True)
+@compiled_with()
 def flux(speed: float, base_speed: float) -> float:
     """Flux of the motor against its rated flux [1]: weakened as 1/n above the base speed."""
     return 1.0 if speed <= base_speed else base_speed / speed
 
 
-@njit(cache=True)
+@compiled_with()
 def copper_share(phi: float, current: float, magnetising: float) -> float:
     """Stator copper loss against the rated one [1] at flux ``phi`` and torque current ``current``.
 
@@ -76,7 +76,7 @@ def copper_share(phi: float, current: float, magnetising: float) -> float:
     return (magnetising * phi) ** 2 + (1.0 - magnetising**2) * current**2
 
 
-@njit(cache=True)
+@compiled_with()
 def iron_loss(phi: float, ratio: float, hysteresis: float, eddy: float) -> float:
     """Iron loss [W] at speed ratio ``ratio = n / base speed``: hysteresis and eddy currents."""
     return phi**2 * (hysteresis * ratio + eddy * ratio**2)
@@ -229,7 +229,7 @@ def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1)
     ))  # fmt: skip
 
 
-@njit(cache=True)
+@compiled_with()
 def _bearing_heat(speed: float, own: float, growth: float, b: _Bearing, k: _Constants) -> float:
     """Friction heat [W] of a bearing set at temperature ``own``; ``growth`` = shaft - housing."""
     if speed < 1.0:
@@ -239,7 +239,7 @@ def _bearing_heat(speed: float, own: float, growth: float, b: _Bearing, k: _Cons
     return b.pieces * friction_torque(speed, nu, load, b.d_m, b.f0, b.capacity) * speed * RPM
 
 
-@njit(cache=True)
+@compiled_with()
 def _factor(kind: int, speed: float, on: bool, flood: bool, difference: float) -> float:
     if kind == 1:
         return 1.0 + 3.0 * (speed / 12000.0) ** 0.6
@@ -254,7 +254,7 @@ def _factor(kind: int, speed: float, on: bool, flood: bool, difference: float) -
     return 1.0
 
 
-@njit(cache=True)
+@compiled_with()
 def _sources(
     q: np.ndarray, t: np.ndarray, i: int, acceleration: float, x: Inputs, k: _Constants
 ) -> float:
@@ -284,7 +284,7 @@ def _sources(
     return torque
 
 
-@njit(cache=True)
+@compiled_with()
 def _chiller(state: Floats, i: int, x: Inputs, k: _Constants) -> float:
     """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
     ambient = x.ambient[i]
@@ -296,7 +296,7 @@ def _chiller(state: Floats, i: int, x: Inputs, k: _Constants) -> float:
     return state[10] * k.capacity * max(1.0 - k.capacity_slope * (ambient - 20.0), 0.1)
 
 
-@njit(cache=True)
+@compiled_with()
 def _simulated(
     state: Floats, x: Inputs, k: _Constants, ends: np.ndarray, kinds: np.ndarray,
     conductances: np.ndarray, masses: np.ndarray, substeps: int,

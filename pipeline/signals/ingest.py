@@ -5,6 +5,7 @@ parameters it was read with.  Only what changed is read again; what vanished is 
 is the one that a build from nothing gives.
 """
 
+import ast
 import hashlib
 import json
 import os
@@ -14,6 +15,8 @@ from importlib import import_module
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pipeline.parallel import mapped
+from pipeline.schema.cache import code_hash
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.store import (
@@ -120,12 +123,12 @@ _DOWNSTREAM = (
 
 
 def _code() -> str:
-    """Hash of the code that reads: every module of this folder and below, but for its readers."""
+    """Hash of the code that reads: every module of this folder and below, without docstrings."""
     folder, digest = Path(__file__).parent, hashlib.sha256()
     for path in sorted(folder.rglob("*.py")):
         name = path.relative_to(folder).as_posix()
         if not name.startswith(_DOWNSTREAM):
-            digest.update(name.encode() + b"\0" + path.read_bytes())
+            digest.update(f"{name}\0{code_hash(ast.parse(path.read_bytes()))}".encode())
     return digest.hexdigest()
 
 
@@ -221,12 +224,14 @@ def ingest(
     # An ingest that is cut short leaves no entry of a file whose Parquet it had begun to replace.
     write_manifest(out, {**head, "files": entries})
     kept = len(entries)
-    for file in files:
-        if file.name not in entries:
-            progress(file.name)
-            outcome = _read(file, raw, out)
-            entries[file.name] = outcome.entry(file)
-            rejections[file.name] = outcome.rejected
+
+    def outcome(file: RawFile) -> Outcome:
+        progress(file.name)
+        return _read(file, raw, out)
+
+    todo = [file for file in files if file.name not in entries]
+    for file, found in zip(todo, mapped(outcome, todo, compute="threads"), strict=True):
+        entries[file.name], rejections[file.name] = found.entry(file), found.rejected
     remove_stale(out, entries)
     write_rejected({n: rejections.get(n, []) for n in sorted(entries)}, out / "rejected.parquet")
     write_runs(out, entries)

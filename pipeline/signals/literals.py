@@ -8,12 +8,11 @@ over a power of ten up to 10^22: W. D. Clinger, "How to read floating point numb
 from typing import Any
 
 import numpy as np
-from numba import njit
 
-from pipeline.kernels import compiled
+from pipeline.kernels import compiled, compiled_with
 
 # as pipeline.kernels.compiled, but woven into what calls it
-inlined = njit(cache=True, nogil=True, _nrt=False, inline="always")
+inlined = compiled_with(nogil=True, _nrt=False, inline="always")
 
 NONE, EXACT, COPIED, AWAY = 0, 1, 2, 3
 """What :func:`number_at` found: no number, one, one to convert exactly, one out of its range."""

@@ -1,8 +1,7 @@
 """Sampling clocks of recordings: period, gaps, and rows on a uniform grid.
 
 Time stamps of recorders are rounded, repeat, jump and lack rows.  :func:`uniform_segments` places
-the rows of such a recording on uniform grids; :func:`even_rows` refuses a clock that is not uniform
-as it stands.  Times are in seconds.
+the rows of such a recording on uniform grids.  Times are in seconds.
 """
 
 from dataclasses import dataclass
@@ -19,9 +18,6 @@ COARSE_CLOCK = 0.1
 """Share of repeated time stamps [1] above which the clock ticks slower than rows are recorded."""
 SHORTEST_SEGMENT = 32
 """Smallest number of rows [1] of a segment; shorter ones are left out."""
-EVEN_JITTER = 0.02
-"""Greatest deviation of a sampling interval from the median of all [1] in an even recording,
-beside one missing row."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,37 +137,3 @@ def _segment(t: Floats, rows: Ints, period: float) -> UniformSegment:
             places=even[forward],
         )  # fmt: skip
     return UniformSegment(start=float(start), period=float(slope), rows=rows[kept], places=places)
-
-
-def even_rows(t: Floats, complete: Bools) -> tuple[slice, float]:
-    """Rows of an evenly sampled recording without its incomplete ends, and the sampling period [s].
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Time stamps [s].
-    complete : ndarray of bool, shape (N,)
-        Rows that have a value in every channel that is used.
-
-    Raises
-    ------
-    ValueError
-        When fewer than two rows are complete, rows in between are not, or the clock is uneven.
-    """
-    whole = complete & np.isfinite(t)
-    if whole.sum() < 2:
-        raise ValueError("it holds no row with a value in every channel")
-    first, last = np.flatnonzero(whole)[[0, -1]]
-    within = slice(int(first), int(last) + 1)
-    if not whole[within].all():
-        raise ValueError(
-            f"{(~whole[within]).sum()} of its rows lack a value or the time: export it again"
-        )
-    steps = np.diff(t[within])
-    period = float(np.median(steps))
-    if period <= 0 or np.abs(steps / period - 1).max() > 1 + EVEN_JITTER:
-        raise ValueError("its time does not run evenly: export it again")
-    period = float((t[last] - t[first]) / (last - first))
-    if np.abs(steps / period - 1).max() > 0.5:
-        raise ValueError("its time has gaps: export it again")
-    return within, period

@@ -2,6 +2,26 @@
 
 Positional parameters are paths in the order of the command, keyword-only ones sections of
 params.yaml. ``python -m pipeline.stages NAME@MACHINE PATH...`` runs one.
+
+Whatever processor runs it, a stage computes the same bits, so that dvc.lock, which git holds, is
+that of every machine: linear algebra, NumPy and torch keep to the instructions of AVX2, which all
+x86-64 processors of the last ten years have, though some have wider ones that sum in another order.
 """
 
+import os
+
 __all__ = ["compose", "correct_programs", "optimise", "report", "sections"]
+
+SAME_BITS = {
+    "OMP_NUM_THREADS": "1",  # the same sums in the same order; narrow matrices gain three times
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "OPENBLAS_CORETYPE": "Haswell",
+    "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+    "ATEN_CPU_CAPABILITY": "avx2",
+    "ONEDNN_MAX_CPU_ISA": "AVX2",
+    "MKL_CBWR": "COMPATIBLE",
+}
+"""Variables that the libraries read when they are loaded; workers inherit them."""
+
+os.environ.update(SAME_BITS)

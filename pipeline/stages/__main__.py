@@ -17,13 +17,8 @@ from typing import Any
 
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.files import ended_by_signals
-from pipeline.stages._line import line
+from pipeline.stages._line import line, place, running
 from pipeline.submodels.contract import sections, submodel, submodels
-
-# One thread for linear algebra: the same sums in the same order everywhere, and for matrices as
-# narrow as ours three times as fast as two.
-for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_variable, "1")
 
 NO_STAGES = {"identify", "sections"}
 """Modules of this room that are no stage of their name."""
@@ -133,8 +128,10 @@ def main() -> None:
     with ended_by_signals():
         try:
             log.setLevel(os.environ.get("KERF_LOG", "INFO").upper())
-            run(*sys.argv[1:])
-            log.info("%s", line(sys.argv[1], [Path(one) for one in sys.argv[2:]], began))
+            name = f"{sys.argv[1]} {place(sys.argv[1])}".rstrip()
+            with running(name, sys.stderr):
+                run(*sys.argv[1:])
+            log.info("%s", line(name, [Path(one) for one in sys.argv[2:]], began))
         except (ValueError, OSError) as error:
             sys.stderr.write(f"{sys.argv[1]}: {error}\n")
             sys.exit(2)

@@ -1,12 +1,67 @@
-"""The line that a stage says when it has ended: what it read, found, wrote, and took."""
+"""What a stage says: where it stands in the build, how long it runs, what it read and wrote."""
 
 import json
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from threading import Event, Thread
+from typing import Any, TextIO
+
+from pipeline.parameters import read_yaml
 
 RECORDS = ("read", "kept", "rejected")
 """Counts of records that a manifest holds for each file."""
+SHOWN_AFTER_S = 10.0
+"""Duration from which on a stage shows on a terminal that it runs [s]."""
+
+
+def place(name: str, root: Path = Path()) -> str:
+    """Where a stage stands among those of the fleet that is built, ``(7 of 31)``.
+
+    Empty in a folder without dvc.yaml, and for a stage that it does not have.
+    """
+    try:
+        stages = read_yaml((root / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+        fleet = read_yaml((root / "conf/fleet/active.yaml").read_text(encoding="utf-8"))
+    except (OSError, ValueError, KeyError):
+        return ""
+    names = [one for stage, text in stages.items() for one in _runs(stage, text, fleet)]
+    return f"({names.index(name) + 1} of {len(names)})" if name in names else ""
+
+
+def _runs(stage: str, text: Mapping[str, Any], fleet: Mapping[str, Any]) -> list[str]:
+    """Names of a stage with each machine that it goes over."""
+    if "foreach" not in text:
+        return [stage]
+    found: Any = fleet
+    for key in str(text["foreach"])[2:-1].split("."):
+        found = found[key]
+    return [f"{stage}@{machine}" for machine in found]
+
+
+@contextmanager
+def running(name: str, stream: TextIO) -> Iterator[None]:
+    """Show on a terminal, once a second, for how long a stage runs that takes its time."""
+    if not stream.isatty():
+        yield
+        return
+    ended, began = Event(), time.monotonic()
+
+    def show() -> None:
+        while not ended.wait(1.0):
+            if time.monotonic() - began > SHOWN_AFTER_S:
+                stream.write(f"\r{name}: {time.monotonic() - began:.0f} s ")
+                stream.flush()
+
+    shown = Thread(target=show, daemon=True)
+    shown.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        shown.join()
+        stream.write("\r\033[K")  # the line is free again
 
 
 def line(name: str, paths: Sequence[Path], began: float) -> str:

@@ -1,4 +1,4 @@
-"""Stage: write params.yaml from conf/, with what ``dvc exp run -S`` sets on top."""
+"""Stage: write params.yaml and data/settings from conf/, what ``dvc exp run -S`` sets on top."""
 
 import os
 import re
@@ -9,11 +9,20 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.parameters import NotYaml, as_section, as_yaml, read_params, read_yaml
+from pipeline.parameters import (
+    SETTINGS,
+    NotYaml,
+    as_section,
+    as_yaml,
+    joined,
+    parted,
+    read_yaml,
+)
 from pipeline.schema.store import write_text
 
 HEADER = "# Composed from conf/ by the stage compose; edit conf/, not this file.\n"
-CATALOGUES = ("material", "tool")
+ENTRIES = ("material", "tool")
+"""Groups of which every file is an entry of the section of their name."""
 CHOICES = ("budget", "cost", "optimisation", "promotion")
 """Groups whose section has their name, of which one file is chosen."""
 BASELINE = "DVC_EXP_BASELINE_REV"
@@ -24,12 +33,21 @@ GONE = object()
 """The value of a key that is not there."""
 
 
-def compose(conf: Path, params: Path) -> None:
-    """Compose ``conf``, its catalogues and every machine of its fleet into ``params``.
+def compose(conf: Path, params: Path, settings: Path) -> None:
+    """Compose ``conf``, its catalogues and every machine of its fleet.
 
-    Under ``dvc exp run`` DVC has written each ``-S`` into the file already: where it differs from
+    Under ``dvc exp run`` DVC has written each ``-S`` into its file already: where it differs from
     the file of the commit that the experiment starts from, the difference is put on top of a fresh
     composition, so that an edit of ``conf`` and ``-S`` both hold.
+
+    Parameters
+    ----------
+    conf : Path
+        The source of all settings.
+    params : Path
+        params.yaml: what we choose.
+    settings : Path
+        Folder of JSON: ``machine/<name>.json`` and the catalogues.
 
     Raises
     ------
@@ -37,41 +55,62 @@ def compose(conf: Path, params: Path) -> None:
         When ``conf`` does not compose, ``-S`` sets what cannot be set, or a section is not what its
         stage asks for; nothing is written then.
     """
-    changes = _set_for_experiment(params)
+    changes = _set_for_experiment(params, settings)
     chosen = _chosen(changes, conf)
-    text = composed(conf, chosen)
-    values = read_yaml(text)
+    values = read_yaml(composed(conf, chosen))
     groups = {keys[0] for keys in changes if _is_choice(keys, conf)}
     single = {keys: change for keys, change in changes.items() if keys[0] not in groups}
     if single:
         _refuse_edited(read_yaml(composed(conf)) if chosen else values, single)
-        text = as_yaml(_changed(values, single))
+        values = _changed(values, single)
     import_module("pipeline.stages.sections").check(values)  # its types change no byte of params
-    if not params.exists() or params.read_text() != HEADER + text:
-        write_text(HEADER + text, params)
+    write_settings(values, params, settings)
+
+
+def write_settings(values: dict[str, Any], params: Path, settings: Path) -> None:
+    """Write a composition to ``params`` and the folder ``settings``, what differs from it alone."""
+    own, parts = parted(values)
+    texts = {params: HEADER + as_yaml(own)} | {settings / n: text for n, text in parts.items()}
+    for path in set(settings.rglob("*.json")) - set(texts):
+        path.unlink()
+    for path, text in texts.items():
+        if not path.exists() or path.read_text() != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_text(text, path)
 
 
 Change = tuple[Any, Any]
 """Value at the commit that an experiment starts from, and the one that it sets."""
 
 
-def _set_for_experiment(params: Path) -> dict[Keys, Change]:
+def _set_for_experiment(params: Path, settings: Path) -> dict[Keys, Change]:
     """What an experiment sets; nothing outside of one, or where the commit has no parameters."""
     commit = os.environ.get(BASELINE)
     if not commit or not params.exists():
         return {}
-    answer = subprocess.run(
-        ["git", "show", f"{commit}:./{params.name}"],
-        cwd=params.resolve().parent, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    if answer.returncode:
+    root = params.resolve().parent
+    text = _of_commit(commit, params.name, root)
+    if text is None:
         return {}
-    before, now = dict(_leaves(read_yaml(answer.stdout))), dict(_leaves(read_params(params)))
+    names = [one.relative_to(settings).as_posix() for one in settings.rglob("*.json")]
+    beside = {name: _of_commit(commit, f"{SETTINGS}/{name}", root) for name in names}
+    files = {name: one for name, one in beside.items() if one is not None}
+    texts = {name: (settings / name).read_text() for name in files}  # of machines that it has
+    before = dict(_leaves(joined(read_yaml(text), files)))
+    now = dict(_leaves(joined(read_yaml(params.read_text()), texts)))
     return {
         keys: (before.get(keys, GONE), now.get(keys, GONE))
         for keys in (*now, *(keys for keys in before if keys not in now))
         if before.get(keys, GONE) != now.get(keys, GONE)
     }
+
+
+def _of_commit(commit: str, name: str, root: Path) -> str | None:
+    """Text of a file in a commit; None where the commit does not have it."""
+    answer = subprocess.run(
+        ["git", "show", f"{commit}:./{name}"], cwd=root, capture_output=True, text=True, check=False
+    )
+    return None if answer.returncode else answer.stdout
 
 
 def _leaves(values: Mapping[str, Any], above: Keys = ()) -> Iterator[tuple[Keys, Any]]:
@@ -157,7 +196,7 @@ def _said(value: Any) -> str:
 
 
 def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
-    """The composition of ``conf`` as YAML.
+    """The composition of ``conf`` as YAML, at the budget of its fleet unless overrides choose one.
 
     Each file of ``conf/material/`` and ``conf/tool/`` is a section of its name, the cutting data of
     ``conf/catalogue/`` are one.
@@ -173,11 +212,13 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
     from omegaconf import OmegaConf
     from omegaconf.errors import OmegaConfBaseException
 
-    entries = [entry for group in CATALOGUES for entry in _entries(conf, group)]
+    entries = [entry for group in ENTRIES for entry in _entries(conf, group)]
     try:
         with initialize_config_dir(str(conf.resolve()), version_base=None):
             fleet = hydra_compose("config", overrides=list(overrides)).fleet
             _check_machines(conf, list(fleet.machines))
+            if not any(one.startswith("budget=") for one in overrides):
+                overrides = (*overrides, f"budget={fleet.get('chosen_budget', 'default')}")
             machines = [f"+machine@machine.{name}={name}" for name in fleet.machines]
             config = hydra_compose("config", overrides=[*overrides, *entries, *machines])
         return OmegaConf.to_yaml(config, resolve=True) + as_section(

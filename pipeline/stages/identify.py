@@ -1,10 +1,10 @@
 """Stages identify_<sub-model> and judge_<sub-model>, shared by all sub-models."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from pipeline.schema.bundle import SERVED, served
 from pipeline.schema.golden import read_golden
 from pipeline.schema.plots import write_plots
 from pipeline.schema.predictions import write_predictions
@@ -46,7 +46,7 @@ def judge(
     *,
     settings: Any,
 ) -> None:
-    """Judge the sub-model in ``folder``; write verdict, predictions, metrics, plots.
+    """Judge the sub-model in ``folder``; write verdict, predictions, columns, metrics, plots.
 
     Parameters
     ----------
@@ -74,6 +74,8 @@ def judge(
     )
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
+    example = submodel.example(folder)
+    write_json(served(example, submodel.serve(folder)(example)), folder / SERVED)
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
-    metrics.write_text(json.dumps(figures, indent=2) + "\n")
+    write_json(figures, metrics)
     write_plots(found.verdict, found.predictions, plots)

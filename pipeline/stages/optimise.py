@@ -1,6 +1,5 @@
 """Stage: part programs that are faster or cheaper inside their limits."""
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from pipeline.optimisation.job import Supplies, machine_models, part_job, part_p
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings, Parts
 from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.store import write_json
 from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
 from pipeline.twin.cut_wear import ToolWear
@@ -56,4 +56,4 @@ def optimise(
         )
         write_program(part.label, program.data, optimised_text(result), document, written)
         written_parts[part.label] = document
-    metrics.write_text(json.dumps(part_metrics(written_parts), indent=2, sort_keys=True) + "\n")
+    write_json(dict(sorted(part_metrics(written_parts).items())), metrics)

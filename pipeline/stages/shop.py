@@ -8,4 +8,4 @@ from pipeline.shop.simulate import simulate
 
 def shop(raw: Path, truth: Path, *, shop: ShopParameters) -> None:
     """Write the records into ``raw`` and what is true of them into ``truth``."""
-    simulate(raw, truth, shop)
+    simulate(raw, truth, shop, compute="processes")

@@ -11,12 +11,12 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import shop_part
 from pipeline.shop.trial.trials import trials
 
-SEEDS = range(20)
-"""Each is a part of its own: batch of material, mounting and edge of the tool."""
-
 
 def trial(written: Path, cut: Path, *, shop: ShopParameters) -> None:
-    """Cut the parts whose programs are in ``written``, before and after; one JSON for all."""
+    """Cut the parts whose programs are in ``written``, before and after; one JSON for all.
+
+    Each seed is a part of its own: batch of material, mounting and edge of the tool.
+    """
     known, found = shop_part(shop), {}
     for path in sorted(written.glob("*.json")):
         if path.stem != known.program.name:
@@ -27,6 +27,6 @@ def trial(written: Path, cut: Path, *, shop: ShopParameters) -> None:
         before, after = (path.with_suffix(end).read_bytes() for end in (".before.nc", ".nc"))
         limit = json.loads(path.read_text())["limits"].get("load_N", known.limit_load_N)
         job = replace(known.job(shop), limit_load_N=limit)
-        found[path.stem] = trials(before, after, job, shop, SEEDS)
+        found[path.stem] = trials(before, after, job, shop, range(shop.trial_cuts))
     document = {"machine": shop.machine, "origin": "simulated", "parts": found}
     cut.write_text(json.dumps(document, indent=1) + "\n")

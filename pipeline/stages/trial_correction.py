@@ -10,12 +10,12 @@ from typing import Any
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.corrected import corrected_trials
 
-SEEDS = range(5)
-"""Each is a noise of its own of the drives' currents."""
-
 
 def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:
-    """Drive every ``*.csv`` of the folder ``corrected``; one JSON for all."""
+    """Drive every ``*.csv`` of the folder ``corrected``; one JSON for all.
+
+    Each seed is a noise of its own of the drives' currents.
+    """
     tables = sorted(corrected.glob("*.csv"))
     if not tables:
         raise ValueError(f"{corrected} holds no *.csv: correct the commands of a program first")
@@ -29,4 +29,4 @@ def _driven(table: Path, shop: ShopParameters) -> dict[str, Any]:
     lines = table.read_text().splitlines()
     if all(line.startswith("#") for line in lines):
         return {"refused": " ".join(line.lstrip("# ") for line in lines)}
-    return corrected_trials(table, shop, SEEDS)
+    return corrected_trials(table, shop, range(shop.trial_drives))

@@ -18,7 +18,7 @@ outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes an
 Gibbs and Candes 2021), so that the share inside comes back to 90 % when conditions drift.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,25 +111,6 @@ def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[
             [name for i, name in enumerate(groups) if i not in left],
             [name for i, name in enumerate(groups) if i in left],
         )
-
-
-def residuals_left_out(
-    groups: Sequence[str],
-    folds: int,
-    residuals_of: Callable[[list[str], list[str]], Residuals],
-) -> Residuals:
-    """Residuals of each group under a model that did not see it (cross-conformal).
-
-    Parameters
-    ----------
-    groups : sequence of str
-        Training groups.
-    folds : int
-        Models to fit, at most one a group; two at least are made of two groups.
-    residuals_of : callable
-        Fits on the groups of its first argument and returns the residuals of those of its second.
-    """
-    return Residuals.joined(residuals_of(fitted, left) for fitted, left in splits(groups, folds))
 
 
 def bands(residuals: Residuals) -> dict[str, Band]:

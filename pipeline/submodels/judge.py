@@ -17,7 +17,7 @@ from pipeline.schema.days import day_of_text
 from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Model
 from pipeline.schema.outside import outside_conditions, widening
-from pipeline.schema.predictions import BASELINE
+from pipeline.schema.predictions import AGAIN, BASELINE
 from pipeline.schema.verdict import (
     Figures,
     GoldenUsed,
@@ -32,6 +32,7 @@ from pipeline.schema.verdict import (
 from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.rounding import grid_step, left_open
+from pipeline.submodels.statistics import spread_of
 
 DIGITS = 6
 """Significant digits of a stored error."""
@@ -240,6 +241,7 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
         for group, part in parts:
             score = _score(part, target, str(group), role)
             if role == deciding:
+                score = replace(score, spread=_spread(part))
                 of_all = group == ALL and target.coverage is not None
                 score = _covered(score, target) if of_all else _held_against(score, target)
             found.append(score)
@@ -247,12 +249,7 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
 
 
 def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
-    measured, predicted, low, high = (
-        rows[name].to_numpy(float) for name in ("measured", "predicted", "low", "high")
-    )
-    bounded = np.isfinite(low) & np.isfinite(high)
-    inside = ((low <= measured) & (measured <= high))[bounded]
-    own = figures(predicted, measured)
+    measured = rows["measured"].to_numpy(float)
     others = {
         name: figures(rows[BASELINE + name].to_numpy(float), measured)
         for name in target.baselines if BASELINE + name in rows.columns
@@ -264,12 +261,32 @@ def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
         regime=target.regime,
         role=role,
         n=len(rows),
-        coverage_90=rounded(float(inside.mean())) if bounded.any() else None,
         baselines={name: one for name, one in others.items() if one.mae is not None},
         limits=target.limits if group != ALL else {},
         rounding=_rounding(rows, target) if others else {},
-        **vars(own),
+        **_figures(rows, "predicted"),
     )
+
+
+def _figures(rows: pd.DataFrame, name: str) -> dict[str, Any]:
+    """Figures of one prediction by their names in a score; the interval moves along with it."""
+    measured, predicted, served, low, high = (
+        rows[column].to_numpy(float) for column in ("measured", name, "predicted", "low", "high")
+    )
+    bounded = np.isfinite(low) & np.isfinite(high)
+    error = (measured - (predicted - served))[bounded]
+    inside = (low[bounded] <= error) & (error <= high[bounded])
+    share = rounded(float(inside.mean())) if bounded.any() else None
+    return vars(figures(predicted, measured)) | {"coverage_90": share}
+
+
+def _spread(rows: pd.DataFrame) -> dict[str, float]:
+    """Spread of each figure over the trainings whose predictions are there for all rows."""
+    again = [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
+    if len(again) < 2:
+        return {}
+    found = pd.DataFrame([_figures(rows, name) for name in again], dtype=float).dropna(axis=1)
+    return {str(name): spread_of(values.to_numpy()) for name, values in found.items()}
 
 
 def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
@@ -300,19 +317,20 @@ def _held_against(score: Score, target: Target) -> Score:
     """A score with its status: limits kept, and better than what it has to beat here."""
     if not score.limits:
         return score
-    reasons = []
+    reasons: list[str] = []
+    open_: list[str] = []
+    regime = f" {target.regime}" if target.regime else ""
     for name, limit in score.limits.items():
-        value = getattr(score, name)
+        value, spread = getattr(score, name), score.spread.get(name, 0.0)
         unit = "%" if name.endswith("percent") else score.unit
         if value is None:
             reasons.append(f"{score.group}: {target.quantity} has no {WORDS[name]}")
+            continue
+        said = f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {value:.4g} {unit} is"
+        if abs(abs(value) - limit) < spread:
+            open_.append(f"{said} {_near(f'the limit of {limit:g} {unit}', spread, unit)}")
         elif abs(value) > limit:
-            regime = f" {target.regime}" if target.regime else ""
-            reasons.append(
-                f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {value:.4g} {unit} is "
-                f"above {limit:g} {unit}"
-            )
-    open_: list[str] = []
+            reasons.append(f"{said} above {limit:g} {unit}")
     if target.each_group:
         for name in target.must_beat:
             worse, unsure = _shortfall(score, name)
@@ -322,21 +340,27 @@ def _held_against(score: Score, target: Target) -> Score:
     return replace(score, status=status, reasons=tuple(reasons or open_))
 
 
+def _near(limit: str, spread: float, unit: str) -> str:
+    """That a figure lies nearer to a limit than trainings differ."""
+    return f"too near to {limit}: trainings differ by \u00b1 {spread:.2g} {unit}, not decided"
+
+
 def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
-    """Errors that are not below a baseline's: for sure, and by less than the sensor can tell."""
+    """Errors that are not below a baseline's: for sure, and by less than can be told."""
     other = score.baselines.get(name, Figures())
     spared = score.rounding.get(name, Figures())
     worse, unsure = [], []
     for kind in ("mae", "rmse"):
         own, theirs = getattr(score, kind), getattr(other, kind)
-        if own is None or theirs is None or own < theirs:
+        spread, width = score.spread.get(kind, 0.0), getattr(spared, kind) or 0.0
+        if own is None or theirs is None or (own < theirs and theirs - own >= spread):
             continue
-        said = (
-            f"{WORDS[kind]} {own:.4g} {score.unit} is not below that of {name}, {theirs:.4g} "
-            f"{score.unit}"
-        )
-        width = getattr(spared, kind) or 0.0
-        if own - theirs < width:
+        that = f"that of {name}, {theirs:.4g} {score.unit}"
+        mine = f"{WORDS[kind]} {own:.4g} {score.unit} is"
+        said = f"{mine} not below {that}"
+        if abs(own - theirs) < spread:
+            unsure.append(f"{mine} {_near(that, spread, score.unit)}")
+        elif own - theirs < width:
             unsure.append(
                 f"{said}, but the sensor's steps leave {width:.2g} {score.unit} open: not decided"
             )
@@ -349,19 +373,27 @@ def _covered(score: Score, target: Target) -> Score:
     """A score over all groups with its status: whether the 90 % interval holds what it should."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
-    limits = f"{100 * least:g} to {100 * most:g} %"
-    reasons = []
+    limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
+    reasons: list[str] = []
+    open_: list[str] = []
     if share is None:
         reasons.append(
             f"{target.quantity}{regime} has no 90 % interval, limits of the share inside {limits}"
         )
-    elif not least <= share <= most:
-        reasons.append(
+    else:
+        said = (
             f"{target.quantity}{regime}: {100 * share:.4g} % of the samples lie inside the 90 % "
-            f"interval, limits {limits}"
+            f"interval, "
         )
-    status: Status = "failed" if reasons else "passed"
-    return replace(score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons))
+        # no share is below 0 or above 1: a limit there cannot be passed
+        if any(abs(share - end) < spread for end in (least, most) if 0 < end < 1):
+            open_.append(f"{said}{_near(f'the limits {limits}', 100 * spread, '%')}")
+        elif not least <= share <= most:
+            reasons.append(f"{said}limits {limits}")
+    status: Status = "failed" if reasons else "not decided" if open_ else "passed"
+    return replace(
+        score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons or open_)
+    )
 
 
 def _beaten(
@@ -583,6 +615,8 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "rmse": score.rmse,
             "relative_percent": score.relative_percent,
             "coverage_90": score.coverage_90,
+            "spread_mae": score.spread.get("mae"),
+            "spread_rmse": score.spread.get("rmse"),
             "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),
             "skill_mae": {s.baseline: s.mae for s in judged.skills
                           if (s.quantity, s.regime) == (score.quantity, score.regime)},

@@ -48,7 +48,8 @@ class Compared:
     champion, challenger : float
         Mean absolute error, averaged over the groups [unit].
     better : bool
-        Whether the challenger's squared errors are significantly lower over the groups.
+        Whether the challenger's squared errors are significantly lower over the groups, by more
+        than trainings with other seeds differ.
     worse : bool
         Whether its mean error is above the champion's by more than the tolerance.
     """
@@ -182,11 +183,16 @@ def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Co
             Compared(
                 submodel=challenger.submodel, quantity=quantity, regime=regime, unit=unit,
                 groups=len(keys), champion=mean_old, challenger=mean_new,
-                better=gains(squared_old, squared_new),
+                better=mean_old - mean_new > _spread(new) and gains(squared_old, squared_new),
                 worse=mean_new > (1 + tolerance) * mean_old,
             )
         )  # fmt: skip
     return found
+
+
+def _spread(scores: Sequence[Score]) -> float:
+    """Greatest spread that the mean of some groups' MAE has over trainings [unit]."""
+    return float(np.mean([s.spread.get("mae", 0.0) for s in scores]))
 
 
 def _by_group(verdict: Verdict) -> dict[tuple[str, str, str], Score]:
@@ -208,7 +214,8 @@ def objections(
     """What speaks against a promotion, each as a sentence; none when the challenger may serve.
 
     A challenger serves when it is significantly better in at least one sub-model, or adds one that
-    passed, and is in none worse than the tolerance.
+    passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it
+    nor against it.
 
     Parameters
     ----------

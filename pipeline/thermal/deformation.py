@@ -166,34 +166,6 @@ class DeformationNetwork(Ranged, section="deformation"):
         slow, fast = np.sort(np.abs(np.linalg.eigvals(self.thermal.rates).real))
         return float(1 / fast), float(1 / slow)
 
-    def start(self, temperatures_C: ArrayLike, ambient_C: ArrayLike) -> Floats:
-        """Node temperatures, shape (..., 2) [degC], that the sensors, (..., N), show.
-
-        Sensors that are missing (nan) do not count; where none is left, the nodes are at the
-        ambient, shape (...).  What the sensors leave open stays at their mean.
-
-        Raises
-        ------
-        ValueError
-            When there are not as many temperatures as sensors.
-        """
-        shares = np.array(self.sensor_shares)
-        values = np.asarray(temperatures_C, float)
-        if values.shape[-1] != len(shares):
-            raise ValueError(
-                f"{values.shape[-1]} temperatures at the start must be those of the {len(shares)} "
-                "sensors of the fit, nan where one is missing"
-            )
-        seen = np.isfinite(values)
-        mean = np.where(seen, values, 0.0).sum(axis=-1) / np.maximum(seen.sum(axis=-1), 1)
-        mean = np.where(seen.any(axis=-1), mean, ambient_C)
-        mixture = np.stack([shares, 1 - shares], axis=-1) * seen[..., None]
-        above = np.where(seen, values - mean[..., None], 0.0)
-        normal = np.swapaxes(mixture, -1, -2) @ mixture + START_RIDGE * np.eye(2)
-        target = (mixture * above[..., None]).sum(axis=-2)
-        start: Floats = mean[..., None] + np.linalg.solve(normal, target[..., None])[..., 0]
-        return start
-
     def growth(self, nodes_C: Floats, speed_rad_s: ArrayLike) -> Floats:
         """Growth since the first sample [m], shape (..., T), from the nodes, (2, ..., T)."""
         rise = nodes_C - nodes_C[..., :1]
@@ -225,8 +197,45 @@ class DeformationNetwork(Ranged, section="deformation"):
             When there are not as many temperatures as sensors, or the step is not positive.
         """
         ambient = np.asarray(ambient_C, float)
-        start = self.start(temperatures_C, ambient[..., 0])
+        start = start_of_nodes(self.sensor_shares, temperatures_C, ambient[..., 0])
         return self.growth(simulate(speed_rad_s, ambient, step, self, start), speed_rad_s)
+
+
+def start_of_nodes(
+    sensor_shares: ArrayLike, temperatures_C: ArrayLike, ambient_C: ArrayLike
+) -> Floats:
+    """Node temperatures, shape (..., 2) [degC], that sensors, (..., N), show at a start.
+
+    Sensors that are missing (nan) do not count; where none is left, the nodes are at the ambient,
+    shape (...).  What the sensors leave open stays at their mean.
+
+    Parameters
+    ----------
+    sensor_shares : array_like, shape (..., N)
+        Share of the spindle in each sensor's temperature [1].
+    temperatures_C, ambient_C : array_like, shapes (..., N) and (...)
+        [degC].
+
+    Raises
+    ------
+    ValueError
+        When there are not as many temperatures as sensors.
+    """
+    shares, values = np.asarray(sensor_shares, float), np.asarray(temperatures_C, float)
+    if values.shape[-1] != shares.shape[-1]:
+        raise ValueError(
+            f"{values.shape[-1]} temperatures at the start must be those of the "
+            f"{shares.shape[-1]} sensors of the fit, nan where one is missing"
+        )
+    seen = np.isfinite(values)
+    mean = np.where(seen, values, 0.0).sum(axis=-1) / np.maximum(seen.sum(axis=-1), 1)
+    mean = np.where(seen.any(axis=-1), mean, ambient_C)
+    mixture = np.stack([shares, 1 - shares], axis=-1) * seen[..., None]
+    above = np.where(seen, values - mean[..., None], 0.0)
+    normal = np.swapaxes(mixture, -1, -2) @ mixture + START_RIDGE * np.eye(2)
+    target = (mixture * above[..., None]).sum(axis=-2)
+    start: Floats = mean[..., None] + np.linalg.solve(normal, target[..., None])[..., 0]
+    return start
 
 
 def simulate(
@@ -261,19 +270,26 @@ def simulate(
     )  # fmt: skip
 
 
-def unit_responses(record: GrowthRecord, thermal: SpindleThermalParameters, speed: float) -> Floats:
-    """Node temperatures, shape (2, 6, T), that each cause alone would give.
+def unit_heat(record: GrowthRecord, speed: float) -> Floats:
+    """Heat of each cause of :func:`unit_responses` alone, shape (6, T, len(SOURCES)).
 
-    The causes: bearing friction of 1 K/s at ``speed`` [rad/s], windage and preload likewise, the
-    ambient of the record, and a start of 1 degC of spindle and of structure.  Temperatures are sums
-    of these.
+    Bearing friction, windage and preload are 1 at ``speed`` [rad/s].
     """
-    names, many = list(SOURCES), len(record.time_s)
-    heat = np.zeros((6, many, len(names)))
+    heat = np.zeros((6, len(record.time_s), len(SOURCES)))
     each = heat_sources(record.speed_rad_s / speed, 1.0, 0.0)
     for cause, name in enumerate(HEATING):
-        heat[cause, :, names.index(name)] = each[:, names.index(name)]
-    ambient = np.zeros((6, many))
+        place = list(SOURCES).index(name)
+        heat[cause, :, place] = each[:, place]
+    return heat
+
+
+def unit_responses(record: GrowthRecord, heat: Floats, thermal: SpindleThermalParameters) -> Floats:
+    """Node temperatures, shape (2, 6, T), that each cause alone would give.
+
+    The causes: bearing friction, windage and preload of :func:`unit_heat`, the ambient of the
+    record, and a start of 1 degC of spindle and of structure.  Temperatures are sums of these.
+    """
+    ambient = np.zeros(heat.shape[:2])
     ambient[3] = record.ambient_C
     return temperatures(
         heat, np.eye(6)[4], thermal, record.step, ambient=ambient, body_start=np.eye(6)[5]

@@ -19,15 +19,22 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
-from pipeline.thermal.deformation import HEATING, DeformationNetwork, GrowthRecord, unit_responses
+from pipeline.thermal.deformation import (
+    HEATING,
+    DeformationNetwork,
+    GrowthRecord,
+    start_of_nodes,
+    unit_heat,
+    unit_responses,
+)
 
 _LOGARITHMIC = slice(3, 7)
 """Places of the rates and of the ratio of capacities, as in :class:`DeformationNetwork`."""
 _SHARED = 10
 """Parameters before the shares of the sensors."""
 _NAMES = tuple(f.name for f in fields(DeformationNetwork))[:_SHARED]
-_SLOPE = 1e-5
-"""Step of a logarithm for differences [1]."""
+_SLOPE = 1e-6
+"""Step of a logarithm or a share for differences [1]."""
 _MICROMETRE = 1e-6
 
 
@@ -68,7 +75,7 @@ class GrowthFitSettings(Ranged, section="growth_fit"):
     spindle_sensor: Annotated[int, Range(least=0)] | None = None
     fast_s: tuple[Positive, ...] = (600.0, 2400.0)
     slow_s: tuple[Positive, ...] = (5400.0, 18000.0)
-    trials: Count = 12
+    trials: Count = 5
     evaluations: Count = 100
 
 
@@ -182,6 +189,7 @@ class _Task:
                 f"speed_rad_s of {len(records)} records is 0 throughout: record a spindle "
                 "that turns"
             )
+        self.heat = [unit_heat(record, self.speed) for record in records]
         self.scale = np.ones(_SHARED + self.sensors)
         self.scale[:3] = self.speed ** np.array([-5 / 3, -2.0, -1.0])
         self.scale[7:9] = _MICROMETRE
@@ -258,11 +266,10 @@ class _Task:
     def jacobian(self, x: Floats) -> Floats:
         responses, slopes = self._responses(x), []
         for place in range(*_LOGARITHMIC.indices(len(x))):
-            ahead, behind = x.copy(), x.copy()
+            ahead = x.copy()
             ahead[place] += _SLOPE
-            behind[place] -= _SLOPE
-            pairs = zip(self._responses(ahead), self._responses(behind), strict=True)
-            slopes.append([(a - b) / (2 * _SLOPE) for a, b in pairs])
+            pairs = zip(self._responses(ahead), responses, strict=True)
+            slopes.append([(a - b) / _SLOPE for a, b in pairs])
         return np.concatenate([
             self._slopes(record, x, responses[k], [one[k] for one in slopes])
             for k, record in enumerate(self.records)
@@ -270,7 +277,10 @@ class _Task:
 
     def _responses(self, x: Floats) -> list[Floats]:
         thermal = replace(self.network(x).thermal, heating=dict.fromkeys(HEATING, 1.0))
-        return [unit_responses(record, thermal, self.speed) for record in self.records]
+        return [
+            unit_responses(record, heat, thermal)
+            for record, heat in zip(self.records, self.heat, strict=True)
+        ]
 
     def _observed(self, record: GrowthRecord, x: Floats, nodes: Floats, offset: Floats) -> Floats:
         """Weighted growth and temperatures of nodes of shape (2, ..., T), one after the other.
@@ -315,7 +325,7 @@ class _Task:
 
     def _shown(self, record: GrowthRecord, x: Floats) -> Floats:
         """Nodes at the start, as the sensors of the first sample show them, (2,)."""
-        return self.network(x).start(record.temperatures_C[0], record.ambient_C[0])
+        return start_of_nodes(x[_SHARED:], record.temperatures_C[0], record.ambient_C[0])
 
     def _slopes(
         self, record: GrowthRecord, x: Floats, responses: Floats, by_rate: list[Floats]
@@ -338,11 +348,14 @@ class _Task:
             [self._observed(record, x, moved, zero), self._observed(record, x, still, direct)]
         )
         shown = np.zeros((len(slopes), 2))
-        for place in self.free[self.free >= _SHARED]:
-            ahead, behind = x.copy(), x.copy()
-            ahead[place], behind[place] = min(x[place] + _SLOPE, 1.0), max(x[place] - _SLOPE, 0.0)
-            change = self._shown(record, ahead) - self._shown(record, behind)
-            shown[place] = -change / self._start_error(record) / (ahead[place] - behind[place])
+        places = self.free[self.free >= _SHARED]
+        step = _SLOPE * np.eye(self.sensors)[places - _SHARED]
+        ends = [np.clip(x[_SHARED:] + one, 0.0, 1.0) for one in (step, -step)]
+        ahead, behind = (
+            start_of_nodes(one, record.temperatures_C[0], record.ambient_C[0]) for one in ends
+        )
+        width = (ends[0] - ends[1]).sum(axis=1, keepdims=True)
+        shown[places] = (behind - ahead) / self._start_error(record) / width
         slopes = np.hstack([slopes, shown])
         inner = np.linalg.solve(by_start @ by_start.T, by_start @ slopes.T)
         projected: Floats = slopes.T - by_start.T @ inner
@@ -389,7 +402,7 @@ class _Task:
 
 def _half_width(jacobian: Floats, residuals: Floats, count: int) -> Floats:
     """Half of the 95 % intervals; ``count`` residuals are those that were seen, less the starts."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     square = float(residuals @ residuals)
     together = float(residuals[1:] @ residuals[:-1]) / square if square > 0 else 0.0
@@ -404,5 +417,5 @@ def _half_width(jacobian: Floats, residuals: Floats, count: int) -> Floats:
     spread = np.sqrt(((right / singular[:, None]) ** 2).sum(axis=0))
     # the mean square of as many residuals as are independent
     noise = np.sqrt(square / count * (1 + together) / (1 - together))
-    half_width[known] = student.ppf(0.975, free) * noise * spread / length[known]
+    half_width[known] = stdtrit(free, 0.975) * noise * spread / length[known]
     return half_width

@@ -19,6 +19,7 @@ viscosity (Harris, Kotzalas: Essential Concepts of Bearing Technology, 5th ed., 
 is exact for sources that are constant over it.
 """
 
+import math
 from dataclasses import dataclass, field
 from typing import Annotated
 
@@ -141,19 +142,23 @@ def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
     )
 
 
-def first_order(rate: float, source: Floats, start: ArrayLike, dt: float) -> Floats:
-    """Response of dz/dt = rate z + source from ``start``, exact for a source held over each step.
+def first_order(rate: float, source: Floats, start: float, dt: float) -> Floats:
+    """Response of dz/dt = rate z + source, shape (T,), exact for a source held over each step.
 
-    The last axis is time; the value at a sample is the one at the beginning of its step.
+    The value at a sample is the one at the beginning of its step.
     """
-    from scipy.signal import lfilter
+    from pipeline.thermal.recursion import follow
 
-    decay = np.exp(rate * dt)
-    gain = dt if rate == 0 else np.expm1(rate * dt) / rate
-    state = np.asarray(start, float)[..., np.newaxis] * np.ones(source.shape[:-1] + (1,))
-    shifted = np.concatenate([np.zeros_like(source[..., :1]), source[..., :-1]], axis=-1)
-    response, _ = lfilter([gain], [1.0, -decay], shifted, axis=-1, zi=state)
-    return response
+    decay, gain = _over_step(np.array([rate]), dt)
+    response = np.full((len(source), 1), start, dtype=float)
+    follow(np.repeat(decay, len(source) - 1), (gain * source)[:-1, None], response)
+    return response[:, 0]
+
+
+def _over_step(rates: Floats, dt: float) -> tuple[Floats, Floats]:
+    """Decay of each mode over a step [1], and its gain from what drives it [s]."""
+    still = np.where(rates == 0, 1.0, rates)
+    return np.exp(rates * dt), np.where(rates == 0, dt, np.expm1(still * dt) / still)
 
 
 def _modes(parameters: SpindleThermalParameters) -> tuple[Floats, Floats, Floats]:
@@ -229,59 +234,53 @@ def temperatures(
             f"coolant_rate = {parameters.coolant_rate:g} 1/s needs the coolant's temperature: "
             "record coolant_temperature, or take a network without that sink"
         )
-    heat, of_body = _heat(sources, parameters)
-    surround = np.broadcast_to(
-        parameters.ambient
-        if ambient is None
-        else np.asarray(ambient, float) + parameters.ambient_offset,
-        heat.shape,
-    )
-    chilled = parameters.coolant_rate * np.broadcast_to(
-        0.0 if coolant is None else np.asarray(coolant, float), heat.shape
-    )
-    first = np.broadcast_to(np.asarray(start, float), heat.shape[:-1])
-    if parameters.nodes == 1:
-        driven = heat + parameters.cooling_rate * surround + chilled
-        return first_order(float(parameters.rates[0, 0]), driven, first, dt)[np.newaxis]
-    if body_start is None:
-        sink = None if coolant is None else np.asarray(coolant, float)[..., 0]
-        body_start = quasi_steady_body(first, surround[..., 0], parameters, sink)
-    if parameters.fixed_body:
-        body = np.broadcast_to(np.asarray(body_start, float)[..., np.newaxis], heat.shape)
-        driven = heat + parameters.cooling_rate * surround + parameters.coupling_rate * body
-        own = first_order(float(parameters.rates[0, 0]), driven, first, dt)
-        return np.stack([own, body])
-    eigenvalues, vectors, inverse = _modes(parameters)
-    inputs = np.stack(
-        [
-            heat + parameters.cooling_rate * surround,
-            of_body + parameters.body_cooling_rate * surround + chilled,
-        ]
-    )
-    starts = np.stack([first, np.broadcast_to(np.asarray(body_start, float), first.shape)])
-    modes = np.stack(
-        [
-            first_order(
-                rate,
-                np.tensordot(inverse[m], inputs, axes=1),
-                np.tensordot(inverse[m], starts, axes=1),
-                dt,
-            )
-            for m, rate in enumerate(eigenvalues)
-        ]
-    )
-    return np.tensordot(vectors, modes, axes=1)
+    from pipeline.thermal.recursion import run_modes
+
+    sources, heating = np.require(sources, float, ["C", "W"]), _heating(parameters)
+    shape = sources.shape[:-1]
+    surround: ArrayLike = parameters.ambient
+    if ambient is not None:
+        surround = np.asarray(ambient, float) + parameters.ambient_offset
+    sink = None if coolant is None else np.asarray(coolant, float)
+    given = np.empty((2, *shape))
+    given[0] = parameters.cooling_rate * np.asarray(surround)
+    given[1] = parameters.body_cooling_rate * np.asarray(surround)
+    if sink is not None:
+        given[parameters.nodes - 1] += parameters.coolant_rate * sink
+    start = np.asarray(start, float)
+    rates, vectors, inverse = np.zeros(2), np.eye(2), np.eye(2)
+    if parameters.nodes == 2:
+        if body_start is None:
+            first = np.broadcast_to(surround, shape)[..., 0]
+            cold = None if sink is None else sink[..., 0]
+            body_start = quasi_steady_body(start, first, parameters, cold)
+        if not parameters.fixed_body:
+            rates, vectors, inverse = _modes(parameters)
+        else:  # a body that stays as it is drives the node as a surround
+            given[0] += parameters.coupling_rate * np.asarray(body_start, float)[..., None]
+    if parameters.nodes == 1 or parameters.fixed_body:
+        rates[0] = parameters.rates[0, 0]
+        given[1], heating[1] = 0.0, 0.0
+    nodes = np.empty((2, *shape))
+    starts = np.empty((*shape[:-1], 2))
+    starts[..., 0], starts[..., 1] = start, start if body_start is None else body_start
+    rows = (math.prod(shape[:-1]), shape[-1])
+    run_modes(
+        sources.reshape(*rows, len(SOURCES)), heating, given.reshape(2, *rows),
+        np.ascontiguousarray(inverse), np.ascontiguousarray(vectors), *_over_step(rates, dt),
+        starts.reshape(-1, 2), nodes.reshape(2, *rows),
+    )  # fmt: skip
+    return nodes[: parameters.nodes]
 
 
-def _heat(sources: Floats, parameters: SpindleThermalParameters) -> tuple[Floats, Floats]:
-    """Heating of the measured node and of the body [K/s], shape (..., T) each."""
-    given = parameters.heating
-    coefficients = np.array([given.get(name, 0.0) for name in SOURCES])
-    bearings = np.array([name == "bearing_friction" for name in SOURCES])
-    in_body = bearings & (parameters.friction_in_body and parameters.nodes == 2)
-    return sources @ np.where(in_body, 0.0, coefficients), sources @ np.where(
-        in_body, coefficients, 0.0
-    )
+def _heating(parameters: SpindleThermalParameters) -> Floats:
+    """Heating of the measured node and of the body by each source [K/s], (2, len(SOURCES))."""
+    found = np.zeros((2, len(SOURCES)))
+    for place, name in enumerate(SOURCES):
+        bearings = name == "bearing_friction" and parameters.nodes == 2
+        body = parameters.friction_in_body and bearings
+        found[int(body), place] = parameters.heating.get(name, 0.0)
+    return found
 
 
 def quasi_steady_body(

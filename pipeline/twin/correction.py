@@ -17,7 +17,7 @@ A share w of 0 to 1 at each sample says how much of it is made: a rapid at the l
 cannot be led, and axes that are led as far as each one's limit allows leave the path.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import ceil, inf, log, pi, sqrt
 from typing import Annotated
 
@@ -35,6 +35,8 @@ Complexes = npt.NDArray[np.complex128]
 
 REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
+SHORTEST = 0.2
+"""Share of what was missed, at which a step that gains nothing ends the learning [1]."""
 END = 1e-9
 """Between positions that count as the same [m]."""
 
@@ -46,7 +48,7 @@ class CorrectionSettings(Ranged, section="correction"):
     Parameters
     ----------
     iterations : int
-        Greatest number of steps.
+        Greatest number of steps on the drive alone, and again with what the twin leaves over.
     tolerance : float
         Relative gain of a step below which no further one is made [1].
     longest_s : float
@@ -172,29 +174,38 @@ def corrected_command(
         raise ValueError(f"share has shape {made.shape}: give one value for each of {len(wanted)}")
     learning = _Learning(drive.servo, drive.feed_drive, period, made)
 
-    def step(correction: Floats, asked: Floats) -> _Step:
+    def step(correction: Floats, asked: Floats, beyond: Residual | None) -> _Step:
         u = wanted + correction
         position, command = driven(letter, drive, u, period)
         error, half_width = u - position, None
-        if residual is not None:
-            left, half_width = residual(letter, u, error, command, period)
+        if beyond is not None:
+            left, half_width = beyond(letter, u, error, command, period)
             error = error + left
         return _Step(correction=correction, missed=error - correction, half_width=half_width,
                      limited=np.abs(correction - asked) > END)  # fmt: skip
 
+    def learnt(best: _Step, beyond: Residual | None) -> _Step:
+        factor = 1.0
+        for _ in range(known.iterations):
+            asked = learning.learnt(best.correction, factor * best.missed)
+            kept = bounded(wanted, asked, period, bounds or AxisBounds(), learning.reach)
+            following = step(kept, asked, beyond)
+            if following.rms(made) >= best.rms(made):
+                factor *= 0.5
+                if factor < SHORTEST:
+                    break
+                continue
+            gained, best = 1.0 - following.rms(made) / best.rms(made), following
+            if gained < known.tolerance:
+                break
+        return best
+
     nothing = np.zeros(len(wanted))
-    before = best = step(nothing, nothing)
-    factor = 1.0
-    for _ in range(known.iterations):
-        learnt = learning.learnt(best.correction, factor * best.missed)
-        kept = bounded(wanted, learnt, period, bounds or AxisBounds(), learning.reach)
-        following = step(kept, learnt)
-        if following.rms(made) >= best.rms(made):
-            factor *= 0.5
-            continue
-        gained, best = 1.0 - following.rms(made) / best.rms(made), following
-        if gained < known.tolerance:
-            break
+    before = step(nothing, nothing, residual)
+    best = learnt(before if residual is None else step(nothing, nothing, None), None)
+    if residual is not None:  # it takes long and changes little: the drive alone is learnt first
+        begun = replace(step(best.correction, best.correction, residual), limited=best.limited)
+        best = learnt(min(before, begun, key=lambda one: one.rms(made)), residual)
     return CorrectedAxis(
         time=np.float64(period) * np.arange(len(wanted)), reference=wanted,
         corrected=wanted + best.correction, error_before=before.missed, error_after=best.missed,

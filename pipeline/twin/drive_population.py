@@ -1,6 +1,6 @@
 """Populations of axes under their servos: following errors and commands, or traces.
 
-The equations are those of :mod:`pipeline.twin.drive`, compiled.  A variant is a row of numbers for
+A variant is a row of numbers for
 each axis, :class:`pipeline.machine.axis.feed_drive.DriveColumn`.  Errors are those at the encoder:
 backlash does not show in them.
 """
@@ -84,7 +84,7 @@ def population_errors(
     reference : (T, A) or (P, T, A) array_like
         Commanded positions [m]: the same for all individuals, or each its own.
     period, substeps, servo_substeps
-        As of :func:`pipeline.twin.drive.simulate_drive`.
+        As of :func:`simulate_traces`.
     table : (P, A, columns) array_like
         The individuals, :func:`drive_table`.
     load : (T, A) or (P, T, A) array_like, optional
@@ -140,8 +140,19 @@ def simulate_traces(
 
     Parameters
     ----------
-    reference, period, load, substeps, servo_substeps, start
-        As of :func:`pipeline.twin.drive.simulate_drive`; each row's load factor counts.
+    reference : (T,) array_like
+        Commanded position [m].
+    period : float
+        From sample to sample [s].
+    load : (T,) array_like, optional
+        Against positive motion, before each row's load factor; holds until the next sample [N].
+    substeps : int
+        Steps of the mechanics in one period.
+    servo_substeps : bool
+        Whether the servo samples at each substep, its reference interpolated linearly: for records
+        that are slower than the servo.
+    start : DriveStart, optional
+        At rest at the first reference by default.
     table : (P, columns) array_like
         The variants, rows of :func:`pipeline.machine.axis.feed_drive.drive_row`.
 
@@ -208,7 +219,7 @@ def _on_lines(size: int) -> Floats:
 
 
 def _at_rest(rows: Floats, position: Floats) -> Floats:
-    """Starts as :func:`pipeline.twin.drive.at_rest`; shape (..., 4)."""
+    """Axes that stand, their commands carrying what is always there; shape (..., 4)."""
     start = np.zeros((*rows.shape[:-1], 4))
     start[..., 0] = position
     start[..., 2] = rows[..., DriveColumn.OFFSET] / rows[..., DriveColumn.FORCE_CONSTANT]

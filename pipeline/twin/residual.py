@@ -7,9 +7,6 @@ records do not have is refused; one that is unknown at some moment stays unknown
 have a branch for it), it is never filled with zeros.
 """
 
-import io
-import re
-import zipfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,16 +16,16 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
-from pipeline.schema.store import write_bytes
+from pipeline.schema.store import read_json, write_json
 
 if TYPE_CHECKING:
-    from sklearn.ensemble import RandomForestRegressor
+    from pipeline.schema.forest import Trees
 
 SMOOTHING_S = (120.0, 600.0, 3600.0)
 """Time constants [s] over which sources and extra signals are smoothed."""
 
-TRUSTED = ["sklearn.tree._tree.Tree"]
-"""The one type in a forest's file that skops does not trust by itself."""
+NODES = "forest.json"
+"""File of the trees, beside ``model.json``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,22 +67,25 @@ class ResidualForest:
 
     Parameters
     ----------
-    forest : RandomForestRegressor
+    forest : Trees
         Fitted on the features in the order of :func:`feature_names`.
     sources, extra : tuple of str
         Heat sources and further signals that it looks at.
+    draws : int
+        Forests of trees drawn with replacement whose corrections stand beside the forest's own.
     """
 
-    forest: "RandomForestRegressor"
+    forest: "Trees"
     sources: tuple[str, ...]
     extra: tuple[str, ...]
+    draws: int = 0
 
     def correction(
         self, inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats
     ) -> Floats:
-        """Temperature to add to the network's [K], shape (T,); see :func:`features`."""
+        """Temperature to add to the network's [K], (1 + draws, T); see :func:`features`."""
         x = features(inputs, physics, start, at, self.sources, self.extra)
-        return np.asarray(self.forest.predict(x))
+        return self.forest.drawn(x, self.draws)
 
 
 def feature_names(sources: Sequence[str], extra: Sequence[str]) -> list[str]:
@@ -151,14 +151,12 @@ def features(
     return np.column_stack([*columns, inputs[names[3:]].to_numpy(float)])
 
 
-def save_forest(forest: "RandomForestRegressor", folder: Path) -> None:
-    """Write ``forest.skops``; the same forest gives the same bytes."""
-    import skops.io
-
-    write_bytes(_canonical(skops.io.dumps(forest)), folder / "forest.skops")
+def save_forest(forest: "Trees", folder: Path) -> None:
+    """Write the trees into a folder; the same forest gives the same bytes."""
+    write_json(forest.document(), folder / NODES)
 
 
-def load_forest(folder: Path, about: Forest) -> ResidualForest | None:
+def load_forest(folder: Path, about: Forest, draws: int = 0) -> ResidualForest | None:
     """The forest in ``folder``, None when training found that it does not help.
 
     Raises
@@ -173,31 +171,7 @@ def load_forest(folder: Path, about: Forest) -> ResidualForest | None:
             f"{folder}: the forest was trained on means over {list(about.smoothing_s)} s, this "
             f"version takes {list(SMOOTHING_S)} s: train it again with `dvc repro`"
         )
-    import skops.io
+    from pipeline.schema.forest import Trees
 
-    try:
-        forest = skops.io.load(folder / "forest.skops", trusted=TRUSTED)
-    except (OSError, zipfile.BadZipFile) as error:
-        path = folder / "forest.skops"
-        raise ValueError(f"{path} cannot be read ({error}): run `dvc repro`") from error
-    return ResidualForest(forest=forest, sources=about.sources, extra=about.extra)
-
-
-def _canonical(archive: bytes) -> bytes:
-    """A skops archive without the addresses and times that differ from run to run."""
-    source = zipfile.ZipFile(io.BytesIO(archive))
-    schema = source.read("schema.json").decode()
-    places: dict[str, str] = {}
-    for number in re.findall(r'"(?:__id__": |file": ")(\d+)', schema):
-        places.setdefault(number, str(len(places) + 1))
-
-    def renamed(text: str) -> str:
-        return re.sub(r"\d{9,}", lambda m: places.get(m[0], m[0]), text)
-
-    out = io.BytesIO()
-    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as target:
-        members = {renamed(name): source.read(name) for name in source.namelist()}
-        members["schema.json"] = renamed(schema).encode()
-        for name in sorted(members, key=lambda n: (n == "schema.json", len(n), n)):
-            target.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), members[name])
-    return out.getvalue()
+    trees = Trees.restored(read_json(folder / NODES, dict[str, str]))
+    return ResidualForest(forest=trees, sources=about.sources, extra=about.extra, draws=draws)

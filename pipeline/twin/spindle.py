@@ -4,14 +4,14 @@ The inputs are heat sources of the clean state table; the model is a thermal net
 left out say that it helps, a random forest on its residual.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.interval import AdaptiveSettings, Bands
 from pipeline.schema.model import Correlation, Model
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
@@ -205,29 +205,32 @@ def free_run(
 
 def from_measured(
     stretch: StateSegment,
-    start: int,
+    starts: Sequence[int] | Ints,
     length: int,
     records: SpindleRecords,
     parameters: SpindleThermalParameters,
     nodes: Floats,
 ) -> Floats:
-    """Temperature over ``length`` steps from the temperature measured at step ``start``, (length,).
+    """Temperature over ``length`` steps from that measured at each of N ``starts``, (N, length).
 
-    ``nodes`` (nodes, T) is a free run from the stretch's beginning.  What it is off by at the start
+    ``nodes`` (nodes, T) is a free run from the stretch's beginning.  What it is off by at a start
     is known then; an error that has lasted is one of the slow mode, so the body is as far off.
+    Beyond the end of the stretch its last inputs are held.
     """
-    frame = stretch.frame.iloc[start : start + length]
-    first = float(frame[TARGET].iloc[0])
+    frame, at = stretch.frame, np.asarray(starts, dtype=np.intp)
+    rows = np.minimum(at[:, None] + np.arange(length), len(frame) - 1)
+    first = frame[TARGET].to_numpy(float)[at]
     body = None
     if len(nodes) == 2:
-        body = nodes[1][start] + slow_share(parameters) * (first - nodes[0][start])
+        body = nodes[1][at] + slow_share(parameters) * (first - nodes[0][at])
+    ambient, coolant = ambient_of(frame, records), coolant_of(frame, records)
     return temperatures(
-        heat_of(frame),
+        heat_of(frame)[rows],
         first,
         parameters,
         stretch.step,
-        ambient=ambient_of(frame, records),
-        coolant=coolant_of(frame, records),
+        ambient=None if ambient is None else ambient[rows],
+        coolant=None if coolant is None else coolant[rows],
         body_start=body,
     )[0]
 
@@ -326,16 +329,19 @@ class SpindleModel:
     forest: ResidualForest | None = None
 
     def free_run(self, stretch: StateSegment) -> tuple[Floats, Floats]:
-        """Temperature of network alone and of the whole model, each (T,), from the first sample."""
+        """Temperature from the first sample: of the network alone, (T,), and of the whole model.
+
+        The latter has shape (1 + draws, T), those by forests drawn last.
+        """
         physics = free_run(stretch, self.records, self.network)[0]
         if self.forest is None:
-            return physics, physics
+            return physics, physics[None]
         at = np.arange(len(physics), dtype=float) * stretch.step
         first = float(stretch.frame[TARGET].iloc[0])
         return physics, physics + self.forest.correction(self._inputs(stretch), physics, first, at)
 
     def windows(self, stretch: StateSegment, window_s: float) -> tuple[Floats, Floats, Floats]:
-        """Network alone, whole model, and persistence, each (T,), window by window.
+        """Network alone, (T,), whole model, (1 + draws, T), and persistence, (T,), by windows.
 
         Every window starts from a measured temperature; where there is none, the window begins at
         the next one and what lies between is nan.
@@ -344,18 +350,18 @@ class SpindleModel:
         length = max(round(window_s / stretch.step), 1)
         nodes = free_run(stretch, self.records, self.network)
         physics, persistence, at = (np.full(len(measured), np.nan) for _ in range(3))
-        for start in window_starts(measured, length):
+        starts = window_starts(measured, length)
+        runs = from_measured(stretch, starts, length, self.records, self.network, nodes)
+        for start, run in zip(starts, runs, strict=True):
             window = slice(start, start + length)
-            physics[window] = from_measured(
-                stretch, start, length, self.records, self.network, nodes
-            )
+            physics[window] = run[: len(measured) - start]
             persistence[window] = measured[start]
             at[window] = np.arange(len(at[window])) * stretch.step
         known = np.isfinite(at)
-        model = physics.copy()
-        if self.forest is not None and known.any():  # one call: a forest takes long to start
+        model = np.tile(physics, (1 + (self.forest.draws if self.forest else 0), 1))
+        if self.forest is not None and known.any():
             inputs = self._inputs(stretch)[known]
-            model[known] += self.forest.correction(
+            model[:, known] += self.forest.correction(
                 inputs, physics[known], persistence[known], at[known]
             )
         return physics, model, persistence
@@ -389,7 +395,7 @@ class SpindleModel:
         stretch = stretch_of(state, start_temperature, self.records, step=self.step_s)
         physics, model = self.free_run(stretch)
         return pd.DataFrame(
-            {"spindle_temperature": model, "physics": physics}, index=stretch.frame.index
+            {"spindle_temperature": model[0], "physics": physics}, index=stretch.frame.index
         )
 
 
@@ -409,7 +415,7 @@ def window_starts(measured: Floats, length: int) -> list[int]:
     return starts
 
 
-def load_spindle_model(folder: Path) -> SpindleModel:
+def load_spindle_model(folder: Path, draws: int = 0) -> SpindleModel:
     """The model in ``model.json`` of a folder, with the forest beside it if it is used.
 
     Raises
@@ -422,5 +428,5 @@ def load_spindle_model(folder: Path) -> SpindleModel:
         network=stored.network,
         records=stored.records,
         step_s=stored.fit.step_s,
-        forest=load_forest(folder / "residual", stored.forest),
+        forest=load_forest(folder / "residual", stored.forest, draws),
     )

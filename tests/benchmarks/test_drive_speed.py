@@ -1,4 +1,4 @@
-"""Nanoseconds that an axis takes for a step: lanes, compiled traces, plain Python.
+"""Nanoseconds that an axis takes for a step: lanes and compiled traces.
 
 Time of the processor counts, not that of the clock: what else runs does not.
 """
@@ -13,7 +13,6 @@ from numba import njit, types
 from pipeline.machine.axis import simd_population
 from pipeline.machine.axis.three_loop import follow_position
 from pipeline.machine.axis.three_loop_axis import servo_axis
-from pipeline.twin.drive import simulate_drive
 from pipeline.twin.drive_population import drive_table, population_errors, simulate_traces
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
 
@@ -88,14 +87,6 @@ def test_lanes_are_five_times_as_fast_as_one_by_one(benchmark) -> None:
     many = benchmark.stats["min"] / (INDIVIDUALS * AXES * 3000)
     one = least(traces(3000), 30) / 3000
     assert one > 5 * many
-
-
-@pytest.mark.benchmark(timer=process_time)
-def test_compiled_is_fifty_times_as_fast_as_python(benchmark) -> None:
-    benchmark.pedantic(traces(3000), rounds=30, warmup_rounds=1)
-    fast = benchmark.stats["min"] / 3000
-    plain = least(lambda: simulate_drive(REFERENCE[:3000, 0], T, FULL), 2) / 3000
-    assert plain > 50 * fast
 
 
 @pytest.mark.benchmark(timer=process_time)

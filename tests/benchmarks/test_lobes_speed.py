@@ -1,9 +1,8 @@
-"""Milliseconds for stability: lobes, a table of classes, margins of a population, the check.
+"""Milliseconds for stability: a table of classes, margins of a population, the check.
 
 Time of the processor counts, not that of the clock: what else runs does not.
 """
 
-from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -11,21 +10,11 @@ import pytest
 
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.margins import StabilityTable, _kept, stability_table
-from pipeline.cutting.stability.semi_discretisation import depth_limits
 from pipeline.cutting.tool import Tool
-from tests.cutting.chatter import DOWN, SLOT, X, Y
+from tests.cutting.chatter import SLOT, X, Y, depth_limits
 
 SPEEDS = np.linspace(5000, 25_000, 200) / 60
-
-
-@pytest.mark.benchmark(timer=process_time)
-@pytest.mark.parametrize("cut", [SLOT, DOWN], ids=["slot", "down"])
-def test_lobes_of_200_speeds_and_2_modes(benchmark, cut) -> None:
-    lobes([X, Y], cut, SPEEDS)
-    benchmark(lambda: lobes([X, Y], cut, SPEEDS))
-    assert benchmark.stats["min"] < 20e-3
 
 
 @pytest.mark.benchmark(timer=process_time)
@@ -72,12 +61,3 @@ def test_margins(benchmark, blocks: int, population: int) -> None:
     table.margins(speeds)
     benchmark(lambda: table.margins(speeds))
     assert benchmark.stats["min"] / (blocks * population) < 50e-9
-
-
-@pytest.mark.benchmark(timer=process_time)
-def test_lobes_of_many_modes(benchmark) -> None:
-    modes = [replace(X, natural_frequency_Hz=f, direction=d)
-             for f in (400.0, 922.0, 1500.0, 2600.0) for d in ("x", "y")]  # fmt: skip
-    lobes(modes, DOWN, SPEEDS)
-    benchmark(lambda: lobes(modes, DOWN, SPEEDS))
-    assert benchmark.stats["min"] < 60e-3

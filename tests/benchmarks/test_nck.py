@@ -8,8 +8,8 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.interpolate import trace
-from pipeline.machine.control.planner import limited_path, plan, totals
-from tests.machine.programs import control
+from pipeline.machine.control.planner import limited_path, plan
+from tests.machine.programs import control, row_times
 
 ROWS = 100_000
 
@@ -68,7 +68,8 @@ def test_plan_again_with_other_feeds(benchmark, rows: int) -> None:
 def test_population(benchmark, rows: int) -> None:
     path = limited_path(finishing(rows), CONTROLS["jump"])
     feeds = np.random.default_rng(1).uniform(500, 6000, (32, rows))
-    benchmark(lambda: totals(path, feeds=feeds))
+    speeds = np.tile(path.moves.speed, (32, 1))
+    benchmark(lambda: row_times(path, feeds, speeds))
     assert benchmark.stats["min"] / rows / 32 < 50e-9
 
 

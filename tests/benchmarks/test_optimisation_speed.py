@@ -5,10 +5,10 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.machine.control.planner import totals
 from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.optimisation.problem.arrays import Groups
 from pipeline.schema.limits import CutLimit
+from tests.machine.programs import row_times
 from tests.optimisation.problem_parts import cut_on, problem_on
 
 POPULATION = 4096
@@ -54,7 +54,7 @@ def test_planner_and_peaks_of_a_population(benchmark, problem, groups) -> None:
     peaks = np.empty(feeds.shape)
 
     def fitness() -> None:
-        totals(cut.plan.path, feeds=feeds, speeds=speeds)
+        row_times(cut.plan.path, feeds, speeds)
         cut.table.peaks(cut.commanded_feed_per_tooth(feeds, speeds), peaks)
 
     benchmark(fitness)

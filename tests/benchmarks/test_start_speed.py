@@ -52,6 +52,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("start")
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     shutil.copy(ROOT / "params.yaml", folder)
+    shutil.copytree(ROOT / "data/settings", folder / "data/settings")
     shutil.copy(ROOT / "champions.json", folder)
     (folder / "part.nc").write_text(PART)
     return folder

@@ -7,7 +7,9 @@ from math import pi
 import numpy as np
 from numba import njit
 
+from pipeline.cutting.stability import semi_discretisation_kernel
 from pipeline.cutting.stability.directional import RegenerativeCut
+from pipeline.cutting.stability.semi_discretisation import DepthLimits, arrays, settled_limits
 from pipeline.cutting.stability.tip_dynamics import Mode
 
 X = Mode(direction="x", natural_frequency_Hz=922.0, damping=0.011, mass_kg=0.03993)
@@ -158,3 +160,26 @@ def integrated_limit(modes, cut, n: float, guess: float, *, steps: int = 160) ->
         else:
             low = middle
     return (low + high) / 2
+
+
+def depth_limits(modes, cut: RegenerativeCut, speeds, **options) -> DepthLimits:
+    """Depth limits at the speeds [1/s], all of which settle."""
+    found = settled_limits(modes, cut, np.asarray(speeds, dtype=np.float64), **options)
+    assert (found.error <= options.get("tolerance", 0.01)).all()
+    return found
+
+
+def monodromy(modes, cut: RegenerativeCut, n: float, depth: float, cells: int) -> np.ndarray:
+    """Phi, which takes the state through one tooth period, column by column; shape (K, K)."""
+    tip, taken, work = arrays(modes, cut, cells)
+    semi_discretisation_kernel.fill_period(tip, taken, n, depth, cells, work)
+    phi = np.empty((len(work.start), len(work.start)))
+    for state, out in zip(np.eye(len(phi)), phi, strict=True):
+        semi_discretisation_kernel.pass_period(tip, depth / (2 * pi * n), cells, work, state, out)
+    return phi.T
+
+
+def spectral_radius(modes, cut: RegenerativeCut, n: float, depth: float, cells: int) -> float:
+    """Greatest modulus of Phi's eigenvalues from Krylov's space; far from 1 only its side holds."""
+    tip, taken, work = arrays(modes, cut, cells)
+    return float(np.exp(semi_discretisation_kernel.growth(tip, taken, n, depth, cells, work)))

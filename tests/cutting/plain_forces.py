@@ -6,8 +6,9 @@ as radii from the tool's axis of now.
 
 import numpy as np
 
-from pipeline.cutting.force.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
+from tests.cutting.closed_forms import edge_forces
 
 
 def meridian(tool: Tool, low: float, high: float, discs: int):

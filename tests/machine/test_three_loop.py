@@ -8,10 +8,10 @@ import pytest
 from pipeline.machine.axis.drive_train import sliding_friction
 from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.loops import FuzzyParameters, increments
-from pipeline.machine.axis.motor import steady_voltages
 from pipeline.machine.axis.speed_trial import RPM
 from pipeline.machine.axis.three_loop import ThreeLoopTrace, follow_position, follow_speed, shafts
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, servo_axis
+from tests.machine.motor_frames import steady_voltages
 
 H = 1e-4
 """Period of the current loops."""

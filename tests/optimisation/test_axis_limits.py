@@ -13,8 +13,8 @@ from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import part_of, part_values
-from pipeline.shop.trial.axes import record_axes
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
+from tests.shop.recorded_cut import record_axes
 from tests.twin.cut_parts import SLOT, cut_of
 from tests.twin.shop_drives import shop_drives
 from tests.twin.test_program_axes import GAIN, drive

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
-from pipeline.cutting.economics.tool_life import Taylor, minimum_cost_speed
+from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program
@@ -24,6 +24,7 @@ from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.rewrite import rewrite
 from pipeline.optimisation.text.words import rounded_feeds
 from pipeline.schema.limits import CutLimit
+from tests.cutting.closed_forms import minimum_cost_speed
 from tests.optimisation.direct_parts import (
     DEPTH,
     K_E,

@@ -13,7 +13,6 @@ import pytest
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut
-from pipeline.cutting.stability.semi_discretisation import depth_limits
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program
@@ -24,12 +23,13 @@ from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.rewrite import rewrite
 from pipeline.schema.limits import CutLimit
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
-from pipeline.shop.trial.chatter import TipMode, unrepeated
 from pipeline.shop.trial.cutting import Chance
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.trials import prepare
+from tests.cutting.chatter import depth_limits
 from tests.optimisation.problem_parts import NO_MARGINS, cut_on, problem_on
 from tests.shop.test_trial_chatter import CHATTER, STEADY
+from tests.shop.tip_chatter import TipMode, unrepeated
 
 PROGRAMS = int(os.environ.get("KERF_CHATTER_PROGRAMS", "100"))
 K_T, K_R = 796.0, 169.0

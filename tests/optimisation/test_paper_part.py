@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.interpret import interpret
-from pipeline.machine.control.planner import totals
 from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.records import dynamometer_truth
 from pipeline.shop.trial.trials import prepare, trial
@@ -35,7 +34,7 @@ def cut():
 
 def test_it_takes_as_long_as_the_program_of_the_paper(cut):
     """29.48 s there; 1 % is less than what any feed of it could be wrong by."""
-    assert totals(cut.plan.path)[0] == pytest.approx(29.5, rel=0.01)
+    assert cut.plan.total == pytest.approx(29.5, rel=0.01)
 
 
 def test_its_load_as_programmed_is_that_of_the_papers_coefficients(cut):
@@ -53,7 +52,7 @@ def test_its_machine_takes_as_long_and_loads_the_tool_below_the_limit(cut, parts
     its = prepare(PROGRAM, NAME, TRIAL, MACHINE)
     found = [trial(its, TRIAL, MACHINE, seed) for seed in range(parts)]
     times = [one.time_s for one in found]
-    assert times == pytest.approx([totals(cut.plan.path)[0]] * parts, rel=0.02)
+    assert times == pytest.approx([cut.plan.total] * parts, rel=0.02)
     peaks = [one.peak_load_N for one in found]
     assert max(peaks) < LIMITS.load_N and min(peaks) > 0.7 * LIMITS.load_N
 

@@ -51,6 +51,15 @@ def test_every_page_of_a_simulated_machine_is_labelled_once_in_its_head(report):
         assert "(simulated)" in text.partition("</title>")[0]
 
 
+def test_every_page_says_at_its_head_that_it_was_built_quickly(tmp_path):
+    folders = [machine(tmp_path, "mill01")]
+    for budget in ("quick", "default"):
+        info = FleetInfo(name="Hall 3", budget=budget)
+        for page in write_report(folders, info, None, tmp_path / budget):
+            head = page.read_text(encoding="utf-8").partition("</header>")[0]
+            assert ("Quick budget: " in head) == (budget == "quick"), page.name
+
+
 def test_recorded_results_carry_their_credit_and_no_simulated_label(report):
     pages = [report / "lathe.html", *evidence(report / "lathe.html")]
     text = "".join(page.read_text() for page in pages)

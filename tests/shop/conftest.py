@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -16,6 +17,7 @@ from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.simulate import simulate
+from tests.shared import made_once
 
 CONF = Path(__file__).parents[2] / "conf" / "shop"
 
@@ -112,11 +114,18 @@ NO_WEAR = {"wear": {"recorded": False}}
 and the records of tool lives write nothing."""
 
 
-@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
+MACHINES = ["mill01", pytest.param("mill02", marks=pytest.mark.proof)]
+
+
+@pytest.fixture(scope="session", params=MACHINES)
 def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """Without cutting tests, feeds, spindle growth and tool lives, which have their own."""
-    folder = tmp_path_factory.mktemp(request.param)
-    return run(folder, request.param, weeks=1, **NO_CUTS, **NO_FEED, **NO_GROWTH, **NO_WEAR)
+    machine, changes = request.param, {**NO_CUTS, **NO_FEED, **NO_GROWTH, **NO_WEAR}
+    root = made_once(
+        tmp_path_factory, f"week-{machine}", lambda folder: run(folder, machine, weeks=1, **changes)
+    )
+    truth = json.loads((root / f"truth/{machine}.json").read_text())
+    return Simulated(root / "raw" / machine, truth, shop_parameters(machine, weeks=1, **changes))
 
 
 @pytest.fixture(scope="session")
@@ -127,28 +136,33 @@ def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Sim
     return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES, **NO_GROWTH, **NO_WEAR)
 
 
-@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
+def recorded(
+    factory: pytest.TempPathFactory, machine: str, write: Callable[[Path, ShopParameters], Any]
+) -> Simulated:
+    """Records of one kind alone; ``truth`` is their section of it."""
+
+    def make(folder: Path) -> None:
+        (folder / "raw").mkdir()
+        (folder / "truth.json").write_text(json.dumps(write(folder / "raw", parameters)))
+
+    parameters = shop_parameters(machine)
+    root = made_once(factory, f"{write.__name__}-{machine}", make)
+    return Simulated(root / "raw", json.loads((root / "truth.json").read_text()), parameters)
+
+
+@pytest.fixture(scope="session", params=MACHINES)
 def cuts(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """The cutting tests of each machine alone; ``truth`` is their section of it."""
-    folder = tmp_path_factory.mktemp(f"{request.param}-cuts")
-    parameters = shop_parameters(request.param)
-    truth = json.loads(json.dumps(write_cutting(folder, parameters)))
-    return Simulated(folder, truth, parameters)
+    """The cutting tests of each machine."""
+    return recorded(tmp_path_factory, request.param, write_cutting)
 
 
-@pytest.fixture(scope="session", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
+@pytest.fixture(scope="session", params=MACHINES)
 def feeds(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """The feeds of each machine alone; ``truth`` is their section of it."""
-    folder = tmp_path_factory.mktemp(f"{request.param}-feeds")
-    parameters = shop_parameters(request.param)
-    truth = json.loads(json.dumps(write_feed(folder, parameters)))
-    return Simulated(folder, truth, parameters)
+    """The feeds of each machine."""
+    return recorded(tmp_path_factory, request.param, write_feed)
 
 
 @pytest.fixture(scope="session", params=["mill01", "mill02"])
 def warm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """The growth records of each machine alone; ``truth`` is their section of it."""
-    folder = tmp_path_factory.mktemp(f"{request.param}-growth")
-    parameters = shop_parameters(request.param)
-    truth = json.loads(json.dumps(write_growth(folder, parameters)))
-    return Simulated(folder, truth, parameters)
+    """The growth records of each machine."""
+    return recorded(tmp_path_factory, request.param, write_growth)

@@ -44,6 +44,9 @@ def _machine(warm: Simulated) -> dict[str, Any]:
     return read
 
 
+@pytest.mark.parametrize(
+    "warm", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
+)
 def test_the_same_bytes_every_time(warm: Simulated, tmp_path: Path) -> None:
     again = write_growth(tmp_path, shop_parameters(warm.parameters.machine))
     assert digests(tmp_path) == digests(warm.folder)
@@ -61,6 +64,15 @@ def test_the_siblings_grow_differently(tmp_path: Path) -> None:
 def test_nothing_is_written_when_growth_is_not_recorded(tmp_path: Path) -> None:
     silent = shop_parameters("mill01", growth={"recorded": False})
     assert write_growth(tmp_path, silent) == {} and not list(tmp_path.iterdir())
+
+
+def test_a_chosen_record_is_that_of_the_whole_year(warm: Simulated, tmp_path: Path) -> None:
+    """Before a sensor fails, no record depends on which others are made."""
+    few = shop_parameters(warm.parameters.machine, growth={"numbers": [2, 9]})
+    told = write_growth(tmp_path, few)
+    assert [f["number"] for f in told["files"]] == [2, 9]
+    assert few.growth.instruments.drift_from > 9
+    assert digests(tmp_path).items() <= digests(warm.folder).items()
 
 
 def test_names_units_and_one_row_a_minute(warm: Simulated, tables: dict[int, np.ndarray]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.parameters import (
     LoggerParameters,
     ShiftParameters,
@@ -28,6 +29,9 @@ from .conftest import (
     run,
     shop_parameters,
 )
+
+PLAIN = NO_CUTS | NO_DRIVES | NO_GROWTH | NO_WEAR
+"""Changes by which the control and the spindle alone write records."""
 
 one_machine = pytest.mark.parametrize(
     "week", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
@@ -61,10 +65,20 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     assert different == {"drives", "shafts", "parameters"}
 
 
+def test_processes_write_the_same_bytes(tmp_path: Path) -> None:
+    """Kinds of records share no state: where each is written changes neither them nor the truth."""
+    some = {"growth": {"numbers": [3]}, "wear": {"most": 2}}
+    short = shop_parameters("mill01", weeks=1, **some, **NO_CUTS, **NO_DRIVES)
+    for compute in ("serial", "processes"):
+        simulate(tmp_path / compute, tmp_path / f"{compute}.json", short, compute)
+    assert digests(tmp_path / "serial") == digests(tmp_path / "processes")
+    assert (tmp_path / "serial.json").read_bytes() == (tmp_path / "processes.json").read_bytes()
+
+
 @one_machine
 @pytest.mark.parametrize(
     "parts",
-    [NO_CUTS | NO_DRIVES | NO_GROWTH | NO_WEAR, pytest.param({}, marks=pytest.mark.proof)],
+    [PLAIN, pytest.param({}, marks=pytest.mark.proof)],
     ids=["plain", "all"],
 )
 def test_another_seed_is_another_week(
@@ -114,6 +128,8 @@ def test_the_siblings_are_two_machines() -> None:
             lambda: LoggerParameters(interval=0),
             "LoggerParameters.interval = 0 s must lie from 1 to 3600",
         ),
+        (lambda: Growth(numbers=()), "Growth.numbers = .* must be one or more from 1 to 26"),
+        (lambda: Growth(numbers=(1, 27)), "Growth.numbers = .1, 27. must be one or more"),
         (lambda: ShiftParameters(start_earliest=8.0), "start_latest"),
         (lambda: SpindleParameters(viscosity_100=30.0), "oil gets thinner"),
     ],
@@ -124,13 +140,13 @@ def test_values_out_of_range_are_named(make, words: str) -> None:  # type: ignor
 
 
 def test_unknown_programs_are_named(tmp_path: Path) -> None:
-    p = shop_parameters("mill01", programs=["O7777"], weeks=1)
+    p = shop_parameters("mill01", programs=["O7777"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="O7777"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 
 
 def test_only_c_axis_programs_and_no_c_axis_is_an_error(tmp_path: Path) -> None:
-    p = shop_parameters("mill02", programs=["O4410"], weeks=1)
+    p = shop_parameters("mill02", programs=["O4410"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="without a C axis"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 

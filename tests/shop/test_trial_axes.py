@@ -18,7 +18,6 @@ from pipeline.shop.drives.axis import truth
 from pipeline.shop.drives.commands import Move, travel
 from pipeline.shop.drives.records import axis_columns
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.axes import AxesRecord, record_axes, write_axes
 from pipeline.shop.trial.job import TrialJob
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo.presliding import identify_presliding
@@ -27,6 +26,7 @@ from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_axes import CutFollowing, follow_cut
 from pipeline.twin.drive import IdentifiedDrive
 from tests.gcode.following import follow
+from tests.shop.recorded_cut import AxesRecord, record_axes, write_axes
 from tests.twin.shop_drives import shop_drives
 
 MACHINE = ShopParameters(machine="mill77")

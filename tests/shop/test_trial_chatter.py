@@ -10,11 +10,11 @@ from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.shop.cutting.parameters import Dynamometer, EndMill, Workpiece
 from pipeline.shop.parameters import Cutting, ShopParameters
-from pipeline.shop.trial.chatter import TipMode, unrepeated
 from pipeline.shop.trial.cutting import Chance
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.trials import prepare
 from tests.cutting.chatter import integrated_limit
+from tests.shop.tip_chatter import TipMode, unrepeated
 
 STEADY = ShopParameters(
     machine="trial", cutting=Cutting(dynamometer=Dynamometer(speed_error=0.0, speed_wander=0.0))

@@ -9,8 +9,9 @@ import yaml
 
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.drives.commands import Move, circles, travel
-from pipeline.shop.trial.corrected import corrected_trials, drive_corrected, off_path
+from pipeline.shop.trial.corrected import CommandedPath, corrected_trials, drive_corrected
 from pipeline.stages.__main__ import run
+from pipeline.stages.trial_correction import SEEDS
 from tests.small_project import inside
 
 from .conftest import CONF, shop_parameters
@@ -102,9 +103,12 @@ def test_distance_from_a_path_counts_across_it_alone() -> None:
     path = np.concatenate([path[:1], path, path[-1:]])  # standstill before and after
     later = angle[5:-5] + 0.01
     place = 10.003 * np.stack([np.cos(later), np.sin(later)], axis=1)[:-10]
-    assert off_path(place, path) == pytest.approx(np.full(len(place), 0.003), abs=1e-5)
-    assert off_path(np.array([[13.0, -4.0]]), path) == pytest.approx([5.0])
-    assert off_path(np.array([[1.0, 3.0]]), np.array([[1.0, 0.0]])) == pytest.approx([3.0])
+    assert CommandedPath(path).distance(place) == pytest.approx(
+        np.full(len(place), 0.003), abs=1e-5
+    )
+    assert CommandedPath(path).distance(np.array([[13.0, -4.0]])) == pytest.approx([5.0])
+    alone = CommandedPath(np.array([[1.0, 0.0]]))
+    assert alone.distance(np.array([[1.0, 3.0]])) == pytest.approx([3.0])
 
 
 def test_over_seeds_each_number_has_a_spread(tmp_path: Path) -> None:
@@ -178,6 +182,6 @@ def test_the_stage_drives_every_table_of_a_folder(tmp_path: Path) -> None:
     assert (told["machine"], told["origin"]) == ("mill01", "simulated")
     assert told["programs"].keys() == {"O1-part1", "O1-part2"}
     one, two = (told["programs"][f"O1-part{k}"] for k in (1, 2))
-    assert one["seeds"] == 5
+    assert one["seeds"] == len(SEEDS)
     assert one["axes"]["X"]["measured"]["share_left"]["max"] < 0.2
     assert two["path"]["carriage"]["share_left"] == {"mean": 1.0, "min": 1.0, "max": 1.0}

@@ -53,7 +53,9 @@ def observations(path, target):
     pq.write_table(plain.set_column(place, OBSERVATIONS.field("time"), time), target)
 
 
-@pytest.fixture(scope="module", params=["2017-11-13", "2019-05-20"])
+@pytest.fixture(
+    scope="module", params=[pytest.param("2017-11-13", marks=pytest.mark.proof), "2019-05-20"]
+)
 def week(request, tmp_path_factory):
     source = Path(RECORDINGS) / "nist_mazak01" / f"week_{request.param}"
     root = tmp_path_factory.mktemp(request.param)

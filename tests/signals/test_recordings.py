@@ -23,7 +23,7 @@ from pipeline.signals.recordings import (
     Channel,
     read_recordings,
 )
-from pipeline.signals.sampling import even_rows, sampling_period, uniform_segments
+from pipeline.signals.sampling import sampling_period, uniform_segments
 from pipeline.signals.units import conversion
 
 CONF = Path(__file__).parents[2] / "conf" / "machine"
@@ -133,8 +133,9 @@ def test_slots_on_a_dynamometer_with_conditions_in_their_names(tmp_path):
     assert slot.conditions["feed_mm_min"].to("m/s") == pytest.approx(0.01)
     assert slot.conditions["immersion"].value == "slot"
     samples = slot.load()
-    rows, period = even_rows(samples.time, samples.complete("xyz"))
-    assert 0 < period < 1e-3 and np.ptp(samples.channels["x"][rows]) > 50
+    segment = max(uniform_segments(samples.time), key=lambda one: one.samples)
+    assert 0 < segment.period < 1e-3
+    assert np.ptp(samples.channels["x"][samples.complete("xyz")]) > 50
 
 
 def test_units_are_converted_to_si_and_the_declared_one_stands_in(tmp_path):
@@ -203,8 +204,6 @@ def test_rows_without_a_value_are_nan_and_not_complete(tmp_path):
     )  # fmt: skip
     assert np.flatnonzero(~samples.complete()).tolist() == [0, 3]
     assert np.flatnonzero(~samples.complete(["force"])).tolist() == [3]
-    with pytest.raises(ValueError, match="1 of its rows lack a value"):
-        even_rows(samples.time, samples.complete())
 
 
 def test_a_recording_of_two_clocks_is_timed_by_the_one_that_counts_from_its_start(tmp_path):
@@ -225,8 +224,6 @@ def test_a_clock_that_starts_again_makes_two_segments(tmp_path):
     first, second = uniform_segments(samples.time)
     np.testing.assert_allclose(first.on_grid(samples.channels["force"]), T, atol=1e-12)
     np.testing.assert_allclose(second.on_grid(samples.channels["force"]), T, atol=1e-12)
-    with pytest.raises(ValueError, match="does not run evenly"):
-        even_rows(samples.time, samples.complete())
 
 
 def test_missing_rows_are_bridged_and_marked():

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from pipeline.stages.compose import BASELINE, HEADER, compose, composed
-from tests.small_project import with_conf
+from pipeline.parameters import read_params
+from pipeline.stages.compose import BASELINE, compose, composed
+from tests.small_project import store, with_conf
 
 FIT, LIMITS = "conf/model/spindle.yaml", "spindle_limits"
 
@@ -23,7 +24,7 @@ def git(folder: Path, *words: str) -> str:
 def committed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project whose commit has the composition of its conf/."""
     root = with_conf(tmp_path_factory.mktemp("project"))
-    compose(root / "conf", root / "params.yaml")
+    compose(root / "conf", root / "params.yaml", root / "data/settings")
     git(root, "init", "-q")
     git(root, "add", ".")
     git(root, "commit", "-q", "-m", "composed")
@@ -45,7 +46,7 @@ def set_(root: Path, path: str, value: object) -> None:
     for key in keys:
         place = place[key]
     place[last] = value
-    (root / "params.yaml").write_text(yaml.safe_dump(values, sort_keys=False))
+    store(root, values)
 
 
 def edit(root: Path, before: str, after: str) -> None:
@@ -55,11 +56,11 @@ def edit(root: Path, before: str, after: str) -> None:
 
 
 def params(root: Path) -> dict:
-    return yaml.safe_load((root / "params.yaml").read_text())
+    return read_params(root / "params.yaml")
 
 
 def again(root: Path) -> dict:
-    compose(root / "conf", root / "params.yaml")
+    compose(root / "conf", root / "params.yaml", root / "data/settings")
     return params(root)
 
 
@@ -75,8 +76,8 @@ def test_an_edit_of_conf_and_what_is_set_both_hold(root: Path) -> None:
 
 
 def test_nothing_set_is_the_composition_byte_for_byte(root: Path) -> None:
-    compose(root / "conf", root / "params.yaml")
-    assert (root / "params.yaml").read_text() == HEADER + composed(root / "conf")
+    compose(root / "conf", root / "params.yaml", root / "data/settings")
+    assert params(root) == yaml.safe_load(composed(root / "conf"))
 
 
 def test_outside_of_an_experiment_conf_alone_counts(
@@ -90,10 +91,10 @@ def test_outside_of_an_experiment_conf_alone_counts(
 
 def test_a_budget_that_is_set_is_the_group(root: Path) -> None:
     set_(root, "budget", "quick")
-    set_(root, "residual_forest.folds", 3)
+    set_(root, "residual_forest.leaf", 3)
     quick = yaml.safe_load(composed(root / "conf", ("budget=quick",)))
     assert quick["residual_forest"]["trees"] != params(root)["residual_forest"]["trees"]
-    quick["residual_forest"]["folds"] = 3
+    quick["residual_forest"]["leaf"] = 3
     assert again(root) == quick
 
 
@@ -104,7 +105,7 @@ def test_a_budget_that_is_set_is_the_group(root: Path) -> None:
                               "default, full, quick"),
         ("fleet", "recorded", "run `kerf fleet NAME` first"),
         ("fleet.machines", ["mill01"], r"-S fleet\.machines cannot be set"),
-        ("material", "steel", "-S material is no choice"),
+        ("model", "steel", "-S model is no choice"),
         (f"{LIMITS}.mae_C", 1, r"mae_C.*@ spindle_limits"),
         (f"{LIMITS}.mae_K", "soon", r"'soon' is no number @ spindle_limits\.mae_K"),
         ("spindle_limit", {"mae_K": 1}, "section spindle_limit, did you mean spindle_limits"),
@@ -117,9 +118,22 @@ def test_what_cannot_be_set_is_refused_and_nothing_is_written(
     set_(root, path, value)
     before = (root / "params.yaml").read_text()
     with pytest.raises(ValueError, match=said) as caught:
-        compose(root / "conf", root / "params.yaml")
+        compose(root / "conf", root / "params.yaml", root / "data/settings")
     assert "\n" not in str(caught.value)
     assert (root / "params.yaml").read_text() == before
+
+
+def test_a_section_of_the_settings_is_not_set_in_params_yaml(root: Path) -> None:
+    path = root / "params.yaml"
+    path.write_text(path.read_text() + "machine: {mill01: {wear_life: {criterion_um: 100}}}\n")
+    with pytest.raises(ValueError, match=r"holds machine, which stands in data/settings/machine/m"):
+        again(root)
+
+
+def test_a_setting_of_a_machine_is_set_in_its_file(root: Path) -> None:
+    set_(root, "machine.mill01.wear_life.criterion_um", 100.0)
+    assert '"criterion_um": 100.0' in (root / "data/settings/machine/mill01.json").read_text()
+    assert again(root)["machine"]["mill01"]["wear_life"]["criterion_um"] == 100.0
 
 
 def test_a_key_that_is_edited_and_set_is_asked_back(root: Path) -> None:
@@ -127,7 +141,7 @@ def test_a_key_that_is_edited_and_set_is_asked_back(root: Path) -> None:
     edit(root, f"trees: {now}", "trees: 7")
     set_(root, "residual_forest.trees", 8)
     with pytest.raises(ValueError, match=rf"trees is 8 in params\.yaml, 7 in conf/ and {now} in"):
-        compose(root / "conf", root / "params.yaml")
+        compose(root / "conf", root / "params.yaml", root / "data/settings")
 
 
 def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path) -> None:
@@ -141,10 +155,10 @@ def test_a_section_of_a_machine_that_no_list_names_is_checked_as_well(root: Path
     with pytest.raises(
         ValueError, match=r"section machine\.mill02\.wear_lives, did you mean wear_life"
     ):
-        compose(root / "conf", root / "params.yaml")
+        compose(root / "conf", root / "params.yaml", root / "data/settings")
     machine.write_text(known.replace("\nenergy:", "\nwear_life:"))
     with pytest.raises(ValueError, match=r"conf does not compose: .*duplicate key wear_life"):
-        compose(root / "conf", root / "params.yaml")
+        compose(root / "conf", root / "params.yaml", root / "data/settings")
 
 
 PUBLISHED = {

@@ -7,16 +7,17 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.parameters import read_params, section_path, structure
+from pipeline.parameters import CATALOGUES, parted, read_params, section_path, structure
 from pipeline.stages.__main__ import load_stage
+from pipeline.stages.index import FROZEN, TIMED
 from pipeline.stages.sections import BY_HAND as SINGLE
-from tests.test_architecture import imported
 
 ROOT = Path(__file__).parents[2]
 DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 BY_HAND = {name if name == "promotion" else f"machine.*.{name}": wanted
            for name, wanted in SINGLE.items()}  # fmt: skip
 """Sections that no stage reads; their types by the pattern of their path."""
+INDEX, MACHINE_FILE = "data/index/${item}.json", "data/settings/machine/${item}.json"
 
 
 def listed(each: str, fleet: dict[str, Any]) -> list[str]:
@@ -44,20 +45,14 @@ def paths(entries: list[Any]) -> set[str]:
     return {next(iter(e)) if isinstance(e, dict) else e for e in entries}
 
 
-def reached(module: str) -> set[str]:
-    """Files of ours that a module imports, directly or not."""
-    seen: set[str] = set()
-    todo = [module]
-    while todo:
-        name = todo.pop()
-        file = ROOT / (name.replace(".", "/") + ".py")
-        if not file.exists():
-            file = ROOT / name.replace(".", "/") / "__init__.py"
-        if name in seen or not file.exists():
-            continue
-        seen.add(name)
-        todo += [n for n in imported(file) if n.startswith("pipeline.")]
-    return {n.replace(".", "/") for n in seen}
+def parameters(stage: dict[str, Any]) -> dict[str, list[str]]:
+    """Keys that a stage depends on by file: ``""`` for params.yaml."""
+    entries = stage.get("params", [])
+    found: dict[str, list[str]] = {"": [one for one in entries if isinstance(one, str)]}
+    for one in entries:
+        if isinstance(one, dict):
+            found |= one
+    return found
 
 
 @pytest.mark.parametrize("name", DVC)
@@ -69,10 +64,11 @@ def test_the_command_gives_the_stage_its_paths(name: str) -> None:
     assert words[3] == (f"{name}@${{item}}" if "foreach" in DVC[name] else name)
     given = words[4:]
     assert len(given) == len(wanted), f"{name} takes {wanted}"
-    known = paths(stage["deps"]) | paths(stage["outs"]) | paths(stage.get("metrics", []))
+    known = paths(stage.get("deps", [])) | paths(stage["outs"]) | paths(stage.get("metrics", []))
     known |= paths(stage.get("plots", []))
-    known |= {next(iter(p)) for p in stage.get("params", []) if isinstance(p, dict)}
-    known |= {"champions.json"} if stage.get("always_changed") else set()  # it keeps that itself
+    known |= set(parameters(stage))
+    if INDEX in parameters(stage):  # by their hashes, not as a whole
+        known |= {"data/raw/${item}", "data/signals/${item}"}
     for path in given:
         parents = {p.as_posix() for p in Path(path).parents} | {path}
         inside = any(k == path or k.startswith(path + "/") for k in known)
@@ -90,21 +86,26 @@ def test_the_stage_declares_its_sections(name: str) -> None:
         pytest.skip(f"no machine of the active fleet is in its list {each}")
     some = machines[0] if each else None
     found = {section_path(values, s, some) for s in sections}
-    if some:
-        found = {f.replace(f"machine.{some}.", "machine.${item}.") for f in found}
-    declared = {p for p in stage.get("params", []) if isinstance(p, str)}
-    assert declared == found
+    declared = {f"machine.{some}.{one}" for one in parameters(stage).get(MACHINE_FILE, [])}
+    if "data/settings/catalogue.json" in paths(stage.get("deps", [])):
+        declared |= found & set(CATALOGUES)
+    assert declared | set(parameters(stage)[""]) == found
+
+
+@pytest.mark.parametrize("name", [name for name in DVC if name != "code"])
+def test_a_stage_depends_on_its_code(name: str) -> None:
+    assert parameters(definition(name))["data/code.json"] == [name]
 
 
 @pytest.mark.parametrize("name", DVC)
-def test_the_rooms_that_a_stage_reaches_are_among_its_deps(name: str) -> None:
-    deps = paths(definition(name)["deps"])
-    reach = {m for module in load_stage(name).modules for m in reached(module)}
-    for module in reach:
-        if module == "pipeline/stages/__init__" or module == "pipeline":
-            continue
-        inside = any(module == d.removesuffix(".py") or module.startswith(d + "/") for d in deps)
-        assert inside, f"{name} reaches {module}, which is not among its deps"
+def test_the_recordings_that_a_stage_depends_on_are_those_of_its_sections(name: str) -> None:
+    found = parameters(definition(name))
+    named = {one for one in found.get(INDEX, []) if one not in (TIMED, FROZEN)}
+    assert named <= set(found.get(MACHINE_FILE, [])), "of sections that the stage does not read"
+    stage = definition(name)
+    whole = {"data/raw/${item}", "data/signals/${item}"} & set(stage["cmd"].split())
+    if whole - paths(stage.get("deps", [])) - paths(stage["outs"]):
+        assert named, f"{name} reads recordings, and no hash says which"
 
 
 def by_hand(values: dict[str, Any], pattern: str) -> list[str]:
@@ -145,10 +146,16 @@ def test_every_section_of_every_machine_is_what_its_stage_asks_for(fleet: str) -
     assert sections_there <= used, f"no stage reads {sorted(sections_there - used)}"
 
 
-def test_params_yaml_is_the_composition_of_conf() -> None:
+def test_params_yaml_and_the_settings_are_the_composition_of_conf() -> None:
     from pipeline.stages.compose import HEADER, composed
 
-    assert (ROOT / "params.yaml").read_text() == HEADER + composed(ROOT / "conf")
+    own, files = parted(yaml.safe_load(composed(ROOT / "conf")))
+    text = (ROOT / "params.yaml").read_text()
+    assert text.startswith(HEADER) and yaml.safe_load(text) == own
+    folder = ROOT / "data/settings"
+    assert files == {
+        one.relative_to(folder).as_posix(): one.read_text() for one in folder.rglob("*.json")
+    }
 
 
 def test_the_lock_is_what_is_installed() -> None:

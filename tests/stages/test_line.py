@@ -1,12 +1,17 @@
 """The line of a stage: what it read, found, wrote and took."""
 
+import io
 import json
 import os
 import re
 import time
 from pathlib import Path
 
-from pipeline.stages._line import line
+import pytest
+
+from pipeline.stages import _line
+from pipeline.stages._line import line, place, running
+from tests.small_project import ROOT
 
 
 def test_a_stage_says_what_it_read_found_wrote_and_took(tmp_path: Path) -> None:
@@ -30,3 +35,34 @@ def test_records_are_counted(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text(json.dumps({"files": entries}))
     said = line("ingest@mill01", [tmp_path], 0.0)
     assert "found: 10 records read, 8 records kept, 2 records rejected" in said
+
+
+def test_a_stage_says_where_it_stands(tmp_path: Path) -> None:
+    (tmp_path / "conf/fleet").mkdir(parents=True)
+    (tmp_path / "conf/fleet/active.yaml").write_text("machines: [a, b]\nsubmodels: {drive: [b]}\n")
+    assert place("clean@b", tmp_path) == ""
+    (tmp_path / "dvc.yaml").write_text(
+        "stages: {compose: {}, clean: {foreach: '${machines}'}, judge_drive: "
+        "{foreach: '${submodels.drive}'}, report: {}}\n"
+    )
+    assert [place(one, tmp_path) for one in ("compose", "clean@b", "judge_drive@b", "report")] == [
+        "(1 of 5)", "(3 of 5)", "(4 of 5)", "(5 of 5)"
+    ]  # fmt: skip
+    assert place("clean@c", tmp_path) == ""
+    assert re.fullmatch(r"\(1 of \d\d\)", place("code", ROOT))
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_long_stage_shows_on_a_terminal_that_it_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(_line, "SHOWN_AFTER_S", 0.0)
+    terminal, file = Terminal(), io.StringIO()
+    for stream in (terminal, file):
+        with running("shop@mill (3 of 30)", stream):
+            while stream is terminal and not terminal.getvalue():
+                time.sleep(0.05)
+    assert re.match(r"\rshop@mill \(3 of 30\): 1 s ", terminal.getvalue())
+    assert terminal.getvalue().endswith("\r\033[K") and not file.getvalue()

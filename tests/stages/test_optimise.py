@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.parameters import structure
@@ -14,10 +13,9 @@ from pipeline.schema.model import Correlation
 from pipeline.schema.store import write_json
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import write_parts
-from pipeline.stages import trial as trial_stage
 from pipeline.stages.__main__ import run
 from pipeline.twin.control import ControlFitFacts, ControlModelFile
-from tests.small_project import MACHINE, build, change, inside, new_project, params
+from tests.small_project import MACHINE, build, change, inside, new_project, params, store
 
 pytestmark = pytest.mark.slow
 PARTS, WORDS = f"data/parts/{MACHINE}", re.compile(rb"[FS][-+0-9.]+")
@@ -82,10 +80,8 @@ def test_metrics_are_those_of_the_document(project: Path) -> None:
     assert list(metrics) == sorted(metrics)
 
 
-def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(
-    project: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(trial_stage, "SEEDS", range(2))
+def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: Path) -> None:
+    change(project, f"machine.{MACHINE}.shop", trial_cuts=2)
     build(project, "trial")
     cut = json.loads((project / f"data/trials/{MACHINE}.json").read_text())
     (told,) = cut["parts"].values()
@@ -118,6 +114,6 @@ def test_a_wrong_part_is_one_sentence_with_its_path(project: Path) -> None:
     values["machine"][MACHINE]["parts"]["programs"] = [part | {"limits": {"load_N": 0}}]
     broken = project.parent / "broken"
     broken.mkdir()
-    (broken / "params.yaml").write_text(yaml.safe_dump(values))
+    store(broken, values)
     with inside(broken), pytest.raises(ValueError, match=r"load_N = 0.0 N must lie .*limits"):
         run(f"optimise@{MACHINE}", "raw", "models", "parts", "metrics.json")

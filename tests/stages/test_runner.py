@@ -48,7 +48,7 @@ def test_no_stage_is_a_usage_and_exit_status_2(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["cleen", "__main__", "", "../cli", "clean.py"])
 def test_a_stage_that_is_not_there_is_refused_with_those_that_are(name: str) -> None:
-    with pytest.raises(ValueError, match=r"there is no stage .*clean, compose, .*identify_control"):
+    with pytest.raises(ValueError, match=r"there is no stage .*clean, code, compose, .*identify_"):
         load_stage(name)
 
 
@@ -95,7 +95,7 @@ def test_the_machines_section_is_preferred_to_the_one_of_all(here: Path) -> None
 def test_a_stage_gets_paths_and_sections(here: Path) -> None:
     """compose has no section, so it needs no params.yaml: it writes one."""
     assert not (here / "params.yaml").exists()
-    run("compose", str(ROOT / "conf"), str(here / "params.yaml"))
+    run("compose", str(ROOT / "conf"), str(here / "params.yaml"), str(here / "data/settings"))
     assert "fleet" in yaml.safe_load((here / "params.yaml").read_text())
     stage = load_stage("clean")
     assert stage.paths == ["signals", "clean"]

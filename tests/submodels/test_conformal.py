@@ -15,7 +15,6 @@ from pipeline.submodels.conformal import (
     bands,
     chosen_step,
     interval,
-    residuals_left_out,
     splits,
 )
 
@@ -102,7 +101,7 @@ def test_each_group_is_predicted_by_a_model_that_did_not_see_it() -> None:
         words = np.array(left)
         return Residuals(error=error, regime=np.full(len(left), ""), group=words, t=0 * error)
 
-    found = residuals_left_out(names, 3, residuals_of)
+    found = Residuals.joined(residuals_of(fitted, left) for fitted, left in splits(names, 3))
     assert found.group.tolist() == names
     assert list(splits(["alone"], 3)) == []
 

@@ -2,6 +2,7 @@
 
 import hashlib
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,148 @@ def test_worse_by_less_than_the_sensor_tells_is_not_decided(resolution: float, s
     found = judged("spindle", [TRAIN, A, B], target=near, predict=hardly_worse).verdict
     assert found.status == status
     assert all(("not decided" in reason) == (status == "not decided") for reason in found.reasons)
+
+
+def again(spread: float, one: Case) -> Prediction:
+    """As :func:`predictor`, by four trainings whose errors differ by -1, 0, 0 and 1 ``spread``."""
+    frame = predictor(one).frame
+    repeated = {
+        f"again_{k}": frame["predicted"] + spread * by for k, by in enumerate((-1, 0, 0, 1))
+    }
+    return Prediction(frame=frame.assign(**repeated))
+
+
+T_3 = 3.182446305284263
+"""Student's t of three degrees of freedom, 97.5 % (a table's 3.182)."""
+
+
+@pytest.mark.parametrize(
+    ("limit", "spread", "status"),
+    [
+        (0.35, 0.0, "passed"), (0.35, 0.01, "passed"), (0.35, 0.03, "not decided"),
+        (0.25, 0.03, "not decided"), (0.25, 0.01, "failed"), (0.25, 0.0, "failed"),
+    ],
+)  # fmt: skip
+def test_an_error_nearer_to_its_limit_than_trainings_differ_is_not_decided(
+    limit: float, spread: float, status: str
+) -> None:
+    """0.05 N off a limit on either side; four trainings of deviation 0.8165 times ``spread``."""
+    target = replace(TARGET, limits={"mae": limit})
+    found = judged("wear", [TRAIN, B], target=target, predict=partial(again, spread)).verdict
+    assert found.status == status
+    if status == "not decided":
+        assert found.reasons == (
+            f"b: force, mean error 0.3 N is too near to the limit of {limit} N: trainings differ "
+            f"by \u00b1 {0.03 * np.sqrt(2 / 3) * T_3:.2g} N, not decided",
+        )
+        assert found.missed == found.reasons
+    (score,) = found.of("force", group="b")
+    assert score.status == status
+    assert score.spread.get("mae", 0.0) == pytest.approx(spread * np.sqrt(2 / 3) * T_3, rel=1e-5)
+    assert metrics(found)["force"]["spread_mae"] == (score.spread["mae"] if spread else 0.0)
+    trained = found.of("force", role="training")
+    assert not any(one.spread for one in trained)
+
+
+def test_an_error_that_surely_fails_is_not_covered_by_one_that_is_not_decided() -> None:
+    target = replace(TARGET, limits={"mae": 0.35})
+    cases = [TRAIN, B, case("d", "held_out")]
+    near = partial(again, 0.03)
+
+    def with_one_off(one: Case) -> Prediction:
+        frame = near(one).frame
+        moved = [c for c in frame if c.startswith(("predicted", "again"))]
+        return Prediction(frame=frame.assign(**{c: frame[c] + 0.5 for c in moved}))
+
+    found = judged(
+        "wear", cases, target=target,
+        predict=lambda one: with_one_off(one) if one.name == "d" else near(one),
+    ).verdict  # fmt: skip
+    assert found.status == "failed"
+    assert found.reasons == ("d: force, mean error 0.7 N is above 0.35 N",)
+    assert {s.group: s.status for s in found.scores if s.limits and s.role == "held_out"} == {
+        "b": "not decided", "d": "failed",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("error", "status"),
+    [(0.8, "passed"), (0.95, "not decided"), (1.05, "not decided"), (1.2, "failed")],
+)
+@pytest.mark.parametrize("each_group", [False, True])
+def test_a_guess_that_is_beaten_by_less_than_trainings_differ_is_not_decided(
+    error: float, status: str, each_group: bool
+) -> None:
+    """The guess is off by 1 N, trainings differ by 0.13 N."""
+
+    def off(one: Case) -> Prediction:
+        frame = again(0.05, one).frame
+        by = error - ERRORS.get(one.name, 0.2)
+        moved = [c for c in frame if c.startswith(("predicted", "again"))]
+        return Prediction(frame=frame.assign(**{c: frame[c] + by for c in moved}))
+
+    target = replace(TARGET, limits={"mae": 9.0}, each_group=each_group, resolution=1e-9)
+    found = judged("wear", [TRAIN, B], target=target, predict=off).verdict
+    assert found.status == status
+    if status == "not decided":
+        assert (
+            f"force over all: mean error {error} N is too near to that of mean, 1 N: trainings "
+            "differ by \u00b1 0.13 N, not decided"
+        ) in found.reasons
+
+
+@pytest.mark.parametrize(
+    ("least", "most", "status"),
+    [(0.5, 1.0, "passed"), (0.75, 1.0, "not decided"), (0.0, 0.75, "not decided"),
+     (0.97, 1.0, "failed")],
+)  # fmt: skip
+def test_a_share_nearer_to_its_limit_than_trainings_differ_is_not_decided(
+    least: float, most: float, status: str
+) -> None:
+    """80 % lie inside, of four trainings 70, 80, 80 and 80 %."""
+
+    def shares(one: Case) -> Prediction:
+        measured = np.linspace(10.0, 20.0, 100)
+        off = np.repeat(np.arange(10.0), 10) + 0.5  # of ten levels, eight below 8
+        frame = pd.DataFrame(
+            {
+                "quantity": "force", "unit": "N", "t": np.arange(100.0), "measured": measured,
+                "predicted": measured - off, "low": measured - off, "regime": "",
+                "high": measured - off + 8.0, "baseline_mean": measured + 99.0,
+            }
+        )  # fmt: skip
+        repeated = {f"again_{k}": frame["predicted"] + by for k, by in enumerate((-0.7, 0, 0, 0))}
+        return Prediction(frame=frame.assign(**repeated))
+
+    target = replace(TARGET, limits={"mae": 99.0}, coverage=(least, most))
+    found = judged("wear", [TRAIN, B], target=target, predict=shares).verdict
+    total = found.total("force")
+    assert total is not None
+    assert total.coverage_90 == 0.8
+    assert total.spread["coverage_90"] == pytest.approx(0.05 * T_3, rel=1e-5)
+    assert found.status == total.status == status
+
+
+def test_predictions_of_other_trainings_are_judged_and_not_stored(tmp_path: Path) -> None:
+    found = judged("wear", [TRAIN, B], predict=partial(again, 0.1))
+    write_predictions(found.predictions, tmp_path / "predictions.parquet")
+    assert not [c for c in read_predictions(tmp_path / "predictions.parquet") if "again" in c]
+    write_json(found.verdict, tmp_path / "verdict.json")
+    assert read_json(tmp_path / "verdict.json", Verdict) == found.verdict
+    table = scores_table(found.verdict, [])
+    assert table is not None
+    of_b = next(row for row in table.rows if row[1].text == "b")
+    assert [cell.text for cell in of_b[3:6]] == ["0.300 ± 0.26", "0.300 ± 0.26", "0.300 ± 0.26"]
+
+
+def test_one_other_training_or_one_that_lacks_rows_tells_no_spread() -> None:
+    def one_only(one: Case) -> Prediction:
+        frame = again(0.1, one).frame
+        half = frame["again_1"].where(frame["t"] > 3)
+        return Prediction(frame=frame.assign(again_1=half, again_2=np.nan, again_3=np.nan))
+
+    found = judged("wear", [TRAIN, B], predict=one_only).verdict
+    assert not any(score.spread for score in found.scores)
 
 
 @every_submodel

@@ -22,11 +22,13 @@ from pipeline.twin.spindle import SpindleRecords
 from tests.bundled_project import DAYS, MACHINE, project, source, spindle
 
 
-def verdict(errors: dict[str, float], role: Role = "golden", status: Status = "passed") -> Verdict:
+def verdict(
+    errors: dict[str, float], role: Role = "golden", status: Status = "passed", spread: float = 0.0
+) -> Verdict:
     """A verdict with one target whose errors by group are given; further scores decide nothing."""
     scores = [
         Score(quantity="force", unit="N", group=group, regime="", role=role, n=9, mae=error,
-              rmse=1.2 * error, limits={"rmse": 9.0}, status=status)
+              rmse=1.2 * error, limits={"rmse": 9.0}, spread={"mae": spread}, status=status)
         for group, error in errors.items()
     ]  # fmt: skip
     training = Score(quantity="force", unit="N", group="t", regime="", role="training", n=9,
@@ -79,6 +81,24 @@ def test_a_mean_error_may_rise_by_the_tolerance(factor: float, worse: bool) -> N
     (found,) = compare(verdict(OLD), verdict(new), PromotionSettings().tolerance)
     assert (found.better, found.worse) == (False, worse)
     assert any("it is worse: drive" in said for said in against(new)) is worse
+
+
+@pytest.mark.parametrize(("spread", "better"), [(0.4, True), (0.42, False)])
+def test_a_gain_that_another_training_would_not_show_is_none(spread: float, better: bool) -> None:
+    """0.41 N better in the mean; trainings with other seeds differ by less, and by more."""
+    new = {k: 0.8 * v for k, v in OLD.items()}
+    (found,) = compare(verdict(OLD), verdict(new, spread=spread), 0.05)
+    assert (found.better, found.worse) == (better, False)
+
+
+def test_what_is_not_decided_speaks_neither_for_a_challenger_nor_against_it() -> None:
+    better = tuple(compare(verdict(OLD), verdict({k: 0.5 * v for k, v in OLD.items()}), 0.05))
+    contests = [Contest(submodel="drive", compared=better)]
+    assert objections(contests, statuses={"drive": "not decided"}) == []
+    (said,) = objections([], statuses={"wear": "not decided"}, added=["wear"])
+    assert said == "no sub-model was compared, so that none is shown to be better"
+    sealed = [Contest(submodel="drive", compared=better, status="not decided")]
+    assert sealed_objections(sealed) == []
 
 
 def test_better_in_one_sub_model_does_not_pay_for_another_that_is_worse() -> None:

@@ -7,7 +7,12 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord, simulate
+from pipeline.thermal.deformation import (
+    DeformationNetwork,
+    GrowthRecord,
+    simulate,
+    start_of_nodes,
+)
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
 from pipeline.thermal.growth_fit import GrowthFit, GrowthFitSettings, fit
 
@@ -104,10 +109,14 @@ def test_leading_axes_carry_several_records() -> None:
 def test_the_start_is_seen_in_the_sensors() -> None:
     shares = np.array(TRUTH.sensor_shares)
     shown = shares * 32.0 + (1 - shares) * 26.0
-    np.testing.assert_allclose(TRUTH.start(shown, 20.0), [32.0, 26.0], atol=0.1)
-    np.testing.assert_allclose(TRUTH.start([25.0] * 3, 20.0), [25.0, 25.0], atol=1e-12)
-    assert TRUTH.start([np.nan] * 3, 20.0).tolist() == [20.0, 20.0]
-    lost = TRUTH.start([shown[0], np.nan, shown[2]], 20.0)
+    np.testing.assert_allclose(
+        start_of_nodes(TRUTH.sensor_shares, shown, 20.0), [32.0, 26.0], atol=0.1
+    )
+    np.testing.assert_allclose(
+        start_of_nodes(TRUTH.sensor_shares, [25.0] * 3, 20.0), [25.0, 25.0], atol=1e-12
+    )
+    assert start_of_nodes(TRUTH.sensor_shares, [np.nan] * 3, 20.0).tolist() == [20.0, 20.0]
+    lost = start_of_nodes(TRUTH.sensor_shares, [shown[0], np.nan, shown[2]], 20.0)
     np.testing.assert_allclose(lost, [32.0, 26.0], atol=0.1)
 
 
@@ -206,7 +215,7 @@ def test_what_cannot_be_fitted_is_refused() -> None:
     with pytest.raises(ValueError, match="lags_s of 1 must be as many as the 2 expansions"):
         LaggedExpansion(expansions=(1e-6, 1e-6), lags_s=(60.0,), centrifugal=0.0)
     with pytest.raises(ValueError, match="2 temperatures at the start must be those of the 3"):
-        TRUTH.start([20.0, 20.0], 20.0)
+        start_of_nodes(TRUTH.sensor_shares, [20.0, 20.0], 20.0)
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,10 @@
-"""Lags and rates against their differential equation, their step, and the future."""
+"""Lags against their differential equation, their step, and the future."""
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.thermal.lagged import lag, lagged_features, rate
+from pipeline.thermal.lagged import lag
 
 RNG = np.random.default_rng(0)
 TIME = np.cumsum(RNG.uniform(20, 120, 80))
@@ -37,47 +37,31 @@ def test_a_very_long_constant_keeps_its_digits() -> None:
 
 
 def test_the_future_changes_nothing() -> None:
-    some = {"lags_s": (60.0, 900.0), "rates_s": (200.0,)}
-    speed = RNG.uniform(0, 800, 80)
-    whole = lagged_features(TIME, VALUES, ambient=VALUES[:, 0], speed_rad_s=speed, **some)
-    other, faster = VALUES.copy(), speed.copy()
+    whole, other = lag(TIME, VALUES, 900.0), VALUES.copy()
     other[50:] += 100.0
-    faster[50:] += 300.0
-    changed = lagged_features(TIME, other, ambient=other[:, 0], speed_rad_s=faster, **some)
-    assert np.array_equal(changed.values[:50], whole.values[:50])
-    assert (changed.values[50] != whole.values[50]).all()
-    cut = lagged_features(
-        TIME[:50], VALUES[:50], ambient=VALUES[:50, 0], speed_rad_s=speed[:50], **some
-    )
-    assert np.array_equal(cut.values, whole.values[:50])
+    changed = lag(TIME, other, 900.0)
+    assert np.array_equal(changed[:50], whole[:50])
+    assert (changed[50] != whole[50]).all()
+    assert np.array_equal(lag(TIME[:50], VALUES[:50], 900.0), whole[:50])
 
 
-def test_columns_are_named_and_in_their_place() -> None:
-    found = lagged_features(
-        TIME, VALUES[:, :1], lags_s=(60.0,), rates_s=(200.0,), ambient=VALUES[:, 1],
-        speed_rad_s=np.full(80, 30.0),
-    )  # fmt: skip
-    assert found.names == (
-        "T1", "ambient", "speed", "speed^2", "T1 lag 60 s", "ambient lag 60 s", "speed^2 lag 60 s",
-        "T1 rate 200 s",
-    )  # fmt: skip
-    column = dict(zip(found.names, found.values.T, strict=True))
-    assert (column["speed^2"] == 900.0).all() and (column["ambient"] == VALUES[:, 1]).all()
-    np.testing.assert_array_equal(column["T1 rate 200 s"], rate(TIME, VALUES[:, 0], 200.0))
+def test_a_column_is_the_same_alone_and_beside_others() -> None:
+    for beside in (VALUES, np.asfortranarray(VALUES), VALUES.reshape(80, 3, 1)):
+        found = lag(TIME, beside, 60.0).reshape(80, 3)
+        for k in range(3):
+            assert np.array_equal(found[:, k], lag(TIME, VALUES[:, k], 60.0))
 
 
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"temperatures": [[20.0], [np.nan]]}, r"temperatures\[1, 0\] = nan at 60 s must"),
-        ({"ambient": [np.inf, 1.0]}, r"ambient\[0\] = inf at 0 s"),
+        ({"values": [[20.0], [np.nan]]}, r"values\[1, 0\] = nan at 60 s must"),
+        ({"values": [1.0]}, r"values of shape \(1,\) must have a row for each of 2"),
         ({"time_s": [0.0, 0.0]}, r"time_s\[1\] = 0\.0 s must be finite and later"),
-        ({"lags_s": (0.0,)}, r"lag of 0\.0 s must be finite and positive"),
-        ({"rates_s": (-1.0,)}, r"rate of -1\.0 s"),
-        ({"speed_rad_s": [1.0]}, r"speed_rad_s of shape \(1,\) must have a row for each of 2"),
+        ({"constant_s": 0.0}, r"lag of 0\.0 s must be finite and positive"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(change: dict, words: str) -> None:
-    given = {"time_s": [0.0, 60.0], "temperatures": [[20.0], [21.0]]} | change
+    given = {"time_s": [0.0, 60.0], "values": [[20.0], [21.0]], "constant_s": 60.0} | change
     with pytest.raises(ValueError, match=words):
-        lagged_features(given.pop("time_s"), given.pop("temperatures"), **given)
+        lag(**given)

@@ -10,7 +10,7 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.corrected import off_path
+from pipeline.shop.trial.corrected import CommandedPath
 from pipeline.twin.control import planned_program
 from pipeline.twin.corrected_program import (
     CorrectedProgram,
@@ -272,7 +272,9 @@ def test_a_rapid_between_cuts_stays_as_near_to_its_path_as_without_a_correction(
     for letter in "XY":
         np.testing.assert_array_equal(axes[letter].corrected[far], axes[letter].reference[far])
     off = {
-        when: off_path(wanted - np.stack([getattr(axes[a], when) for a in "XY"], axis=1), wanted)
+        when: CommandedPath(wanted).distance(
+            wanted - np.stack([getattr(axes[a], when) for a in "XY"], axis=1)
+        )
         for when in ("error_before", "error_after")
     }
     assert rms(off["error_after"][cutting]) < 0.1 * rms(off["error_before"][cutting])

@@ -12,7 +12,6 @@ from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.margins import ROUNDED
-from pipeline.cutting.stability.semi_discretisation import depth_limits
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.schema.model import Parameter
 from pipeline.twin.cut_blocks import cut_blocks
@@ -24,6 +23,7 @@ from pipeline.twin.cut_coefficients import (
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_limits import cut_limits
 from pipeline.twin.cut_stability import linearised, stability, stability_lobes
+from tests.cutting.chatter import depth_limits
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 

@@ -12,8 +12,9 @@ from scipy.linalg import expm
 from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.twin.drive import DriveParameters, DriveStart, loop_matrix, simulate_drive, stable
+from pipeline.twin.drive import DriveParameters, DriveStart, loop_matrix, stable
 from pipeline.twin.drive_population import simulate_traces
+from tests.machine.plain_drive import simulate_drive
 from tests.twin.axes import AXIS, BOTH, NONE, T, ramp, to_and_fro, with_drive, with_servo
 
 

@@ -7,13 +7,14 @@ from numpy.typing import NDArray
 from pipeline.kernels import compiled
 from pipeline.machine.axis.drive_step import FARTHEST, decay
 from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.twin.drive import DriveParameters, DriveStart, simulate_drive
+from pipeline.twin.drive import DriveParameters, DriveStart
 from pipeline.twin.drive_population import (
     DriveErrors,
     drive_table,
     population_errors,
     simulate_traces,
 )
+from tests.machine.plain_drive import simulate_drive
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(

@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.schema.model import Correlation
 from pipeline.schema.store import json_text, parsed, write_json
-from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
+from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import ResidualForest, save_forest
+from pipeline.twin.residual import Forest, ResidualForest, save_forest
 from pipeline.twin.spindle import (
     TARGET,
     SpindleFitFacts,
@@ -39,7 +39,7 @@ def test_windows_start_from_what_was_measured(truth: object) -> None:
     network = ONE if truth is ONE else TWO
     piece = day_of(network, 1, hours=4.0)
     model = SpindleModel(network=network, records=RECORDS, step_s=60.0)
-    physics, whole, persistence = model.windows(piece, 3600.0)
+    physics, (whole,), persistence = model.windows(piece, 3600.0)
     measured = piece.frame[TARGET].to_numpy()
     np.testing.assert_allclose(physics, measured, atol=1e-9)
     np.testing.assert_array_equal(physics, whole)
@@ -73,9 +73,12 @@ def test_what_is_measured_in_a_window_does_not_change_its_prediction() -> None:
 
 def test_a_stored_model_predicts_the_same(tmp_path: Path) -> None:
     days = days_of(ONE, 4, 4, noise_K=0.3)
-    quick = ForestSettings(trees=5, depth=4, folds=2, every_s=1800.0, sample_s=300.0)
-    trees, about = train_residual_forest(examples(days, RECORDS, ONE, quick), RECORDS, quick)
-    about = replace(about, used=True)
+    quick = ForestSettings(trees=5, depth=4, every_s=1800.0, sample_s=300.0)
+    trees = fitted_forest(examples(days, RECORDS, ONE, quick), quick)
+    about = Forest(
+        used=True, why="", sources=tuple(RECORDS.sources), extra=(), days=(), examples=1,
+        rmse_days_left_out_K=None, rmse_without_K=None,
+    )  # fmt: skip
     facts = SpindleFitFacts(
         step_s=60.0, nodes=1, rmse_K=0.1, rmse_days_left_out_K={}, condition=None,
         correlation=Correlation(), evaluations=1, seconds=60.0, bridged_s=0.0,
@@ -100,6 +103,12 @@ def test_a_stored_model_predicts_the_same(tmp_path: Path) -> None:
     first = loaded.windows(piece, 3600.0)
     np.testing.assert_allclose(first[0], physics)
     np.testing.assert_allclose(first[1], model)
+    # trees drawn with replacement stand behind the forest's own prediction
+    drawn = load_spindle_model(tmp_path, draws=4)
+    for found, own in ((drawn.free_run(piece)[1], model), (drawn.windows(piece, 3600.0)[1], model)):
+        assert found.shape == (5, len(piece.frame))
+        np.testing.assert_allclose(found[0], own[0])
+        assert len({one.tobytes() for one in found}) == 5
 
 
 @pytest.mark.parametrize("network", [ONE, TWO], ids=["one node", "two nodes"])

@@ -194,65 +194,6 @@ def wear(
     return share
 
 
-def damage(
-    taylor: Taylor,
-    times: ArrayLike,
-    v_c: ArrayLike,
-    conditions: Mapping[Condition, ArrayLike] = NONE,
-) -> Floats:
-    """Share of a tool's life that all blocks take, the sum of :func:`wear` [1]; shape (...)."""
-    total: Floats = wear(taylor, times, v_c, conditions).sum(axis=-1)
-    return total
-
-
-def speed_for_life(taylor: Taylor, lasting: ArrayLike) -> Floats:
-    """Cutting speed [m/s] at which a tool lasts ``lasting`` [s], at the reference conditions."""
-    with np.errstate(divide="ignore"):  # without end for a tool that need not last
-        speed: Floats = taylor.C * (not_negative("lasting", lasting) / MINUTE) ** -taylor.n
-    return speed
-
-
-def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, rate: float) -> float:
-    """Cutting speed that makes the cheapest part [m/s].
-
-    The tool then lasts (1/n - 1) (T_c + P_t / r) (Gilbert 1950).
-
-    Parameters
-    ----------
-    taylor : Taylor
-        Constants.
-    change_time : float
-        T_c, to change a worn tool [s].
-    life_price : float
-        P_t, cost of one life of a tool.
-    rate : float
-        r, cost of machine and operator [1/s].
-
-    Returns
-    -------
-    float
-        Infinity when a new edge takes neither time nor money.
-
-    Raises
-    ------
-    ValueError
-        When time or price is negative, the rate is not positive, or one of them is not finite.
-
-    Examples
-    --------
-    >>> carbide = Taylor(n=0.25, C_m_min=500.0)
-    >>> round(minimum_cost_speed(carbide, 120.0, 0.0, 1.0) * 60, 1)  # lasts 3 times 2 minutes
-    319.5
-    """
-    if not 0.0 < rate < np.inf:
-        raise ValueError(
-            f"rate = {rate:g} must be positive and finite: time that costs nothing has no optimum"
-        )
-    lost = float(not_negative("change_time", change_time))
-    lost += float(not_negative("life_price", life_price)) / rate
-    return float(speed_for_life(taylor, (1.0 / taylor.n - 1.0) * lost))
-
-
 def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:
     """1 / T [1/s], see :func:`life`."""
     load = not_negative("v_c", v_c) / taylor.C

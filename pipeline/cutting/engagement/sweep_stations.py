@@ -8,6 +8,8 @@ fade over a path length of two cells as long as the path goes on smoothly.
 
 from math import ceil, exp, floor, sqrt
 
+import numpy as np
+
 from pipeline.cutting.engagement.sweep_columns import SKIN, sweep
 from pipeline.cutting.engagement.sweep_rings import write_ring
 from pipeline.cutting.engagement.sweep_workspace import STEPS, LinearSegment
@@ -122,7 +124,7 @@ def _means(swept, met, cosines, plunge, radius, full, mean):  # type: ignore[no-
     for a in range(middle - 1, side - 1, -1):
         value = met[a] / swept[a] if swept[a] > 0.0 else value
         mean[a] = value
-    _side(swept, met, cosines, 0, side, value, full, mean)
+    _side(swept, met, cosines, np.int64(0), side, value, full, mean)
     for a in range(after, bins):
         mean[a] = met[a] / swept[a] if swept[a] > 0.0 else 0.0
 
@@ -203,7 +205,7 @@ def take_step(grid, profiles, tool, counts, step, plunge, along, length, z, stat
     _add(station.swept, counts.swept[step], many)
     _add(station.met, counts.met[step], many)
     if plunge:
-        _add(station.pressed, counts.pressed, 3)
+        _add(station.pressed, counts.pressed, np.int64(3))
     _whole(grid, profiles, tool, plunge, station)
     return n
 
@@ -290,7 +292,7 @@ def sweep_path(start, end, tool_of, direction, profiles, grid, counts, station, 
 
     Returns the number of stations written; ``state`` says where it stopped.
     """
-    n = 0
+    n = np.int64(0)  # a literal would have all that follows compiled a second time
     while state[PIECE] < start.shape[0]:
         piece = state[PIECE]
         tool, spindle = tool_of[piece], -1.0 if direction[piece] < 0 else 1.0
@@ -372,7 +374,7 @@ def _settle(grid, profiles, tool, segment, steep, counts, station, state):  # ty
     if segment.length < near:
         if state[RECENT] == 1:
             add_recent(counts, station, slices, segment.length, grid.cell)
-        keep_recent(counts, station, slices, 0, 1.0)
+        keep_recent(counts, station, slices, np.int64(0), 1.0)
     else:
         # where a long segment removes nothing, what it meets is the division in slices
         if nothing:

@@ -1,4 +1,4 @@
-"""Chip of milling: the angles between which it is cut, its thickness and its width.
+"""Chip of milling: the angles between which it is cut.
 
 Angles are those of :mod:`pipeline.cutting.engagement.engagement`.
 """
@@ -114,52 +114,3 @@ def cutting_arcs(phi_st: ArrayLike, phi_ex: ArrayLike) -> tuple[Floats, Floats]:
     turn = np.floor(enter / (2 * np.pi))
     zero = 2 * np.pi * np.stack([turn, turn + 1])  # phi = 0 in the turn of each part
     return np.clip(enter - zero, 0, np.pi), np.clip(leave - zero, 0, np.pi)
-
-
-def thickness(f_z: ArrayLike, phi: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -> Floats:
-    """Thickness h = f_z sin(phi) sin(kappa) [m], 0 where the tooth moves away from the material.
-
-    Parameters
-    ----------
-    f_z : array_like
-        Feed for each tooth [m].
-    phi : array_like
-        Where the tooth is [rad].
-    kappa : array_like
-        Lead angle kappa_r of the edge [rad], 90 degrees on the side of an end mill.
-    """
-    h = np.asarray(f_z, dtype=np.float64) * np.sin(phi) * np.sin(kappa)
-    return cast(Floats, np.maximum(h, 0.0))
-
-
-def width(a_p: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -> Floats:
-    """Width b = a_p / sin(kappa): length of the edge in the material [m], without helix."""
-    return np.asarray(a_p, dtype=np.float64) / np.sin(kappa)
-
-
-def mean_thickness(
-    f_z: ArrayLike, a_e: ArrayLike, D: ArrayLike, *, kappa: ArrayLike = np.pi / 2
-) -> Floats:
-    """h_m = f_z (2 a_e / D) sin(kappa) / phi_s [m], the mean over the angle in the material.
-
-    Cut at the tool's side (up, down or slot).  Twin2026 prints f_z a_e / D, which is for another
-    angle: phi_s / 2 times the true mean, 0.23 of it at a_e = 0.05 D and 1.57 in a slot.  With
-    m_c = 0.25 that is 0.33 and 1.40 times the force.
-
-    Raises
-    ------
-    ValueError
-        When a depth does not lie between 0 and the diameter.
-
-    Examples
-    --------
-    A slot of 0.1 mm/tooth: 2 / pi of the feed.
-
-    >>> round(float(mean_thickness(1e-4, 6e-3, 6e-3)) * 1e3, 6)
-    0.063662
-    """
-    angle = swept_angle(a_e, D)
-    share = 1 - np.cos(angle)
-    with np.errstate(invalid="ignore"):
-        mean = np.where(angle > 0, share / np.where(angle > 0, angle, 1.0), 0.0)
-    return np.asarray(f_z, dtype=np.float64) * np.sin(kappa) * mean

@@ -22,8 +22,8 @@ REFERENCE = 5e-5
 """Thickness h_ref, at which C is the specific force [m]."""
 APART = 1.1
 """Ratio from which two feeds count as different [1]."""
-NODES = 48
-"""Gauss nodes over an arc."""
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(48)
+"""Gauss nodes over an arc from -1 to 1, and their weights."""
 OTHERWISE = 0.1
 """Standard deviation of a force for each factor e of speed or depth beyond those learnt, as a share
 [1]: specific forces fall with the cutting speed to the power of 0.1 (Koenig and Essel 1973)."""
@@ -38,10 +38,9 @@ def _parts(h: Floats, exponent: Sequence[float], growth: float) -> Floats:
 
 
 def _arc(conditions: CutConditions) -> tuple[Floats, Floats]:
-    """Angles of an arc [rad] and their Gauss weights [rad]; shape (NODES,) each."""
-    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    """Angles of an arc [rad] and their Gauss weights [rad]; shape (N,) each."""
     half = (conditions.phi_ex - conditions.phi_st) / 2
-    return conditions.phi_st + half * (nodes + 1), half * weights
+    return conditions.phi_st + half * (NODES + 1), half * WEIGHTS
 
 
 def design(conditions: CutConditions, exponent: Sequence[float], growth: float) -> Floats:

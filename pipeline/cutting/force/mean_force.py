@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.force.chip import cutting_arcs
-from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.schema.arrays import Floats
 
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
@@ -82,49 +81,6 @@ def regressors(
     share = (teeth * depth / (2 * np.pi) * (feed > 0))[..., None, None]
     parts = np.concatenate([share * feed[..., None, None] * chip, share * edge], -1)
     return cast(Floats, parts.sum(axis=0))
-
-
-def mean_forces(
-    law: ForceLaw, *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike,
-    phi_ex: ArrayLike,
-) -> Floats:  # fmt: skip
-    """Mean F_x, F_y, F_z over a revolution [N]; shape (..., 3).
-
-    F_z is as on the workpiece, the others are on the tool.  Parameters are those of
-    :func:`regressors`.
-
-    Raises
-    ------
-    ValueError
-        When the law is not linear in the thickness of the chip, and as :func:`regressors`.
-    """
-    _linear(law)
-    design = regressors(flutes=flutes, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex)
-    return cast(Floats, design @ np.concatenate([law.cutting, law.edge]))
-
-
-def mean_torque(
-    law: ForceLaw, *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike,
-    phi_ex: ArrayLike, radius: ArrayLike,
-) -> Floats:  # fmt: skip
-    """Mean torque that the cut takes [N m]; ``radius`` is the tool's [m], else as `regressors`.
-
-    N a_p R / (2 pi) (K_tc f_z (cos phi_st - cos phi_ex) + K_te (phi_ex - phi_st)): times the
-    angular speed it is K_tc MRR and the power of the edges' friction.
-    """
-    _linear(law)
-    teeth, feed, depth, entry, leave = _arguments(flutes, f_z, a_p, phi_st, phi_ex)
-    each = law.K_tc * feed * (np.cos(entry) - np.cos(leave)) + law.K_te * (leave - entry)
-    torque = teeth * depth * np.asarray(radius) / (2 * np.pi) * each.sum(axis=0) * (feed > 0)
-    return cast(Floats, torque)
-
-
-def _linear(law: ForceLaw) -> None:
-    if law.m_c:
-        raise ValueError(
-            f"mean forces have a closed form for the linear-edge law only, this law has "
-            f"m_c = {law.m_c:g}: average pipeline.cutting.force.waveform.waveform over a revolution"
-        )
 
 
 def _arguments(*given: ArrayLike) -> list[Floats]:

@@ -20,19 +20,17 @@ waves lie within a period.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from math import exp, pi
+from math import pi
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.cutting.stability.directional import (
     RegenerativeCut,
     harmonic_matrices,
     mean_matrix,
 )
-from pipeline.cutting.stability.lobes import checked_speeds, eigenvalues
-from pipeline.cutting.stability.tip_dynamics import Mode, modal_receptance
+from pipeline.cutting.stability.tip_dynamics import Complex, Mode, modal_receptance
 from pipeline.schema.arrays import Floats, Ints
 
 if TYPE_CHECKING:
@@ -54,83 +52,6 @@ HARMONICS = 7
 """Of A, the mean among them, that bound the depth."""
 _AROUND = np.linspace(-8.0, 8.0, 65)
 """Half widths of a mode's peak where its receptance is looked at."""
-
-
-def monodromy(
-    modes: Sequence[Mode], cut: RegenerativeCut, n: float, depth: float, cells: int
-) -> Floats:
-    """Phi, which takes the state through one tooth period; shape (K, K).
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-        Of the tip, at least one.
-    cut : RegenerativeCut
-        Without depth and speed.
-    n : float
-        Spindle speed, above 0 [1/s].
-    depth : float
-        a_p, 0 or more [m].
-    cells : int
-        R of the cut, 1 or more.
-
-    Returns
-    -------
-    ndarray, shape (2 M + R D, 2 M + R D)
-        M modes in D directions.
-
-    Raises
-    ------
-    ValueError
-        When there is no mode, or a number is out of its range.
-    """
-    from pipeline.cutting.stability.semi_discretisation_kernel import fill_period, pass_period
-
-    _check(modes, n, depth, cells)
-    tip, taken, work = arrays(modes, cut, cells)
-    fill_period(tip, taken, n, depth, cells, work)
-    phi = np.empty((len(work.start), len(work.start)))
-    for state, out in zip(np.eye(len(phi)), phi, strict=True):
-        pass_period(tip, depth / (2 * pi * n), cells, work, state, out)
-    if not np.isfinite(phi).all():
-        raise ValueError(_beyond(n, depth))
-    return phi.T
-
-
-def spectral_radius(
-    modes: Sequence[Mode], cut: RegenerativeCut, n: float, depth: float, cells: int
-) -> float:
-    """Greatest modulus of Phi's eigenvalues [1]; the cut is stable below 1.
-
-    Parameters as in :func:`monodromy`.  It comes from Krylov's space, which costs a dozen periods,
-    not the cube of the number of states; far from 1 it is rough, and only its side of 1 is certain.
-    """
-    from pipeline.cutting.stability.semi_discretisation_kernel import growth
-
-    _check(modes, n, depth, cells)
-    tip, taken, work = arrays(modes, cut, cells)
-    found = float(growth(tip, taken, n, depth, cells, work))
-    if not found < 700.0:
-        raise ValueError(_beyond(n, depth))
-    return exp(found)
-
-
-def _beyond(n: float, depth: float) -> str:
-    return (
-        f"n = {n:g} 1/s, depth = {depth:g} m: a tooth period moves the tip beyond all numbers; "
-        "ask for a higher speed or a lesser depth"
-    )
-
-
-def _check(modes: Sequence[Mode], n: float, depth: float, cells: int) -> None:
-    if not modes:
-        raise ValueError("modes: there is none, and what does not give way does not chatter")
-    if not 0.0 < n < np.inf:
-        raise ValueError(f"n = {n}: the spindle speed must be above 0 1/s and finite")
-    if not 0.0 <= depth < np.inf:
-        raise ValueError(f"depth = {depth} must be 0 m or more and finite")
-    if cells < 1:
-        raise ValueError(f"cells = {cells} must be at least 1")
 
 
 def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Tip, Cut, Work]":
@@ -183,71 +104,32 @@ class DepthLimits:
     cells: Ints
 
 
-def depth_limits(
-    modes: Sequence[Mode], cut: RegenerativeCut, n: ArrayLike, *, highest: float,
+def settled_limits(
+    modes: Sequence[Mode], cut: RegenerativeCut, n: Floats, *, highest: float,
     tolerance: float = 0.01, ratio: float = 1.2,
 ) -> DepthLimits:  # fmt: skip
     """Least depth at which chatter begins, at each spindle speed.
 
+    The depth limit is nan where a cut holds more than 256 waves of the highest mode, as at one
+    tooth a second, that of the finest cells where it does not settle: ``error`` is above
+    ``tolerance`` there.
+
     Parameters
     ----------
-    modes, cut
-        As in :func:`pipeline.cutting.stability.semi_discretisation.monodromy`.
-    n : array_like, shape (S,)
+    modes : sequence of Mode
+        Of the tip, at least one.
+    cut : RegenerativeCut
+        Without depth and speed.
+    n : ndarray, shape (S,)
         Spindle speeds [1/s], above 0.
     highest : float
-        Depth up to which is looked [m].
+        Depth up to which is looked [m], above 0.
     tolerance : float
         The cells are doubled until the limit's estimated error before extrapolation is below this
         share of it [1]; what is left after it is some tenth.
     ratio : float
         Between two depths at which stability is tried first, above 1; between two of them a narrow
         region of chatter is seen when a local maximum of the spectral radius leads to it.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range, or 4096 cells do not reach the tolerance at a speed:
-        more than 256 waves of the highest mode within a cut are too many, as at 1 tooth a second.
-    """
-    speeds = checked_speeds(n)
-    if not modes:
-        raise ValueError("modes: there is none, and what does not give way does not chatter")
-    if not 0.0 < highest < np.inf:
-        raise ValueError(
-            f"highest = {highest}: the depth up to which is looked must be above 0 m and finite"
-        )
-    if not tolerance > 0.0:
-        raise ValueError(f"tolerance = {tolerance} must be above 0")
-    if not ratio > 1.0:
-        raise ValueError(f"ratio = {ratio} must be above 1")
-    found = settled_limits(
-        modes, cut, speeds, highest=highest, tolerance=tolerance, ratio=ratio
-    )  # fmt: skip
-    for at in np.flatnonzero(np.isnan(found.depth_limit)).tolist():
-        waves = found.cells[at] / CELLS_PER_WAVE
-        raise ValueError(
-            f"semi-discretisation: at {60 * speeds[at]:.6g} rpm {waves:.0f} waves of the highest "
-            f"mode lie within a cut, too many for {MOST_CELLS} cells; ask for a higher speed, or "
-            "for the zero-order solution"
-        )
-    for at in np.flatnonzero(~(found.error <= tolerance)).tolist():
-        raise ValueError(
-            f"semi-discretisation: at {60 * speeds[at]:.6g} rpm {found.cells[at]} cells do not "
-            f"settle the depth limit, now {found.depth_limit[at] * 1e3:.4g} mm; ask for a higher "
-            f"speed, or a tolerance above {tolerance:g}"
-        )
-    return found
-
-
-def settled_limits(
-    modes: Sequence[Mode], cut: RegenerativeCut, n: Floats, *, highest: float,
-    tolerance: float = 0.01, ratio: float = 1.2,
-) -> DepthLimits:  # fmt: skip
-    """The same for parameters that are in their ranges, without a refusal.
-
-    The depth limit is nan where a cut holds too many waves, that of the finest cells where it does
-    not settle: ``error`` is above ``tolerance`` there.
     """
     from pipeline.cutting.stability.semi_discretisation_kernel import first_limits
 
@@ -292,6 +174,33 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
     it, which :data:`BELOW` allows for.
     """
     return _depths(tuple(modes), cut)[1]
+
+
+def eigenvalues(matrix: Floats, response: Complex) -> Complex:
+    """Both eigenvalues of A Phi [1/m], in no order.
+
+    Parameters
+    ----------
+    matrix : ndarray, shape (2, 2)
+        A [N/m^2].
+    response : ndarray of complex, shape (F, 2, 2)
+        Phi [m/N].
+
+    Returns
+    -------
+    ndarray of complex, shape (F, 2)
+    """
+    product = matrix @ response
+    half = (product[:, 0, 0] + product[:, 1, 1]) / 2
+    apart = (product[:, 0, 0] - product[:, 1, 1]) / 2
+    root = np.sqrt(apart**2 + product[:, 0, 1] * product[:, 1, 0])
+    greater = np.where(np.abs(half + root) >= np.abs(half - root), half + root, half - root)
+    # the product of both: no rounding of the greater one is left where the other is 0
+    both = (matrix[0, 0] * matrix[1, 1] - matrix[0, 1] * matrix[1, 0]) * (
+        response[:, 0, 0] * response[:, 1, 1] - response[:, 0, 1] * response[:, 1, 0]
+    )
+    lesser = np.divide(both, greater, out=np.zeros_like(both), where=greater != 0.0)
+    return np.stack([greater, lesser], axis=1)
 
 
 @lru_cache(maxsize=KEPT)

@@ -1,47 +1,8 @@
-"""Stability lobes of the zero-order solution and margins, compiled.
+"""Chatter margins of the blocks of a program, compiled."""
 
-A segment of the stability boundary lies between two neighbouring chatter frequencies: ``omega``
-[rad/s] and ``share`` (phase of the regeneration over a turn, less whole waves, 0 to 1) at its two
-ends, ``inverse`` = 1 / depth [1/m] there, all of shape (G, 2) and straight between.  Lobe k has
-k whole waves within a tooth period.
-"""
-
-from math import ceil, inf, isnan, nan, pi
+from math import inf, isnan
 
 from pipeline.kernels import compiled
-
-_TURN = 2.0 * pi
-
-
-@compiled
-def lowest_lobes(omega, share, inverse, period, out, chatter):  # type: ignore[no-untyped-def]
-    """Fill the greatest 1 / depth of all lobes at each tooth period, and its frequency [rad/s].
-
-    Parameters
-    ----------
-    omega, share, inverse : ndarray, shape (G, 2)
-        Segments of the boundary.
-    period : ndarray, shape (S,)
-        Tooth period [s].
-    out, chatter : ndarray, shape (S,)
-        Filled; 0 and nan where there is no lobe.
-    """
-    for s in range(period.shape[0]):
-        out[s] = 0.0
-        chatter[s] = nan
-        for g in range(omega.shape[0]):
-            if inverse[g, 0] <= out[s] and inverse[g, 1] <= out[s]:
-                continue
-            first = omega[g, 0] * period[s] / _TURN - share[g, 0]
-            last = omega[g, 1] * period[s] / _TURN - share[g, 1]
-            k = max(ceil(min(first, last)), 0)
-            while k <= max(first, last):
-                along = (k - first) / (last - first) if last != first else 0.0
-                value = inverse[g, 0] + along * (inverse[g, 1] - inverse[g, 0])
-                if value > out[s]:
-                    out[s] = value
-                    chatter[s] = omega[g, 0] + along * (omega[g, 1] - omega[g, 0])
-                k += 1
 
 
 @compiled

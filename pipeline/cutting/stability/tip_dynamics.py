@@ -168,17 +168,6 @@ class FrequencyResponse:
         return between
 
 
-Dynamics = Sequence[Mode] | FrequencyResponse
-"""Dynamics of one tip: modes, or a measured response."""
-
-
-def receptance(dynamics: Dynamics, frequency_Hz: Floats) -> Complex:
-    """Of either kind [m/N]; shape (F, 2, 2)."""
-    if isinstance(dynamics, FrequencyResponse):
-        return dynamics.at(frequency_Hz)
-    return modal_receptance(dynamics, frequency_Hz)
-
-
 def joined_responses(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
     """Responses of several measurements as one, at the frequencies that all of them cover.
 

@@ -185,7 +185,11 @@ def followed(lag, period):  # type: ignore[no-untyped-def]
 
 @compiled
 def servo_sample(data, i, r, forward, ahead):  # type: ignore[no-untyped-def]
-    """:func:`pipeline.machine.axis.servo.servo_step` of the axis at ``i``, and its statistics."""
+    """Command of the servo of the axis at ``i``, and its statistics.
+
+    The integral stays while the limit holds and the error would carry it further (conditional
+    integration).
+    """
     put_into_caller()
     error = r - data[i + X]
     data[i + GREATEST_ERROR] = greater(data[i + GREATEST_ERROR], abs(error))
@@ -209,7 +213,7 @@ def servo_sample(data, i, r, forward, ahead):  # type: ignore[no-untyped-def]
 
 @compiled
 def mechanics_step(data, i, load, half):  # type: ignore[no-untyped-def]
-    """:func:`pipeline.machine.axis.feed_drive.screw_step` of the axis at ``i``, without a branch.
+    """Speed and position of the axis at ``i`` one step on, without a branch.
 
     ``half`` is half of the step [s].
     """

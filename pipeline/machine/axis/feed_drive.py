@@ -1,8 +1,10 @@
 """Mechanics of a feed drive as one mass on a screw, and the axis as a row of numbers (Sim2023).
 
 M x'' = k A - F_f(x') - F_g - F_d: command A times the force constant k = 2 pi k_t / L, friction,
-gravity less counterbalance, load.  Compiled loops, fits and variations of parameters take servo and
-mechanics of an axis as a row, its numbers in the order of :class:`DriveColumn`.
+gravity less counterbalance, load.  The position is stepped by the trapezoid, so that the balance of
+energy closes in each step: M (v_next^2 - v^2) / 2 = (k A - F_g - F_d - F_f) (x_next - x).  Compiled
+loops, fits and variations of parameters take servo and mechanics of an axis as a row, its numbers
+in the order of :class:`DriveColumn`.
 """
 
 from dataclasses import dataclass
@@ -12,7 +14,7 @@ from typing import Annotated
 
 import numpy as np
 
-from pipeline.machine.axis.friction import FrictionParameters, speed_after
+from pipeline.machine.axis.friction import FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
@@ -52,46 +54,6 @@ class FeedDriveParameters(Ranged, section="feed_drive"):
 def force_constant(torque_constant: float, lead: float) -> float:
     """Return k = 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
     return 2 * pi * torque_constant / lead
-
-
-def screw_step(
-    x: float, v: float, command: float, load: float, period: float, drive: FeedDriveParameters
-) -> tuple[float, float, float]:
-    """Position and speed one step on under a held command, and friction's mean over the step.
-
-    Position by the trapezoid, so that the balance of energy closes in each step:
-    M (v_next^2 - v^2) / 2 = (k A - F_g - F_d - F_f) (x_next - x).
-
-    Parameters
-    ----------
-    x, v : float
-        Before the step [m], [m/s].
-    command : float
-        A [A].
-    load : float
-        F_d, against positive motion [N].
-    period : float
-        Length of the step [s].
-    drive : FeedDriveParameters
-        The axis.
-
-    Returns
-    -------
-    x, v, friction : float
-        [m], [m/s], [N].
-    """
-    force = drive.force_constant * command - drive.offset - load
-    v_next, friction = speed_after(v, force, drive.mass, period, drive.friction)
-    return x + 0.5 * period * (v + v_next), v_next, friction
-
-
-def carriage_position(carriage: float, x: float, backlash: float) -> float:
-    """Position of a carriage that the screw at ``x`` takes along at either end of a gap [m].
-
-    A play operator: the carriage stays where friction holds it until one end of the gap reaches
-    it, and has then the screw's speed.  Its shocks and its free flight are not modelled.
-    """
-    return min(max(carriage, x - 0.5 * backlash), x + 0.5 * backlash)
 
 
 class DriveColumn(IntEnum):

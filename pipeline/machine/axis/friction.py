@@ -5,11 +5,12 @@ and v < 0 (Sim2023).  At standstill friction balances whatever acts on it, up to
 
 The step is implicit in the direction of motion (a proximal step): what a held force would make of
 the speed is brought nearer to 0 by what friction can take, and no further.  It sticks exactly, does
-not chatter, and needs no band of speeds that count as none.
+not chatter, and needs no band of speeds that count as none.  Viscous friction is taken at both ends
+of the step (Crank and Nicolson), the level at the old speed; at standstill, and where the step
+passes it, the level is F_s.  Second order in the step but for the Stribeck term, which is of first.
 """
 
 from dataclasses import dataclass
-from math import exp
 from typing import Annotated
 
 import numpy as np
@@ -85,41 +86,3 @@ def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:
         stribeck = (side.static - side.coulomb) * np.exp(-((s / side.stribeck_velocity) ** 2))
         force[sliding] = sign * (side.coulomb + stribeck + side.viscous * s)
     return force
-
-
-def speed_after(
-    v: float, force: float, mass: float, period: float, friction: FrictionParameters
-) -> tuple[float, float]:
-    """Speed one step on under a held force, and friction's mean over the step.
-
-    Viscous friction is taken at both ends of the step (Crank and Nicolson), the level at the old
-    speed; at standstill, and where the step passes it, the level is F_s.  Second order in the step
-    but for the Stribeck term, which is of first order.
-
-    Parameters
-    ----------
-    v : float
-        Speed before [m/s].
-    force : float
-        All that pushes but friction [N].
-    mass, period : float
-        [kg], [s].
-    friction : FrictionParameters
-        Both directions.
-
-    Returns
-    -------
-    v_next : float
-        [m/s]; 0 while ``force`` is not above F_s at standstill.
-    mean : float
-        Force against positive motion [N]: M (v_next - v) / period = force - mean.
-    """
-    before = friction.positive if v > 0 else friction.negative
-    free = v + period / mass * (force - 0.5 * before.viscous * v)
-    after = friction.positive if free > 0 else friction.negative
-    share = exp(-((v / before.stribeck_velocity) ** 2)) if v * free > 0 else 1.0
-    level = after.coulomb + (after.static - after.coulomb) * share
-    slip = max(abs(free) - period / mass * level, 0.0)
-    slip /= 1.0 + 0.5 * period / mass * after.viscous
-    v_next = slip if free > 0 else -slip
-    return v_next, force - mass * (v_next - v) / period

@@ -1,4 +1,4 @@
-"""Synchronous motor and inverter: voltage equations, Park's transforms, space-vector modulation.
+"""Synchronous motor and inverter: voltage equations, space-vector modulation.
 
 The permanent-magnet synchronous motor in the rotor's frame, amplitude-invariant dq:
 
@@ -12,8 +12,7 @@ change of the magnetic energy and T_e w, to the last digit.
 
 Phase a lies on the alpha axis, the d axis leads it by the electrical angle theta, the q axis leads
 d by 90 degrees.  A balanced set of amplitude U has length U in each frame, so that power is
-3/2 (u_d i_d + u_q i_q).  The line-voltage form needs no neutral point; as printed in Feed2025 (its
-Eq. 9 and 10) it and the inverse do not invert each other, here stands the standard form.
+3/2 (u_d i_d + u_q i_q).
 
 A leg of the two-level inverter that is high for the share d of a carrier period, centred in it,
 gives d U_dc over the negative rail.  The three shares are
@@ -118,50 +117,6 @@ def copper_loss(i_d: Any, i_q: Any, motor: Any) -> Any:
 def magnetic_energy(i_d: Any, i_q: Any, motor: Any) -> Any:
     """Return the energy of the currents' field [J]; that of the magnets does not change."""
     return 0.75 * (motor.inductance_d * i_d * i_d + motor.inductance_q * i_q * i_q)
-
-
-def steady_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
-    """Return u_d and u_q [V] that hold the currents [A] at a speed [rad/s]."""
-    w_e = motor.pole_pairs * speed
-    u_d = motor.resistance * i_d - w_e * motor.inductance_q * i_q
-    u_q = motor.resistance * i_q + w_e * (motor.inductance_d * i_d + motor.flux)
-    return u_d, u_q
-
-
-def park(a: Any, b: Any, c: Any, theta: Any) -> tuple[Any, Any]:
-    """Return d and q of three phase quantities; the zero component does not enter.
-
-    Parameters
-    ----------
-    a, b, c : array_like
-        Phase quantities, any one unit, shapes that broadcast.
-    theta : array_like
-        Electrical angle of the rotor [rad].
-    """
-    alpha, beta = (2 * a - b - c) / 3, (b - c) / _SQRT3
-    return rotated(alpha, beta, np.cos(theta), -np.sin(theta))
-
-
-def line_park(ab: Any, bc: Any, theta: Any) -> tuple[Any, Any]:
-    """Return d and q of two line voltages u_ab and u_bc [V] at the electrical angle theta [rad]."""
-    cos, sin = np.cos(theta), np.sin(theta)
-    d = (2 * cos * ab + (cos + _SQRT3 * sin) * bc) / 3
-    q = (-2 * sin * ab + (-sin + _SQRT3 * cos) * bc) / 3
-    return d, q
-
-
-def inverse_park(d: Any, q: Any, theta: Any) -> tuple[Any, Any, Any]:
-    """Return the three phases of d and q; their sum is zero.
-
-    Parameters
-    ----------
-    d, q : array_like
-        In the rotor's frame, any one unit.
-    theta : array_like
-        Electrical angle of the rotor [rad].
-    """
-    alpha, beta = rotated(d, q, np.cos(theta), np.sin(theta))
-    return alpha, (_SQRT3 * beta - alpha) / 2, (-_SQRT3 * beta - alpha) / 2
 
 
 def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:

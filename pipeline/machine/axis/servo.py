@@ -9,8 +9,8 @@ and v_ref by T_x, where the position loop samples slower and holds.
 """
 
 from dataclasses import dataclass
-from math import expm1, inf
-from typing import Annotated, NamedTuple
+from math import inf
+from typing import Annotated
 
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 
@@ -73,71 +73,3 @@ class ServoParameters(Ranged, section="servo"):
     def integral(self) -> float:
         """S_vi V_i [A/m]."""
         return self.integral_scale * self.integral_gain
-
-
-class ServoState(NamedTuple):
-    """State of the loops from sample to sample.
-
-    Parameters
-    ----------
-    integral : float
-        Of the velocity error, up to this sample [m].
-    velocity : float
-        As the velocity loop saw it last, T_v behind [m/s].
-    velocity_ref : float
-        As it reached the velocity loop last, T_x behind [m/s].
-    """
-
-    integral: float
-    velocity: float
-    velocity_ref: float
-
-
-def servo_step(
-    reference: tuple[float, float, float],
-    x: float,
-    v: float,
-    state: ServoState,
-    period: float,
-    servo: ServoParameters,
-) -> tuple[float, ServoState]:
-    """Command of one sample, and the state for the next one.
-
-    Parameters
-    ----------
-    reference : tuple of float
-        x_ref and its first two derivatives [m], [m/s], [m/s^2].
-    x, v : float
-        Measured position and speed [m], [m/s].
-    state : ServoState
-        Left by the sample before.
-    period : float
-        From sample to sample [s].
-    servo : ServoParameters
-        The loops.
-
-    Returns
-    -------
-    command : float
-        [A].
-    state : ServoState
-        Its integral stays while the limit holds and the error would carry it further (conditional
-        integration).
-    """
-    x_ref, forward, ahead = reference
-    command_v = servo.loop_gain * (x_ref - x) + servo.velocity_feedforward * forward
-    v_ref = state.velocity_ref + approach(servo.position_lag, period) * (
-        command_v - state.velocity_ref
-    )
-    v_fed_back = state.velocity + approach(servo.velocity_lag, period) * (v - state.velocity)
-    error = v_ref - v_fed_back
-    unlimited = servo.proportional * error + servo.integral * state.integral
-    unlimited += servo.acceleration_feedforward * ahead
-    command = min(max(unlimited, -servo.current_limit), servo.current_limit)
-    growth = 0.0 if (unlimited - command) * error > 0 else period * error
-    return command, ServoState(state.integral + growth, v_fed_back, v_ref)
-
-
-def approach(lag: float, period: float) -> float:
-    """Share of a step that a first-order lag [s] has followed after one period [s]; 1 without."""
-    return -expm1(-period / lag) if lag > 0 else 1.0

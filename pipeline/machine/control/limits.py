@@ -5,6 +5,8 @@ The rules of corners stand in :mod:`pipeline.machine.control.corners`.
 
 from math import inf, sqrt
 
+import numpy as np
+
 from pipeline.gcode.moves import METRE_PER_SECOND, RADIAN, FeedMode, Kind, PathMode
 from pipeline.kernels import compiled
 from pipeline.machine.control.corners import block_speed
@@ -59,7 +61,7 @@ def limit(  # type: ignore[no-untyped-def]
     work array.  ``turn`` and ``bend``, where not empty, take the change of direction of X, Y,
     Z at the end of each row that goes on [1], and the curvature [1/m].
     """
-    last = -1
+    last = np.int64(-1)  # a literal would have all that follows compiled a second time
     stopping = False
     for k in range(kind.shape[0]):
         motion[k], length[k], corner[k], pause[k] = _STILL, 0.0, 0.0, 0.0

@@ -3,7 +3,6 @@
 Backward the speed at the end of a row is bounded by its own cap and feed, those of the next row,
 the corner, and what the next row can brake from; forward by what the row can accelerate to,
 v_out^2 <= v_in^2 + 2 a L.  Within a row the speed goes up to v_peak, stays, and goes down.
-Populations whose total time alone counts run in SIMD lanes.
 """
 
 from math import inf, sqrt
@@ -17,11 +16,6 @@ _STILL, _INDEPENDENT = int(Motion.STILL), int(Motion.INDEPENDENT)
 _THREAD = int(Kind.THREAD)
 _NOTHING, _FEED, _RAPID = int(Binding.NOTHING), int(Binding.FEED), int(Binding.RAPID)
 _ACCELERATION = int(Binding.ACCELERATION)
-LANES = 16
-"""Individuals that the processor works on together."""
-CARRIED = 5
-"""Quantities that are carried from row to row."""
-_REACH, _V_IN, _TOTAL, _WITHIN, _AFTER = range(CARRIED)
 
 
 @compiled
@@ -130,59 +124,3 @@ def plan_population(  # type: ignore[no-untyped-def]
             motion, length, factor, cap, acceleration, corner, feed, spindle, p,
             v_out, v_peak, time[p],
         )  # fmt: skip
-
-
-@compiled
-def total_times(  # type: ignore[no-untyped-def]
-    motion, length, factor, cap, acceleration, corner, feed, spindle, speed, square, carried, out
-):
-    """Fill ``out``, the time for which each individual moves [s]; shape (P,).
-
-    The arguments before ``speed`` are those of :func:`plan_rows`.  ``speed`` and ``square`` of
-    shape (M, LANES) and ``carried`` of (CARRIED, LANES) are work arrays.
-    """
-    many = out.shape[0]
-    for first in range(0, many, LANES):
-        for lane in range(LANES):
-            # what is left of the lanes repeats the last individual
-            p = min(first + lane, many - 1)
-            for k in range(motion.shape[0]):
-                if motion[k] != _STILL and motion[k] != _INDEPENDENT:
-                    v = commanded_speed(motion, factor, feed, spindle, p, k)
-                    speed[k, lane] = min(v, cap[k])
-        _plan_lanes(motion, length, acceleration, corner, speed, square, carried)
-        for lane in range(min(LANES, many - first)):
-            out[first + lane] = carried[_TOTAL, lane]
-
-
-@compiled
-def _plan_lanes(motion, length, acceleration, corner, speed, square, carried):  # type: ignore[no-untyped-def]
-    for row in range(CARRIED):
-        for lane in range(LANES):
-            carried[row, lane] = 0.0
-    for k in range(motion.shape[0] - 1, -1, -1):
-        if motion[k] == _STILL or motion[k] == _INDEPENDENT:
-            continue
-        top, gain = corner[k], 2.0 * acceleration[k] * length[k]
-        for lane in range(LANES):
-            v = speed[k, lane]
-            end = min(min(top, v), carried[_AFTER, lane])
-            end = min(end * end, carried[_WITHIN, lane])
-            square[k, lane] = end
-            carried[_WITHIN, lane] = end + gain
-            carried[_AFTER, lane] = v
-    for k in range(motion.shape[0]):
-        if motion[k] == _STILL or motion[k] == _INDEPENDENT:
-            continue
-        a, size = acceleration[k], length[k]
-        gain, slowness = 2.0 * a * size, 1.0 / a
-        for lane in range(LANES):
-            reach, v = carried[_REACH, lane], speed[k, lane]
-            end = min(square[k, lane], reach + gain)
-            peak = min(0.5 * (reach + end + gain), v * v)
-            v, v_out = sqrt(peak), sqrt(end)
-            ramps = (2.0 * v - carried[_V_IN, lane] - v_out) * slowness
-            cruise = (size - (peak - 0.5 * (reach + end)) * slowness) / v
-            carried[_TOTAL, lane] += ramps + cruise
-            carried[_REACH, lane] = end
-            carried[_V_IN, lane] = v_out

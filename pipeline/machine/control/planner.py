@@ -1,7 +1,7 @@
 """Motion planner of the virtual control: time and speed of each row of a program.
 
 A program and a control make a :class:`pipeline.machine.control.path.Path` once; :func:`plan` then
-gives the times for any feeds, spindle speeds and overrides, :func:`totals` those of a population.
+gives the times for any feeds, spindle speeds and overrides.
 
     path = limited_path(moves, control)
     plan(path).total
@@ -15,21 +15,11 @@ import numpy.typing as npt
 from numpy.typing import ArrayLike
 
 from pipeline.gcode.moves import AXES, Kind, Moves
-from pipeline.machine.control.commands import (
-    auxiliary_time,
-    commanded_feeds,
-    spindle_speeds,
-    waits,
-)
+from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.parameters import ControlParameters, Limit
 from pipeline.machine.control.path import Path, where
-from pipeline.machine.control.row_motion import (
-    RowMotion,
-    motion_times,
-    motion_totals,
-    row_motion,
-)
-from pipeline.machine.spindle import halts, spindle_waits
+from pipeline.machine.control.row_motion import RowMotion, row_motion
+from pipeline.machine.spindle import halts
 from pipeline.schema.arrays import Bools, Floats
 
 _STOPS = ("always", "change", "never")
@@ -220,85 +210,10 @@ def plan(
         When a row that cuts has no positive F (or the spindle stands under G95), a speed is
         negative, or an override is not positive.
     """
-    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
-    if len(feed) != 1:
-        raise ValueError(
-            f"plan takes the feeds and speeds of one individual, got {len(feed)}: "
-            "row_times and totals take many"
-        )
+    feed = commanded_feeds(path, feeds, feed_override, rapid_override)
+    spindle = spindle_speeds(path, speeds)
+    if (many := max(len(feed), len(spindle))) != 1:
+        raise ValueError(f"plan takes the feeds and speeds of one individual, got {many}")
     motion = row_motion(path, feed, spindle)
     wait = waits(path, spindle, motion.time[np.newaxis])[0]
     return Plan(path=path, feed=feed[0], spindle_speed=spindle[0], motion=motion, wait=wait)
-
-
-def row_times(
-    path: Path,
-    *,
-    feeds: ArrayLike | None = None,
-    speeds: ArrayLike | None = None,
-    feed_override: ArrayLike = 100.0,
-    rapid_override: ArrayLike = 100.0,
-) -> Floats:
-    """Time of each row for a population of feeds and speeds [s]; shape (P, M).
-
-    Parameters
-    ----------
-    path : Path
-        From :func:`limited_path`.
-    feeds, speeds : (M,) or (P, M) array, optional
-        As :func:`plan` takes them; one row is the same for all individuals.
-    feed_override, rapid_override : float or (M,) array
-        [percent].
-
-    Raises
-    ------
-    ValueError
-        As :func:`plan`; also when feeds and speeds are of different populations.
-    """
-    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
-    time = motion_times(path, feed, spindle)
-    time += waits(path, spindle, time)
-    return time
-
-
-def totals(
-    path: Path,
-    *,
-    feeds: ArrayLike | None = None,
-    speeds: ArrayLike | None = None,
-    feed_override: ArrayLike = 100.0,
-    rapid_override: ArrayLike = 100.0,
-) -> Floats:
-    """Time of the program for a population of feeds and speeds [s]; shape (P,).
-
-    Faster than the sum of :func:`row_times`, which takes the same and raises the same.
-    """
-    feed, spindle = _commands(path, feeds, speeds, feed_override, rapid_override)
-    rows, waiting, run_up = spindle_waits(path.moves, path.control.auxiliary, spindle)
-    if path.control.profile == "s_curve" or (rows != waiting).any():
-        return row_times(
-            path, feeds=feeds, speeds=speeds, feed_override=feed_override,
-            rapid_override=rapid_override,
-        ).sum(axis=1)  # fmt: skip
-    _, other = auxiliary_time(path.moves, path.control.auxiliary, spindle)
-    standstill: Floats = path.pause.sum() + other.sum(axis=1) + run_up.sum(axis=1)
-    return motion_totals(path, feed, spindle) + standstill
-
-
-def _commands(
-    path: Path,
-    feeds: ArrayLike | None,
-    speeds: ArrayLike | None,
-    feed_override: ArrayLike,
-    rapid_override: ArrayLike,
-) -> tuple[Floats, Floats]:
-    feed = commanded_feeds(path, feeds, feed_override, rapid_override)
-    spindle = spindle_speeds(path, speeds)
-    many = max(len(feed), len(spindle))
-    if not {len(feed), len(spindle)} <= {1, many}:
-        raise ValueError(
-            f"feeds are of {len(feed)} individuals, speeds of {len(spindle)}: give as many of both"
-        )
-    if len(feed) < many:
-        feed = np.tile(feed, (many, 1))
-    return feed, spindle

@@ -71,22 +71,6 @@ def motion_times(path: Path, feed: Floats, spindle: Floats) -> Floats:
     return time
 
 
-def motion_totals(path: Path, feed: Floats, spindle: Floats) -> Floats:
-    """Total duration of each individual's motion, by trapezoids [s]; shape (P,)."""
-    from pipeline.machine.control.look_ahead import CARRIED, LANES, total_times
-
-    out = np.zeros(len(feed))
-    speed, square = np.zeros((2, len(path), LANES))
-    total_times(
-        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
-        feed, spindle, speed, square, np.zeros((CARRIED, LANES)), out,
-    )  # fmt: skip
-    rows = np.flatnonzero(path.motion == Motion.INDEPENDENT)
-    if len(rows):
-        out += independent_time(path, rows, feed[:, rows]).sum(axis=1)
-    return out
-
-
 def _trapezoids(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
     from pipeline.machine.control.look_ahead import plan_rows
 

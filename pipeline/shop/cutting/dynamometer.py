@@ -6,6 +6,7 @@ units, rows.  Some recordings have faults: clipped, torn, a channel lost.
 """
 
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal
 
@@ -168,13 +169,21 @@ def amplified(
 
 def _response(force: Floats, mode: ChannelMode) -> Floats:
     """Response of a mode to a force that is linear from step to step."""
-    from scipy.signal import cont2discrete, lfilter
+    from scipy.signal import lfilter
+
+    out: Floats = lfilter(*_sampled(mode), force)
+    return out
+
+
+@cache
+def _sampled(mode: ChannelMode) -> tuple[Floats, Floats]:
+    """Transfer function of a mode in powers of the delay: designed once, not for each test."""
+    from scipy.signal import cont2discrete
 
     w = 2 * np.pi * mode.frequency
     ratio = np.array([w * w]), np.array([1.0, 2 * mode.damping * w, w * w])
     above, below, _ = cont2discrete(ratio, 1 / (RATE * FINE), method="foh")
-    out: Floats = lfilter(above.ravel(), below, force)
-    return out
+    return above.ravel(), below
 
 
 def converted(values: Floats, ends: float, bits: int) -> tuple[Floats, dict[str, Any]]:

@@ -12,8 +12,8 @@ from math import pi, tan
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece, engaged
 
@@ -43,7 +43,7 @@ class Block(NamedTuple):
     high: float
 
 
-@njit(cache=True)
+@compiled_with()
 def edge_force(k: EdgeCoefficients, h: float, sharpness: float) -> tuple[float, float, float]:
     """Tangential, radial, axial force of an edge for each width of a chip ``h`` [m] thick [N/m]."""
     if h <= 0.0:
@@ -57,7 +57,7 @@ def edge_force(k: EdgeCoefficients, h: float, sharpness: float) -> tuple[float, 
     )
 
 
-@njit(cache=True)
+@compiled_with()
 def chip_thickness(
     radii: np.ndarray, tooth: int, s: int, sine: float, cosine: float, feed: float, x: float,
     block: Block,
@@ -101,7 +101,7 @@ def chip_thickness(
     return max(h, 0.0)
 
 
-@njit(cache=True)
+@compiled_with()
 def forces(
     edge: EdgeCoefficients, block: Block, radii: np.ndarray, sharpness: np.ndarray, lag: np.ndarray,
     height: float, angle: np.ndarray, x: np.ndarray, feed: np.ndarray,

@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.drives.parameters import INTEGRATION, Axis
 
@@ -68,7 +68,7 @@ class Loops(NamedTuple):
     current_share: float
 
 
-@njit(cache=True)
+@compiled_with()
 def _screw(m: Mechanics, stretch: float, speed: float) -> float:
     """Force of the screw on the carriage [N]; with backlash its flanks only push."""
     if m.half_backlash == 0.0:
@@ -80,7 +80,7 @@ def _screw(m: Mechanics, stretch: float, speed: float) -> float:
     return 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_with(error_model="numpy")
 def _friction(m: Mechanics, v: float, z: float, pitch: float) -> tuple[float, float]:
     """Force against motion [N] and the bristle [m] after a step; ``pitch`` scales the level."""
     side = 1 if v > 0 else 0
@@ -91,7 +91,7 @@ def _friction(m: Mechanics, v: float, z: float, pitch: float) -> tuple[float, fl
     return m.bristle * bent + damping + m.viscous[side] * v, bent
 
 
-@njit(cache=True)
+@compiled_with()
 def _motor(m: Mechanics, turn: float) -> tuple[float, float]:
     """Force for each ampere [N/A] and force without current [N] at an angle of the motor."""
     tooth = m.cogging_period * turn
@@ -99,7 +99,7 @@ def _motor(m: Mechanics, turn: float) -> tuple[float, float]:
     return m.force_constant * (1 + m.ripple * np.sin(m.ripple_period * turn)), cogging
 
 
-@njit(cache=True)
+@compiled_with()
 def _limited(c: Loops, error: float, integral: float, ahead: float) -> tuple[float, float]:
     """Current command [A] and the integral after it, which does not wind up at the limit."""
     demand = c.velocity_gain * error + integral + ahead
@@ -109,12 +109,12 @@ def _limited(c: Loops, error: float, integral: float, ahead: float) -> tuple[flo
     return command, integral
 
 
-@njit(cache=True)
+@compiled_with()
 def _encoder(x: float, step: float) -> float:
     return np.floor(x / step + 0.5) * step
 
 
-@njit(cache=True, error_model="numpy")
+@compiled_with(nogil=True, error_model="numpy")
 def followed(
     m: Mechanics, c: Loops, reference: np.ndarray, load: np.ndarray, extra: np.ndarray,
     noise: np.ndarray,

@@ -8,8 +8,8 @@ each phase loses a voltage against its current to the inverter's dead time.  Run
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.drives.parameters import Axis, AxisMotor
 from pipeline.shop.motion import RPM
@@ -60,7 +60,7 @@ class Machine(NamedTuple):
     speed_integral: float
 
 
-@njit(cache=True)
+@compiled_with()
 def _dead_time_voltage(m: Machine, i_d: float, i_q: float, angle: float) -> tuple[float, float]:
     """Voltage that the dead time costs, along d and q [V]."""
     c, s = np.cos(angle), np.sin(angle)
@@ -71,12 +71,12 @@ def _dead_time_voltage(m: Machine, i_d: float, i_q: float, angle: float) -> tupl
     return c * e_alpha + s * e_beta, c * e_beta - s * e_alpha
 
 
-@njit(cache=True)
+@compiled_with()
 def _phase_loss(m: Machine, current: float) -> float:
     return m.lost_voltage * current / (abs(current) + SMALL)
 
 
-@njit(cache=True)
+@compiled_with()
 def _change(
     m: Machine, x: tuple[float, float, float, float, float], u_d: float, u_q: float, load: float
 ) -> tuple[float, float, float, float, float]:
@@ -99,7 +99,7 @@ def _change(
     )
 
 
-@njit(cache=True)
+@compiled_with()
 def _moved(
     x: tuple[float, float, float, float, float], k: tuple[float, float, float, float, float],
     h: float,
@@ -107,7 +107,7 @@ def _moved(
     return x[0] + h * k[0], x[1] + h * k[1], x[2] + h * k[2], x[3] + h * k[3], x[4] + h * k[4]
 
 
-@njit(cache=True)
+@compiled_with()
 def _stepped(
     m: Machine, x: tuple[float, float, float, float, float], u_d: float, u_q: float, load: float
 ) -> tuple[float, float, float, float, float]:
@@ -121,7 +121,7 @@ def _stepped(
     return _moved(_moved(x, c, h / 3), d, h / 6)
 
 
-@njit(cache=True)
+@compiled_with()
 def _voltages(
     m: Machine, error_d: float, error_q: float, held_d: float, held_q: float, speed: float,
     flux_d: float, flux_q: float,
@@ -136,7 +136,7 @@ def _voltages(
     return u_d * m.limit_voltage / size, u_q * m.limit_voltage / size, True
 
 
-@njit(cache=True)
+@compiled_with()
 def driven(
     m: Machine, speed_ref: np.ndarray, current_ref: np.ndarray, load: np.ndarray
 ) -> np.ndarray:

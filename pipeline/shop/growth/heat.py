@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.growth.network import Network, Path, bearing_pieces, motor_cells
 from pipeline.shop.motion import RPM
@@ -143,7 +143,7 @@ def heated(
     ))  # fmt: skip
 
 
-@njit(cache=True)
+@compiled_with()
 def _friction(q: Floats, t: Floats, n: float, b: _Bearing, k: _Constants) -> float:
     """Give a bearing's friction heat to its parts; return it [W]."""
     tight = b.growth * (t[b.inner] - t[b.outer]) + k.centrifugal * (n / REFERENCE) ** 2
@@ -156,7 +156,7 @@ def _friction(q: Floats, t: Floats, n: float, b: _Bearing, k: _Constants) -> flo
     return float(heat)
 
 
-@njit(cache=True)
+@compiled_with()
 def _sources(q: Floats, t: Floats, n: float, on: bool, k: _Constants) -> None:
     """Fill ``q`` with the heat made in each node [W]."""
     q[:] = 0.0
@@ -180,7 +180,7 @@ def _sources(q: Floats, t: Floats, n: float, on: bool, k: _Constants) -> None:
         q[k.rotor_first + j] += slip / k.motor_cells
 
 
-@njit(cache=True)
+@compiled_with()
 def _conducting(
     g: Floats, state: Floats, n: float, air: float, nominal: Floats, kinds: Ints, ends: Ints,
     mixing: float,
@@ -198,7 +198,7 @@ def _conducting(
             g[e] *= math.sqrt(math.sqrt(abs(difference) / 10.0))
 
 
-@njit(cache=True)
+@compiled_with()
 def _cold(state: Floats, air: float, on: bool, k: _Constants) -> float:
     """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
     setpoint = k.setpoint - 20.0 + air if k.follows else k.setpoint
@@ -209,7 +209,7 @@ def _cold(state: Floats, air: float, on: bool, k: _Constants) -> float:
     return state[-1] * k.cold * max(1.0 - k.cold_slope * (air - 20.0), 0.1)
 
 
-@njit(cache=True)
+@compiled_with()
 def _integrated(
     state: Floats, x: Course, k: _Constants, ends: Ints, kinds: Ints, conductances: Floats,
     capacity: Floats, flow: Ints, substeps: int,

@@ -256,11 +256,30 @@ class Instruments(Ranged, section="Instruments"):
 
 @dataclass(frozen=True, kw_only=True)
 class Growth(Ranged, section="Growth"):
-    """Growth of the spindle and the test stand that records it; ``recorded``: whether it does."""
+    """Growth of the spindle and the test stand that records it; ``recorded``: whether it does.
+
+    Parameters
+    ----------
+    numbers : tuple of int
+        Records of the year that are made, by their numbers in it.
+
+    Raises
+    ------
+    ValueError
+        When a number is out of range, or there is none.
+    """
 
     recorded: bool = True
+    numbers: tuple[int, ...] = tuple(range(1, PROFILES + 1))
     body: Body = field(default_factory=Body)
     expansion: Expansion = field(default_factory=Expansion)
     paths: HeatPaths = field(default_factory=HeatPaths)
     season: Season = field(default_factory=Season)
     instruments: Instruments = field(default_factory=Instruments)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.numbers or not set(self.numbers) <= set(range(1, PROFILES + 1)):
+            raise ValueError(
+                f"Growth.numbers = {self.numbers} must be one or more from 1 to {PROFILES}"
+            )

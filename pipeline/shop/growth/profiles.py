@@ -73,11 +73,13 @@ class Profile:
 
 
 def profiles(parameters: ShopParameters) -> Iterator[Profile]:
-    """All records of a machine, in their order over a year before the shop's first week."""
+    """Records of a machine that are made, in their order over a year before its first week."""
     season = parameters.growth.season
     shift = float(parameters.generator("growth season").uniform(0, 2 * np.pi))
     first = parameters.start - np.timedelta64(APART * PROFILES, "D")
     for number, kind in enumerate(KINDS, 1):
+        if number not in parameters.growth.numbers:
+            continue
         random = parameters.generator(f"growth profile {number}")
         before = _work(random, parameters) if kind == "warm-start" else np.zeros(0)
         command = _command(kind, number, random, parameters)

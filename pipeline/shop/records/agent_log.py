@@ -49,7 +49,7 @@ class LogLines:
         own = item.category == "CONDITION"
         offset = rank / 1000 + (0.2 if own and self.native else 0.0)
         self.keys += (polls + offset).tolist()
-        self.when += [self.times[k] for k in polls]
+        self.when += [self.times[k] for k in polls.tolist()]
         self.what += [f"{item.name}|{text}" for text in texts]
         self.alone += [own] * len(texts)
 
@@ -74,20 +74,19 @@ class LogLines:
     def text(self) -> tuple[str, int]:
         """The file's text and its number of lines."""
         order = np.argsort(np.array(self.keys), kind="stable").tolist()
+        pairs = zip(self.when, self.what, strict=True)
+        lines = [f"{when}|{what}" if when else what for when, what in pairs]
         if not self.native:
-            rows = [self._row(k) for k in order]
-            return "\n".join(rows) + "\n", len(rows)
-        rows, open_at = [], ""
+            return "\n".join([lines[k] for k in order]) + "\n", len(order)
+        rows: list[str] = []
+        open_at = ""
         for k in order:
             if not self.alone[k] and self.when[k] == open_at:
                 rows[-1] += f"|{self.what[k]}"
                 continue
-            rows.append(self._row(k))
+            rows.append(lines[k])
             open_at = "" if self.alone[k] else self.when[k]
         return "\n".join(rows) + "\n", len(rows)
-
-    def _row(self, k: int) -> str:
-        return f"{self.when[k]}|{self.what[k]}" if self.when[k] else self.what[k]
 
 
 def condition(level: str, native: bool, fields: tuple[str, ...] = ("", "", "", "")) -> str:

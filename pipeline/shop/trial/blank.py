@@ -10,9 +10,9 @@ from itertools import pairwise
 from math import ceil
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.control.postprocessor import Step
 from pipeline.shop.trial.job import Box, TrialJob
@@ -24,8 +24,8 @@ OVER = 0.5
 meets no cells at the walls that its last pass had touched but not swept [1]."""
 CELL = 1 / 300
 """Side of a cell over the smallest tool's diameter [1]."""
-MOST = 48_000_000
-"""Greatest number of cells in all layers: 192 MiB."""
+MOST = 12_000_000
+"""Greatest number of cells in all layers: 48 MiB."""
 RAMP = 0.25
 """Greatest height of a layer through which the tool ramps down [mm]."""
 SLICE = 0.25
@@ -34,7 +34,7 @@ SAME = 1e-4
 """Heights that are closer count as one [mm]."""
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def sweep(
     first: np.ndarray, middles: np.ndarray, corner: tuple[float, float], cell: float,
     tip: np.ndarray, path: np.ndarray, radius: np.ndarray, new: np.ndarray,
@@ -91,7 +91,7 @@ def sweep(
             back_x, back_y, back_r = x, y, radius[k]
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def _disc(
     first: np.ndarray, x: float, y: float, r: float, old_x: float, old_y: float, old_r: float,
     cell: float, path: float,
@@ -118,7 +118,7 @@ def _disc(
     return new
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True)
 def _span(first: np.ndarray, row: int, a: int, b: int, path: float) -> bool:
     new = False
     for column in range(a, b + 1):

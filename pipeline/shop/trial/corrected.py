@@ -6,11 +6,14 @@ sensor that closes the position loop shows them, and of the carriage itself.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.parameters import ShopParameters
@@ -41,7 +44,10 @@ def corrected_trials(
     """
     if not len(seeds):
         raise ValueError("corrected trials need one seed or more; got none")
-    return {"seeds": len(seeds)} | _spreads([drive_corrected(table, parameters, s) for s in seeds])
+    commands = Commands.of(table, parameters)
+    # the kernel of the axes lets other threads run
+    found = mapped(partial(_driven, commands, parameters), seeds, compute="threads")
+    return {"seeds": len(seeds)} | _spreads(found)
 
 
 def _spreads(found: Sequence[Any]) -> Any:
@@ -83,39 +89,69 @@ def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[
         When a column is missing or unknown, there are less than two rows, a value is no finite
         number, or time is not even.
     """
-    axes = parameters.drives.axes
-    period, columns = _read(table, axes)
-    letters = [letter for letter in axes if letter in columns]
-    frequency = parameters.drives.x.cascade.position_frequency
-    asked: dict[str, Floats] = {}
+    return _driven(Commands.of(table, parameters), parameters, seed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Commands:
+    """Commands of a table at the ticks of the position loop.
+
+    Parameters
+    ----------
+    asked, corrected : mapping of str to ndarray, shape (T,)
+        Commanded and corrected position of each axis [mm].
+    cut : ndarray of bool, shape (T,)
+        Whether the program cuts.
+    """
+
+    asked: Mapping[str, Floats]
+    corrected: Mapping[str, Floats]
+    cut: Bools
+
+    @classmethod
+    def of(cls, table: Path, parameters: ShopParameters) -> "Commands":
+        """The commands of a table."""
+        axes, frequency = parameters.drives.axes, parameters.drives.x.cascade.position_frequency
+        period, columns = _read(table, axes)
+        letters = [letter for letter in axes if letter in columns]
+        asked, corrected = (
+            {a: _at_loop(columns[f"{a}{end}"], period, frequency) for a in letters}
+            for end in ("", "_corrected")
+        )
+        cut = np.zeros(len(asked[letters[0]]), bool)
+        if CUTTING in columns:
+            near = np.rint(np.arange(len(cut)) / (frequency * period)).astype(int)
+            cut = columns[CUTTING][np.minimum(near, len(columns[CUTTING]) - 1)] > 0
+        return cls(asked=asked, corrected=corrected, cut=cut)
+
+    @cached_property
+    def path(self) -> "CommandedPath":
+        """The commanded path of all axes together."""
+        return CommandedPath(np.stack(list(self.asked.values()), axis=1))
+
+
+def _driven(commands: Commands, parameters: ShopParameters, seed: int) -> dict[str, Any]:
+    asked, letters = commands.asked, list(commands.asked)
     reached: dict[tuple[str, str, bool], Floats] = {}
     for letter in letters:
-        asked[letter] = _at_loop(columns[letter], period, frequency)
         for corrected in (False, True):
-            command = asked[letter]
-            if corrected:
-                command = _at_loop(columns[f"{letter}_corrected"], period, frequency)
+            command = (commands.corrected if corrected else asked)[letter]
             words = [parameters.seed, seed, *f"corrected {letter}".encode()]
             random = np.random.Generator(np.random.PCG64(words))
-            out = follow(axes[letter], command * 1e-3, random)
+            out = follow(parameters.drives.axes[letter], command * 1e-3, random)
             for place in PLACES:
                 reached[letter, place, corrected] = getattr(out, place) * 1e3
-    path = np.stack(list(asked.values()), axis=1)
-    cut = np.zeros(len(path), bool)
-    if CUTTING in columns:
-        near = np.rint(np.arange(len(path)) / (frequency * period)).astype(int)
-        cut = columns[CUTTING][np.minimum(near, len(columns[CUTTING]) - 1)] > 0
     found: dict[str, Any] = {"axes": {letter: {} for letter in letters}}
     for place in PLACES:
         for letter in letters:
             errors = (asked[letter] - reached[letter, place, c] for c in (False, True))
-            found["axes"][letter][place] = _compared(cut, *errors)
+            found["axes"][letter][place] = _compared(commands.cut, *errors)
         if len(letters) > 1:
             errors = (
-                off_path(np.stack([reached[a, place, c] for a in letters], axis=1), path)
+                commands.path.distance(np.stack([reached[a, place, c] for a in letters], axis=1))
                 for c in (False, True)
             )
-            found.setdefault("path", {})[place] = _compared(cut, *errors)
+            found.setdefault("path", {})[place] = _compared(commands.cut, *errors)
     return found
 
 
@@ -173,21 +209,30 @@ def _at_loop(values: Floats, period: float, frequency: int) -> Floats:
     return found
 
 
-def off_path(place: Floats, path: Floats) -> Floats:
-    """Distances of places (T, A) from a path through close points (P, A), shape (T,).
+class CommandedPath:
+    """A path through close points (P, A)."""
 
-    The nearest of its points is sought, then the nearest place on the two pieces that end there.
-    """
-    from scipy.spatial import cKDTree
+    def __init__(self, points: Floats) -> None:
+        from scipy.spatial import cKDTree
 
-    path = path[np.concatenate([[True], np.any(np.diff(path, axis=0) != 0, axis=1)])]
-    distance, near = cKDTree(path).query(place)
-    for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):
-        piece, away = path[other] - path[near], place - path[near]
-        square = np.sum(piece**2, axis=1)
-        along = np.clip(np.sum(away * piece, axis=1) / np.where(square > 0, square, 1.0), 0, 1)
-        distance = np.minimum(distance, np.linalg.norm(away - along[:, None] * piece, axis=1))
-    return np.asarray(distance, dtype=np.float64)
+        moves = np.any(np.diff(points, axis=0) != 0, axis=1)
+        self.points = points[np.concatenate([[True], moves])]
+        self._tree = cKDTree(self.points)
+
+    def distance(self, place: Floats) -> Floats:
+        """Distances of places (T, A) from the path, shape (T,).
+
+        The nearest of its points is sought, then the nearest place on the two pieces there.
+        """
+        path = self.points
+        distance, near = self._tree.query(place)
+        for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):
+            piece, away = path[other] - path[near], place - path[near]
+            square = np.sum(piece**2, axis=1)
+            along = np.sum(away * piece, axis=1) / np.where(square > 0, square, 1.0)
+            left = away - np.clip(along, 0, 1)[:, None] * piece
+            distance = np.minimum(distance, np.linalg.norm(left, axis=1))
+        return np.asarray(distance, dtype=np.float64)
 
 
 def _compared(cut: Bools, before: Floats, after: Floats) -> dict[str, Any]:

@@ -26,8 +26,8 @@ from math import ceil, pi, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.dynamometer import SLOW
 from pipeline.shop.cutting.force import EdgeCoefficients, edge_coefficients, edge_force, wear
@@ -103,7 +103,7 @@ class Steps(NamedTuple):
     path: np.ndarray
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True, error_model="numpy")
 def forces(
     edge: EdgeCoefficients, cutter: Cutter, sharpness: np.ndarray, layers: Layers, steps: Steps,
     turn: int, begin: int,
@@ -154,7 +154,7 @@ def forces(
     return out, count
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True, error_model="numpy")
 def _edges(
     cutter: Cutter, layers: Layers, level: float, radii: np.ndarray, ahead: np.ndarray,
     behind: np.ndarray, height: np.ndarray,
@@ -180,7 +180,7 @@ def _edges(
     return lowest
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True, error_model="numpy")
 def _chip(
     radii: np.ndarray, tooth: int, s: int, sine: float, cosine: float, steps: Steps, k: int,
     turn: int,
@@ -202,7 +202,7 @@ def _chip(
     return own - left
 
 
-@njit(cache=True, nogil=True)
+@compiled_with(nogil=True, error_model="numpy")
 def _in_material(
     layers: Layers, s: int, own: float, sine: float, cosine: float, steps: Steps, k: int,
     turn: int, radius: float,

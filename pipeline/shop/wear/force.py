@@ -9,8 +9,8 @@ one at edge and flank are kept apart, since both emit sound (Kannatey-Asibu, Dor
 from dataclasses import asdict
 
 import numpy as np
-from numba import njit
 
+from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.force import (
     Block,
@@ -32,7 +32,7 @@ SLICE = 0.5
 """Greatest height of a slice of the edges [mm]; its lag is below one degree."""
 
 
-@njit(cache=True)
+@compiled_with()
 def worn_forces(
     edge: EdgeCoefficients, block: Block, radii: np.ndarray, sharpness: np.ndarray,
     land: np.ndarray, lag: np.ndarray, height: float, angle: np.ndarray, x: np.ndarray,

@@ -8,6 +8,7 @@ of them have gains of the mounting, offset, drift, noise, the converter's steps 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -45,10 +46,21 @@ def _filtered(
     values: Floats, above: Sequence[float], below: Sequence[float], rate: float
 ) -> Floats:
     """Response of a transfer function, ``above`` over ``below`` in powers of s, at ``rate``."""
-    from scipy.signal import bilinear, lfilter
+    from scipy.signal import lfilter
 
-    out: Floats = lfilter(*bilinear(above, below, fs=rate), values)
+    out: Floats = lfilter(*_sampled(tuple(above), tuple(below), rate), values)
     return out
+
+
+@cache
+def _sampled(
+    above: tuple[float, ...], below: tuple[float, ...], rate: float
+) -> tuple[Floats, Floats]:
+    """The transfer function in powers of the delay: designed once, not for each record."""
+    from scipy.signal import bilinear
+
+    found: tuple[Floats, Floats] = bilinear(above, below, fs=rate)
+    return found
 
 
 def _plate(force: Floats, frequency: float, damping: float, rate: float) -> Floats:

@@ -397,9 +397,11 @@ def _stretches(kind: Ints, operation: Ints) -> tuple[Ints, Ints]:
 
 def _absorb_short(kind: Ints, operation: Ints, settings: CleanSettings) -> None:
     """Join segments that are too short to the one before them, within one operation; in place."""
-    for a, b in zip(*_stretches(kind, operation), strict=True):
-        short = a > 0 and (b - a) * settings.period_s < settings.segment_min_s
-        if short and operation[a] == operation[a - 1] and _UNKNOWN not in kind[[a - 1, a]]:
+    start, stop = _stretches(kind, operation)
+    short = (start > 0) & ((stop - start) * settings.period_s < settings.segment_min_s)
+    short &= (operation[start] == operation[start - 1]) & (kind[start] != _UNKNOWN)
+    for a, b in zip(start[short].tolist(), stop[short].tolist(), strict=True):
+        if kind[a - 1] != _UNKNOWN:
             kind[a:b] = kind[a - 1]
 
 

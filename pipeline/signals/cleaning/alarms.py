@@ -127,12 +127,12 @@ def _end(
 def _placed(frame: pd.DataFrame, state: pd.DataFrame) -> pd.DataFrame:
     """With the program and the line that were in the control when each alarm began."""
     known = state.sort_values("time", ignore_index=True)
-    row = np.searchsorted(known["time"].to_numpy(), frame["start"].to_numpy(), side="right") - 1
+    row = np.asarray(known["time"].searchsorted(frame["start"], side="right")) - 1
     for name in AT:
         if name not in known or not len(known):
             frame[name] = pd.Series([None] * len(frame), dtype=object)
             continue
-        value = known[name].astype(object).to_numpy()[np.maximum(row, 0)].copy()
+        value = known[name].iloc[np.maximum(row, 0)].astype(object).to_numpy().copy()
         value[(row < 0) | pd.isna(value)] = None
         frame[name] = pd.Series(value, dtype=object)
     frame["line"] = pd.to_numeric(frame["line"]).astype(float)

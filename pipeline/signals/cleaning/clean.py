@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict
+from functools import partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from pipeline.parallel import mapped
 from pipeline.schema.days import day_end, day_of, day_start
 from pipeline.signals.cleaning import tables
 from pipeline.signals.cleaning.activity import (
@@ -115,7 +117,10 @@ class _Build:
         rules = [tables.code_version(), asdict(machine), asdict(settings), self.converted]
         self.rules = _digest(rules)
         known = self.before.get("files", {}) if self.before.get("rules") == self.rules else {}
-        self.indices = [_index(p, signals, known, machine, settings) for p in files_of(signals)]
+        self.indices = mapped(
+            partial(_index, signals=signals, known=known, machine=machine, s=settings),
+            files_of(signals), compute="threads",
+        )  # fmt: skip
         self.reporting = _reporting(self.indices, machine)
 
     def run(self) -> Summary:

@@ -148,7 +148,7 @@ def _verdict(facts: CompensationFacts) -> PartVerdict | None:
     shown, verdict = facts.shown, facts.shown.verdict
     if shown.model is None and verdict is None:
         return None
-    if verdict is None or verdict.status in ("not decided", "not judged"):
+    if verdict is None or verdict.status == "not judged":
         why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
             "no recording was kept out of its fit"
         )  # fmt: skip

@@ -145,10 +145,6 @@ class CompensationFacts:
         verdict = self.shown.verdict
         return None if verdict is None else verdict.total(f"{QUANTITIES[use]} {letter}")
 
-    def base_of(self, score: Score, use: str, one: UseModel) -> Figures | None:
-        """Errors of what a use is held against."""
-        return self.errors(score, BASES[use], one)
-
     def errors(self, score: Score, kind: str, one: UseModel) -> Figures | None:
         """Errors of a kind beside the one that serves."""
         return score if kind == one.champion else score.baselines.get(kind)

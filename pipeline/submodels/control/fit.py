@@ -8,19 +8,22 @@ the operator that the log does not tell are outliers (soft L1).
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.ranges import Count, Positive, Ranged
+from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
 from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
 from pipeline.twin.control import planned_program
 
 Residuals = Callable[[Floats], Floats]
+TOLERANCE = 1e-5
+"""Relative change of cost or parameters at which a search ends [1]: far inside any interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,7 +115,7 @@ def optimum(
     x = [one.coordinate(v) for one, v in zip(fitted, values[active].tolist(), strict=True)]
     found = least_squares(
         pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
-        max_nfev=settings.evaluations,
+        max_nfev=settings.evaluations, ftol=TOLERANCE, xtol=TOLERANCE,
     ).x  # fmt: skip
     return Optimum(values=full(found), jacobian=jacobian(found), residuals=scaled(found))
 
@@ -141,6 +144,8 @@ class ControlFitSettings(SearchSettings, section="control_fit"):
         adds to the duration of a segment.
     widest : float
         A parameter whose 95 % interval is wider than this share of it is not determined [1].
+    folds : int
+        Controls that are identified without some of the programs for the intervals, at most.
     loose_s, step, evaluations
         As in :class:`~pipeline.submodels.control.fit.SearchSettings`.
     """
@@ -148,6 +153,7 @@ class ControlFitSettings(SearchSettings, section="control_fit"):
     shortest_s: Positive = 1.0
     scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
     widest: Positive = 0.5
+    folds: Annotated[int, Range(least=2)] = 5
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -202,12 +208,24 @@ def planned(observed: Observed, control: ControlParameters) -> Floats:
 
 
 def identify_control(
-    observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings
-) -> ControlFit:
+    observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
+    near: ControlFit | None = None,
+) -> ControlFit:  # fmt: skip
     """Find the control of the runs ``observed``.
 
     What they do not determine is taken out one by one, the loosest first, and stays where it is
     while the others are found again.
+
+    Parameters
+    ----------
+    observed : sequence of Observed
+        The runs.
+    start : ControlParameters
+        Where the search begins, and to which a weak prior pulls.
+    settings : ControlFitSettings
+        Of the search.
+    near : ControlFit, optional
+        Control of more runs of the same units, where the search begins in place of ``start``.
 
     Raises
     ------
@@ -241,9 +259,13 @@ def identify_control(
     begin = np.array([one.start for one in free])
     begin[list(rates)] = [rate.value for rate in rates.values()]
     fitted = ~np.isin(np.arange(len(free)), list(rates))
+    if near is not None:
+        begin = np.where(fitted, near.values, begin)
+        settings = replace(settings, scales_s=settings.scales_s[-1:])
     found, active, uncertainty = _determined(
-        residuals, free, begin, fitted, clusters(observed), settings
-    )
+        residuals, free, begin, fitted, clusters(observed), settings,
+        likely=None if near is None else fitted & near.determined,
+    )  # fmt: skip
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
@@ -255,13 +277,19 @@ def identify_control(
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
-    blocks: NDArray[np.int64], settings: ControlFitSettings,
+    blocks: NDArray[np.int64], settings: ControlFitSettings, *, likely: Bools | None,
 ) -> tuple[Optimum, Bools, Uncertainty]:  # fmt: skip
-    """The optimum of what the logs determine of the ``active`` parameters, and which these are."""
+    """The optimum of what the logs determine of the ``active`` parameters, and which these are.
+
+    Those that are not ``likely`` to be are taken out together, where these logs left them.
+    """
     values = begin
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
         found = optimum(residuals, free, values, active, scale, settings)
         values = found.values
+    if likely is not None and likely.any():
+        active = likely
+        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
     uncertainty = _uncertainty(found, blocks)
     while (loose := _loosest(free, found, uncertainty, active, settings)).any():
         active = active & ~loose

@@ -3,12 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.sections import SubModelPage
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
@@ -42,6 +41,9 @@ from pipeline.twin.control import (
     time_interval,
 )
 from pipeline.twin.simulation import TYPES, block_table
+
+if TYPE_CHECKING:
+    from pipeline.charts.sections import SubModelPage
 
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 FROM_SPEEDS = "steady speeds in rapids"
@@ -166,7 +168,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
             control=fit.control,
             fit=_facts(fit),
             programs={run.match.run.name: str(run.match.program) for run in runs},
-            intervals=time_bands(runs, settings.control, settings.control_fit),
+            intervals=time_bands(runs, settings.control, settings.control_fit, fit),
         )  # fmt: skip
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
@@ -208,7 +210,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         lines = ("G21 G90 G94", "G0 X0 Y0", "G1 X40 F600", "Y40", "X0", "Y0", "M30")
         return pd.DataFrame({"program": ["\n".join(lines) + "\n"]})
 
-    def page(self, shown: Shown[ControlModelFile]) -> SubModelPage:
+    def page(self, shown: Shown[ControlModelFile]) -> "SubModelPage":
         """Parameters, run times, and the verdict in words."""
         from pipeline.submodels.control.page import page
 

@@ -21,7 +21,7 @@ from pipeline.schema.interval import Band, Bands
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.conformal import Residuals, bands, interval, splits
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.control.fit import ControlFitSettings, identify_control
+from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import stopped_within
 from pipeline.submodels.control.segments import Observed, shares
@@ -29,8 +29,6 @@ from pipeline.twin.control import WHOLE, control_of_unit, planned_program
 
 TIME = "run time"
 """Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
-FOLDS = 5
-"""Controls that are identified for the intervals, at most."""
 WAIT = 1.0
 """At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
 NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
@@ -46,8 +44,9 @@ class MatchedRun:
 
 
 def time_bands(
-    runs: Sequence[MatchedRun], start: ControlParameters, settings: ControlFitSettings
-) -> dict[str, Band]:
+    runs: Sequence[MatchedRun], start: ControlParameters, settings: ControlFitSettings,
+    fit: ControlFit,
+) -> dict[str, Band]:  # fmt: skip
     """Half widths of the 90 % interval of a time as shares of it [1], by type of row.
 
     Runs of a program are left out together, where another program ran on the same machine; else
@@ -59,9 +58,11 @@ def time_bands(
     runs : sequence of MatchedRun
         Training runs.
     start : ControlParameters
-        Where each identification begins.
+        Prior of each identification.
     settings : ControlFitSettings
         Of each identification.
+    fit : ControlFit
+        Control of all runs, where each identification begins.
     """
     units = Counter(run.observed[0].unit for run in runs if run.observed)
     whole = [
@@ -74,12 +75,13 @@ def time_bands(
         groups.setdefault(_left_together(run, whole), []).append(run)
 
     tasks = []
-    for _, others in splits(list(groups), FOLDS):
+    for _, others in splits(list(groups), settings.folds):
         out = {id(run) for name in others for run in groups[name]}
         tasks.append(
             _Task(
                 observed=[part for run in runs if id(run) not in out for part in run.observed],
                 left={name: groups[name] for name in others}, start=start, settings=settings,
+                near=fit,
             )
         )  # fmt: skip
     residuals = Residuals.joined(mapped(_left_over, tasks))
@@ -98,11 +100,12 @@ class _Task:
     left: Mapping[str, Sequence[MatchedRun]]
     start: ControlParameters
     settings: ControlFitSettings
+    near: ControlFit
 
 
 def _left_over(task: _Task) -> Residuals:
     """Shares by which a control misses the times of runs that it was not identified from."""
-    controls = identify_control(task.observed, task.start, task.settings).control
+    controls = identify_control(task.observed, task.start, task.settings, task.near).control
     return Residuals.joined(
         _residuals(run, name, controls) for name, runs in task.left.items() for run in runs
     )

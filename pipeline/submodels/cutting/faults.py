@@ -213,9 +213,9 @@ def observations(cut: CutHarmonics) -> int:
 
 def _critical(count: int, level: float) -> float:
     """F ratio of two mean squares of ``count`` observations that chance passes so rarely."""
-    from scipy.stats import f
+    from scipy.special import fdtri
 
-    return float(f.isf(level, count, count))
+    return float(fdtri(count, count, 1.0 - level))
 
 
 def _inside(cut: CutHarmonics, others: Sequence[CuttingRecording]) -> bool:

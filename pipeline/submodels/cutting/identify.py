@@ -139,14 +139,16 @@ def identify_cutting_force(
     cuts = [cut_harmonics(one, settings) for one in recordings if one.is_training]
     if not cuts:
         return CuttingIdentification(recordings=recordings, reason=_why_none(recordings))
-    selection = select_model(setup.tool, cuts, "helix" in setup.sought, settings.gain)
+    selection = select_model(
+        setup.tool, cuts, "helix" in setup.sought, settings.gain, settings.folds
+    )
     fit, methods = selection.fit, [_method("least_squares", selection.fit)]
     if settings.compare or settings.method == "genetic":
         other = genetic_fit(selection.fit, settings.genetic)
         methods.append(_method("genetic", other))
         fit = other if settings.method == "genetic" else fit
     uncertainty = fit_uncertainty(fit, selection.folds, selection.rivals)
-    not_sharp = rounded_fit(fit)
+    not_sharp = rounded_fit(fit, settings.folds)
     mean_values, means = mean_regression(cuts, settings.widest, fit, not_sharp.shape)
     serving, fits, with_residual = _champion(
         (

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.cutting.tool import Tool
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CHANNELS, CutConditions
 from pipeline.schema.verdict import Role
@@ -131,10 +132,12 @@ def read_recordings(
         section="cutting_records.recordings",
     )  # fmt: skip
     blanks = [_unread(file, records, setup.tool, role(file.name)) for file in files]
-    return [
-        one if one.role == "sealed" or one.reason else with_revolution(one, setup, settings)
-        for one in blanks
-    ]
+
+    def whole(one: CuttingRecording) -> CuttingRecording:
+        left = one.role == "sealed" or one.reason
+        return one if left else with_revolution(one, setup, settings)
+
+    return mapped(whole, blanks, compute="threads")
 
 
 def _unread(

@@ -73,7 +73,7 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     Regression
         All half widths are infinite when the columns are not separable.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     count, parameters = design.shape
     freedom = count - parameters
@@ -87,8 +87,8 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     covariance = covariance + least**2 * np.eye(count)  # readings without noise have no inverse
     share = _share(design / scale, readings, covariance, size, freedom)
     values, spread, misfit = _solve(design / scale, readings, covariance, size, share)
-    student_quantile = float(student.ppf(0.975, freedom))
-    normal = float(student.ppf(0.975, np.inf))
+    student_quantile = float(stdtrit(freedom, 0.975))
+    normal = float(stdtrit(np.inf, 0.975))
     quantile = max(normal, student_quantile * np.sqrt(misfit / freedom))
     spread = spread / np.outer(scale, scale)
     return Regression(

@@ -257,8 +257,16 @@ def wave(lines: Complexes, angles: Floats) -> Floats:
     angles : ndarray, shape (T,)
         [rad].
     """
-    phasors = np.exp(1j * np.outer(angles, np.arange(len(lines))))
-    return np.real(phasors @ lines)
+    return np.real(lines.T @ _phasors(angles, len(lines))).T
+
+
+def _phasors(angles: Floats, count: int) -> Complexes:
+    """exp(i k angle) of the orders k from 0, each a product of two lower ones; (count, T)."""
+    found = np.ones((count, len(angles)), np.complex128)
+    found[1:2] = np.exp(1j * angles)
+    for k in range(2, count):
+        np.multiply(found[k // 2], found[k - k // 2], out=found[k])
+    return found
 
 
 def _speed(force: Floats, rate: float, speed: float, harmonics: int) -> float:
@@ -285,9 +293,9 @@ def _speed(force: Floats, rate: float, speed: float, harmonics: int) -> float:
 
 
 def _harmonic_table(angle: Floats, harmonics: int) -> Floats:
-    """1, cosines and sines of the harmonics; shape (T, 2 H + 1)."""
-    phasors = np.exp(1j * np.outer(angle, np.arange(1, harmonics + 1)))
-    return np.concatenate([np.ones((len(angle), 1)), phasors.real, phasors.imag], axis=1)
+    """1, cosines and sines of the harmonics; shape (2 H + 1, T)."""
+    phasors = _phasors(angle, harmonics + 1)
+    return np.concatenate([phasors.real, phasors[1:].imag])
 
 
 def _lines(force: Floats, angle: Floats, harmonics: int) -> Complexes:
@@ -297,8 +305,8 @@ def _lines(force: Floats, angle: Floats, harmonics: int) -> Complexes:
     for first in range(0, len(force), COARSE):
         part = slice(first, first + COARSE)
         table = _harmonic_table(angle[part], harmonics)
-        normal += table.T @ table
-        right += table.T @ force[part]
+        normal += table @ table.T
+        right += table @ force[part]
     # a grain of ridge: at few samples a revolution neighbouring harmonics are hard to tell apart
     solution = np.linalg.solve(normal + 1e-9 * len(force) * np.eye(size), right)
     return np.concatenate(

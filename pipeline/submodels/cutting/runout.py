@@ -123,19 +123,21 @@ class RoundedFit:
         )
 
 
-def rounded_fit(fit: Fit) -> RoundedFit:
+def rounded_fit(fit: Fit, most: int) -> RoundedFit:
     """The fit of a fit's terms whose edges are not sharp.
 
     Parameters
     ----------
     fit : Fit
         Whose edge force is there at once.
+    most : int
+        Fits without some of the recordings, at most.
     """
     problem = fit.problem
     terms = replace(problem.terms, edge="exponential", teeth=problem.tool.flutes > 1)
     whole = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
     other = fit_waveform(problem.tool, problem.cuts, replace(terms, edge="ramp"), start=whole)
-    folds = left_out_fits(whole)
+    folds = left_out_fits(whole, most)
     found = fit_uncertainty(whole, folds, [other], fewest=FEWEST)
     factor = fit_uncertainty(whole, folds, [other]).factor
     return RoundedFit(fit=whole, uncertainty=found, folds=folds, factor=factor)

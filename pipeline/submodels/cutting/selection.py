@@ -34,8 +34,6 @@ from pipeline.submodels.cutting.waveform import (
     rotated,
 )
 
-FOLDS = 6
-"""Folds of the cross-validation, at most; one or more recordings are left out at a time."""
 RIVAL = 2.0
 """Error of rival terms over the least error, at most [1]; rivals widen the intervals."""
 RIVAL_CRITERION = 10.0
@@ -84,7 +82,9 @@ class Selection:
     tried: Sequence[TermsTried]
 
 
-def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: float) -> Selection:
+def select_model(
+    tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: float, folds: int
+) -> Selection:
     """The fit with the terms that predict best by cross-validation.
 
     Parameters
@@ -97,6 +97,8 @@ def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: fl
         Whether the helix angle is unknown.
     gain : float
         Share of the error that a term must save.
+    folds : int
+        Of the cross-validation, at most.
     """
     whole = fit_waveform(tool, cuts, Terms(modes=True, teeth=tool.flutes > 1, helix=helix))
     fits = {whole.problem.terms: whole}
@@ -105,21 +107,23 @@ def select_model(tool: Tool, cuts: Sequence[CutHarmonics], helix: bool, gain: fl
         if terms not in fits:
             start = whole if modes or teeth else None
             fits[terms] = fit_waveform(tool, cuts, terms, start=start)
-    comparison = _Comparison(tool=tool, cuts=cuts, gain=gain)
+    comparison = _Comparison(cuts=cuts, gain=gain, folds=folds)
     best = comparison.least(list(fits.values()))
     if helix:
         fewer = fit_waveform(tool, cuts, replace(best.problem.terms, helix=False))
         fits[fewer.problem.terms] = fewer
         best = comparison.least([best, fewer])
-    folds = comparison.folds(best)
-    with_residual = residual_helps(cuts, folds, gain)
+    left_out = comparison.folds(best)
+    with_residual = residual_helps(cuts, left_out, gain)
     kept = best.problem.terms
     tried = [
         TermsTried(terms=_names(terms), value=value, kept=terms == kept)
         for terms, value in comparison.errors.items()
     ]
     rivals = [fits[terms] for terms in comparison.rivals(kept)]
-    return Selection(fit=best, with_residual=with_residual, folds=folds, rivals=rivals, tried=tried)
+    return Selection(
+        fit=best, with_residual=with_residual, folds=left_out, rivals=rivals, tried=tried
+    )
 
 
 def residual_helps(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], gain: float) -> bool:
@@ -134,8 +138,8 @@ def _names(terms: Terms) -> tuple[str, ...]:
 class _Comparison:
     """Compares fits by recordings left out, or by the information criterion."""
 
-    def __init__(self, tool: Tool, cuts: Sequence[CutHarmonics], gain: float) -> None:
-        self.tool, self.cuts, self.gain = tool, cuts, gain
+    def __init__(self, cuts: Sequence[CutHarmonics], gain: float, folds: int) -> None:
+        self.cuts, self.gain, self.most = cuts, gain, folds
         self.errors: dict[Terms, float] = {}
         self._folds: dict[Terms, list[Fold]] = {}
 
@@ -157,7 +161,7 @@ class _Comparison:
         """Fits of the same terms to a part of the recordings."""
         terms = fit.problem.terms
         if terms not in self._folds:
-            self._folds[terms] = left_out_fits(fit)
+            self._folds[terms] = left_out_fits(fit, self.most)
         return self._folds[terms]
 
     def _value(self, fit: Fit) -> float:
@@ -170,22 +174,22 @@ class _Comparison:
         return value
 
 
-def left_out_fits(fit: Fit) -> list[Fold]:
-    """Fits of the same terms to a part of the recordings; none of a single one."""
+def left_out_fits(fit: Fit, most: int) -> list[Fold]:
+    """At most so many fits of the same terms to a part of the recordings; none of a single one."""
     problem = fit.problem
     folds = []
-    for out in _left_out_in_turn(len(problem.cuts)):
+    for out in _left_out_in_turn(len(problem.cuts), most):
         rest = [cut for k, cut in enumerate(problem.cuts) if k not in out]
         part = fit_waveform(problem.tool, rest, problem.terms, start=fit)
         folds.append(Fold(left_out=tuple(out), fit=part))
     return folds
 
 
-def _left_out_in_turn(count: int) -> list[list[int]]:
+def _left_out_in_turn(count: int, most: int) -> list[list[int]]:
     """Positions of the recordings that each fold leaves out."""
     if count < 2:
         return []
-    folds = min(count, FOLDS)
+    folds = min(count, most)
     return [list(range(k, count, folds)) for k in range(folds)]
 
 
@@ -296,7 +300,7 @@ def fit_uncertainty(
     fewest : int
         Folds from which their spread counts.
     """
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     problem = fit.problem
     slopes, length, loose = _jacobian(fit)
@@ -307,7 +311,7 @@ def fit_uncertainty(
     covariance = np.asarray(inverse / np.outer(length, length), np.float64)
     freedom = max(len(slopes) - slopes.shape[1] - problem.linear, 1)
     names = [*problem.names, *COEFFICIENTS, *_edges(fit)]
-    quantile = float(student.ppf(0.975, freedom))
+    quantile = float(stdtrit(freedom, 0.975))
     own = np.sqrt(np.diag(covariance))
     spread, differences = _jackknife(fit, folds, fewest), _rival_differences(fit, rivals)
     wider = np.maximum(own, [spread.get(name, 0.0) for name in names])
@@ -408,8 +412,7 @@ def _values(part: Fit, whole: Fit) -> dict[str, float]:
 
 def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]:
     """Standard deviations from fits to a part of the recordings; empty for too few."""
-    from scipy.stats import norm
-    from scipy.stats import t as student
+    from scipy.special import ndtri, stdtrit
 
     count = len(folds)
     if count < fewest:
@@ -417,7 +420,7 @@ def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]
     values = [_values(one.fit, fit) for one in folds]
     parts = np.array([list(one.values()) for one in values])
     spread = np.sqrt((count - 1) / count * ((parts - parts.mean(axis=0)) ** 2).sum(axis=0))
-    spread *= student.ppf(0.975, count - 1) / norm.ppf(0.975)
+    spread *= stdtrit(count - 1, 0.975) / ndtri(0.975)
     return dict(zip(values[0], spread.tolist(), strict=True))
 
 

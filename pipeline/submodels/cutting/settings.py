@@ -35,6 +35,8 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
         Half of a 95 % interval, as a share of the value, beyond which it is undetermined [1].
     gain : float
         Share of the cross-validation error that a term must save to be kept [1].
+    folds : int
+        Folds of the cross-validation, at most; one or more recordings are left out at a time.
     genetic : GeneticSettings
         Of the genetic algorithm.
 
@@ -50,8 +52,9 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     zero_N: Annotated[float, Range(above=0.0, unit="N")] = 1.0
     widest: Positive = 0.5
     gain: Positive = 0.02
+    folds: Annotated[int, Range(least=2)] = 6
     genetic: GeneticSettings = field(
-        default_factory=lambda: GeneticSettings(population=24, generations=30, stall=10)
+        default_factory=lambda: GeneticSettings(population=16, generations=10, stall=5)
     )
 
 

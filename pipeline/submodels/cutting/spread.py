@@ -147,9 +147,9 @@ def _angles() -> Floats:
 
 def quantile(spread: ForceSpread) -> float:
     """Half of a 90 % interval over the standard deviation [1]."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
-    return float(student.ppf(0.95, spread.freedom))
+    return float(stdtrit(spread.freedom, 0.95))
 
 
 def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[float, float]:

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import BASELINE
 from pipeline.submodels.deformation.methods import METHODS
-from pipeline.submodels.deformation.model import MAPE_FLOOR_UM, DeformationModel, MethodScore
+from pipeline.submodels.deformation.model import MAPE_FLOOR_UM, MethodScore
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,17 +119,3 @@ def methods_table(
         columns = seeds or [f"{BASELINE}{name}"]
         found[name] = method_score(name, rows[columns].to_numpy(float).T, measured)
     return found
-
-
-def in_words(model: DeformationModel, table: dict[str, MethodScore]) -> str:
-    """Which method serves and which is best on the recordings of ``table``, in one sentence."""
-    best = min(table, key=lambda name: table[name].rmse_um)
-    own = table[model.champion]
-    said = f"{own.label} serves: on recordings left out of its fit it has the least error"
-    if best == model.champion:
-        return f"{said}, and on those held out as well ({own.rmse_um:.3g} um RMSE)."
-    other = table[best]
-    return (
-        f"{said}; on those held out {other.label} has {other.rmse_um:.3g} um RMSE, less than its "
-        f"{own.rmse_um:.3g} um."
-    )

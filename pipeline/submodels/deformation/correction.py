@@ -128,24 +128,6 @@ class Correction:
         above = max((one.upper for one in self.bands.values()), default=0.0)
         return below + self.largest_um, above + self.largest_um
 
-    def refuse_outside(self, values: Mapping[str, Floats]) -> None:
-        """Refuse inputs beyond what was learnt; temperatures [degC] and speed [rev/min] by name.
-
-        Raises
-        ------
-        ValueError
-            With the input, its value and the range.
-        """
-        for name in self.inputs:
-            low, high, row = self.ranges[name].low, self.ranges[name].high, values[name]
-            outside = ~((row >= low) & (row <= high))
-            if outside.any():
-                raise ValueError(
-                    f"{name} is {row[np.argmax(outside)]:.4g} {self.ranges[name].unit} in row "
-                    f"{int(np.argmax(outside)) + 1}, the correction holds from {low:.4g} to "
-                    f"{high:.4g}: record growth there, identify again and write it anew"
-                )
-
     def growth(self, values: Mapping[str, Floats]) -> Floats:
         """Growth since the first row [um], shape (T,), of evenly spaced rows.
 

@@ -115,10 +115,8 @@ def input_maker(states: Sequence[State], lags_s: Sequence[float]) -> InputMaker:
     lags_s : sequence of float
         Time constants [s].
     """
-    found = sensor_groups(
-        np.vstack([one.temperatures - one.temperatures[:1] for one in states]), GROUPS
-    )
-    weights = tuple(tuple(float(f"{w:.6g}") for w in row) for row in found.weights)
+    rises = np.vstack([one.temperatures - one.temperatures[:1] for one in states])
+    weights = tuple(tuple(float(f"{w:.6g}") for w in row) for row in sensor_groups(rises, GROUPS))
     top = max(float(one.speed.max()) for one in states)
     return InputMaker(weights=weights, lags_s=tuple(lags_s), top_speed=top)
 

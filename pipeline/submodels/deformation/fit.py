@@ -374,12 +374,12 @@ def growth_per_kelvin(examples: Sequence[Example]) -> dict[str, Parameter]:
         rest = [k for k in range(len(x)) if k != out]
         return ridge([x[k] for k in rest], [y[k] for k in rest], "groups").weights
 
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     weights, many = fitted(-1), len(x)
     left = np.array([fitted(k) for k in range(many)])
     deviation = np.sqrt((many - 1) * np.mean((left - left.mean(axis=0)) ** 2, axis=0))
-    half = student.ppf(0.975, many - 1) * deviation
+    half = stdtrit(many - 1, 0.975) * deviation
     found = {}
     for name, value, width in zip(PLACES, weights.tolist(), half.tolist(), strict=True):
         known = width < abs(value)

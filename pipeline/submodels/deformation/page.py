@@ -171,7 +171,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
     if shown.model is None and verdict is None:
         return None
     hour = _hour_words(facts)
-    if verdict is None or verdict.status in ("not decided", "not judged"):
+    if verdict is None or verdict.status == "not judged":
         why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
             "no recording was kept out of its fit"
         )  # fmt: skip

@@ -12,6 +12,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut
+from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
@@ -51,6 +52,8 @@ from pipeline.submodels.deformation.records import (
 
 FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
+AGAIN_DRAWN = 8
+"""Means of seeds drawn with replacement that a recording is predicted by again [1]."""
 EVEN = 0.02
 """Greatest deviation of the time between two rows of a table, as a share [1]."""
 
@@ -340,18 +343,26 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     columns: dict[str, Floats] = {}
     for name, values in by_seed.items():
         columns |= columns_of(name, values)
+    again = _drawn(by_seed[file.champion])
     low, high = interval(growth, regime, file.bands)
     whole = pd.DataFrame({
         "quantity": GROWTH, "unit": "um", "regime": "", "t": time, "measured": measured,
-        "predicted": growth, "low": low, "high": high, **columns,
+        "predicted": growth, "low": low, "high": high, **columns, **again,
     })  # fmt: skip
     following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
     near, far = adaptive(time, measured, growth, regime, file.bands, following)
-    followed = whole[["unit", "t", "measured", "predicted"]].assign(
+    followed = whole[["unit", "t", "measured", "predicted", *again]].assign(
         quantity=FOLLOWED, regime=regime, low=near, high=far
     )
     frame = pd.concat([whole, whole.assign(regime=regime), followed], ignore_index=True)
     return Prediction(frame=frame, facts=_facts(profile, model, growth))
+
+
+def _drawn(by_seed: Floats) -> dict[str, Floats]:
+    """Growth by means of seeds drawn with replacement, (T,) each; none of a single fit."""
+    many = len(by_seed)
+    drawn = np.random.default_rng(0).integers(0, many, (AGAIN_DRAWN if many > 1 else 0, many))
+    return {f"{AGAIN}{k}": by_seed[seeds].mean(axis=0) for k, seeds in enumerate(drawn)}
 
 
 def _facts(profile: Profile, model: GrowthModel, growth: Floats) -> Mapping[str, Fact]:

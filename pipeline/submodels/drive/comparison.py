@@ -149,10 +149,8 @@ def following_comparison(
     trace = simulate_traces(
         between(one.reference, substeps) + added.reference, fine,
         drive_row(servo, drive.feed_drive)[np.newaxis],
-        load=np.broadcast_to(
-            added.load - drive.feed_drive.force_constant * added.command,
-            len(one.reference) * substeps,
-        ),
+        load=np.zeros(len(one.reference) * substeps)
+        + (added.load - drive.feed_drive.force_constant * added.command),
         start=start,
     )  # fmt: skip
     feed = np.gradient(one.reference, recording.period)

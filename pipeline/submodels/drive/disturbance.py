@@ -20,10 +20,10 @@ disturbance at the reference or the speed command tells them apart.  The likelie
 where a recording does not tell them apart, what the factor differs by is added to its half width.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from math import floor, inf, isinf, log, log10
+from functools import cached_property
+from math import ceil, floor, inf, isinf, log, log10
 
 import numpy as np
 
@@ -31,6 +31,8 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.drive.entry_fits import (
     APART,
+    EARLIEST,
+    LATEST,
     Entry,
     EntryFit,
     entry_fits,
@@ -55,10 +57,13 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoEquation,
     ServoRecord,
+    delayed,
     servo_equation,
     servo_periods,
+    servo_signals,
+    stretch_rows,
     stretches,
-    window_columns,
+    without_drift,
 )
 from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive
@@ -290,10 +295,6 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
     }
 
 
-LATE_KEPT = 4
-"""Delays whose rows are kept, at most: five minutes at 1 kHz are 30 MB each."""
-
-
 @dataclass(frozen=True, eq=False)
 class _Law:
     """The servo's law on one recording, in which a disturbance may enter."""
@@ -326,15 +327,16 @@ class _Law:
         fitted[TS] = True  # a twin's lag is of first order, a recorded one is what it is
         nuisance = self.equation.jacobian(values, fitted)
         entering = self.entering(values)
+        table = np.stack([factors for factors, _ in entering.values()], axis=1)
 
         def columns(samples: float) -> dict[Entry, Floats]:
-            rows = self.rows(samples)
-            return {entry: rows @ factors for entry, (factors, _) in entering.items()}
+            return dict(zip(entering, self.entered(samples, table).T, strict=True))
 
         period = self.record.period
         scaled = {
-            entry: one.factor.value * self.rows(round(one.delay / period))
-            @ entering[entry][1][:, fitted]
+            entry: self.entered(
+                round(one.delay / period), one.factor.value * entering[entry][1][:, fitted]
+            )
             for entry, one in before.items()
         }  # fmt: skip
         found = entry_fits(
@@ -364,22 +366,31 @@ class _Law:
             "command": (command, np.zeros_like(slopes)),
         }  # fmt: skip
 
-    @cached_property
-    def rows(self) -> Callable[[float], Floats]:
-        """Rows of the equation with the disturbance, so many samples late, in place of signals."""
-        return lru_cache(maxsize=LATE_KEPT)(self._rows)
-
-    def _rows(self, samples: float) -> Floats:
-        pushed = shifted(self.load, samples)
-        aside = replace(
-            self.record, reference=pushed, position=np.zeros(len(pushed)), command=pushed
-        )
-        node, width, difference = self.equation.node, self.bandwidth, self.equation.difference
-        spans = stretches(self.record, self.equation.nominal.current_limit, width)
+    def entered(self, samples: float, factors: Floats) -> Floats:
+        """The disturbance, so many whole samples late, by factors (M, K) of its rows; (N, K)."""
+        signals, held = self.pushed
+        record, node, width = self.record, self.equation.node, self.bandwidth
         return np.concatenate([
-            part for a, b in spans
-            for part in window_columns(aside.rows(a, b), node, width, difference)
+            part
+            for a, b in stretches(record, self.equation.nominal.current_limit, width)
+            for part in without_drift(
+                delayed(
+                    signals, stretch_rows(b - a, record.period, node, width) + a + held
+                    - round(samples), node / record.period,
+                ) @ factors
+            )
         ])  # fmt: skip
+
+    @cached_property
+    def pushed(self) -> tuple[Floats, int]:
+        """Signals with the disturbance in place of the servo's, and by how many samples its ends
+        are held: a delay only moves them.
+        """
+        record = self.record
+        held = ceil(max(LATEST, -EARLIEST) / record.period) + 2
+        push = np.pad(self.load, held, mode="edge")
+        aside = replace(record, reference=push, position=np.zeros(len(push)), command=push)
+        return servo_signals(aside, self.bandwidth, self.equation.difference), held
 
 
 def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:

@@ -6,55 +6,78 @@ the drive that it helped to identify: of some ten parameters and tens of thousan
 little is its own.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import FOLLOWING, FORCE, DriveAxis
 from pipeline.schema.interval import Band
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands, splits
 from pipeline.submodels.drive import comparison
-from pipeline.submodels.drive.records import Recording
+from pipeline.submodels.drive.prior import DriveFitSettings
+from pipeline.submodels.drive.records import Recording, of_axis
 from pipeline.twin.drive import IdentifiedDrive, identified_drive
 
-FOLDS = 5
-"""Drives that are identified for the intervals of an axis, at most."""
+Again = Callable[[str, list[Recording]], DriveAxis | None]
 
 
 def with_intervals(
-    letter: str, axis: DriveAxis, recordings: Sequence[Recording],
-    again: Callable[[list[Recording]], DriveAxis | None], substeps: int,
-) -> DriveAxis:  # fmt: skip
-    """The axis with the half widths of its force and following error.
+    axes: Mapping[str, DriveAxis],
+    recordings: Sequence[Recording],
+    again: Again,
+    settings: DriveFitSettings,
+) -> dict[str, DriveAxis]:
+    """The axes with the half widths of their force and following error.
 
-    Without those where fewer than two training recordings move the axis.
+    Without those where fewer than two training recordings move an axis.
 
     Parameters
     ----------
-    letter : str
-        Of the axis.
-    axis : DriveAxis
-        As identified from all ``recordings``.
+    axes : mapping of str to DriveAxis
+        By letter, as identified from all ``recordings``.
     recordings : sequence of Recording
         Those to train on.
     again : callable
-        The axis as some of them tell it; None where they determine less of it.
-    substeps : int
-        Of the closed loop in one sample [1].
+        An axis by its letter as some of them tell it; None where they determine less of it.
+    settings : DriveFitSettings
+        Number of folds, and substeps of the closed loop.
     """
-    shown = {one.name: one for one in recordings if one.trained and letter in one.axes}
-    errors: dict[str, list[Residuals]] = {FORCE: [], FOLLOWING: []}
-    for fitted, left in splits(list(shown), FOLDS):
-        drive = identified_drive(again([shown[name] for name in fitted]) or axis)
-        for name in left:
-            for quantity, error in _errors(shown[name], letter, drive, substeps):
-                errors[quantity].append(_residuals(error, name))
-    return replace(axis, intervals={
-        quantity: _rounded(bands(Residuals.joined(parts))[ALL_REGIMES])
-        for quantity, parts in errors.items() if len(parts) > 1
-    })  # fmt: skip
+    tasks = []
+    for letter, axis in axes.items():
+        shown = {one.name: one for one in of_axis(recordings, letter) if one.trained}
+        tasks += [
+            (letter, axis, [shown[one] for one in fitted], [shown[one] for one in left])
+            for fitted, left in splits(list(shown), settings.folds)
+        ]
+    parts = mapped(partial(_left_over, again=again, substeps=settings.substeps), tasks)
+    errors: dict[tuple[str, str], list[Residuals]] = {}
+    for (letter, *_), found in zip(tasks, parts, strict=True):
+        for quantity, error in found:
+            errors.setdefault((letter, quantity), []).append(error)
+    return {
+        letter: replace(axis, intervals={
+            quantity: _rounded(bands(Residuals.joined(each))[ALL_REGIMES])
+            for (of, quantity), each in errors.items() if of == letter and len(each) > 1
+        })
+        for letter, axis in axes.items()
+    }  # fmt: skip
+
+
+def _left_over(
+    fold: tuple[str, DriveAxis, list[Recording], list[Recording]], again: Again, substeps: int
+) -> list[tuple[str, Residuals]]:
+    """Errors of force and following error of an axis in the recordings left out of a fold."""
+    letter, axis, fitted, left = fold
+    drive = identified_drive(again(letter, fitted) or axis)
+    return [
+        (quantity, _residuals(error, one.name))
+        for one in left
+        for quantity, error in _errors(one, letter, drive, substeps)
+    ]
 
 
 def _errors(

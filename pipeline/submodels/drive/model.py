@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.servo import ServoParameters
+from pipeline.parallel import mapped
 from pipeline.schema.drive import (
     CurvePoint,
     DriveAxis,
@@ -26,7 +27,7 @@ from pipeline.submodels.drive.mechanics.estimates import AxisFit
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
 from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording
+from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording, of_axis
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
 from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
@@ -85,41 +86,54 @@ def identify_drives(
     ValueError
         When no axis can be identified.
     """
-    from pipeline.submodels.drive.mechanics.recursive import mass_trace
-
-    drives: dict[str, FeedDriveFit] = {}
-    servos: dict[str, ServoFit] = {}
-    masses: dict[str, MassTrace] = {}
-    springs: dict[str, PreslidingFit] = {}
-    missing: dict[str, str] = {}
     training = [one for one in recordings if one.trained]
-    for axis in records.axes:
-        try:
-            found = identified_axis(axis, training, prior, settings)
-        except ValueError as error:
-            missing[axis] = _reason(recordings, axis, str(error))
-            continue
-        drives |= found.feed_drives
-        servos |= found.servos
-        springs |= found.presliding
-        if (trace := mass_trace(training, axis, drives[axis])) is not None:
-            masses[axis] = trace
+    each = [(axis, of_axis(training, axis), prior, settings) for axis in records.axes]
+    tried = dict(zip(records.axes, mapped(_whole_axis, each), strict=True))
+    missing = {
+        axis: _reason(recordings, axis, why) for axis, why in tried.items() if isinstance(why, str)
+    }
+    found = [one for one in tried.values() if not isinstance(one, str)]
+    drives = {axis: fit for one in found for axis, fit in one.feed_drives.items()}
     if not drives:
         raise ValueError(
             "no drive can be identified: " + "; ".join(f"{a}: {why}" for a, why in missing.items())
         )
     motor, reason = _motor(recordings, records.motor, settings.widest)
     return DriveIdentification(
-        feed_drives=drives, servos=servos, masses=masses, presliding=springs,
+        feed_drives=drives,
+        servos={axis: fit for one in found for axis, fit in one.servos.items()},
+        masses={axis: fit for one in found for axis, fit in one.masses.items()},
+        presliding={axis: fit for one in found for axis, fit in one.presliding.items()},
         open_axes=missing, motor=motor, shafts=_shafts(training, drives, prior, settings),
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
+    )  # fmt: skip
+
+
+def _whole_axis(
+    task: tuple[str, Sequence[Recording], DrivePrior, DriveFitSettings],
+) -> DriveIdentification | str:
+    """Mechanics, loops, presliding and mass over time of an axis, or why there are none."""
+    from pipeline.submodels.drive.mechanics.recursive import mass_trace
+
+    axis, training, prior, settings = task
+    try:
+        found = identified_axis(axis, training, prior, settings)
+    except ValueError as error:
+        return str(error)
+    drive, servo, spring = found.feed_drives[axis], found.servos[axis].servo, None
+    if servo is not None:
+        spring = identify_presliding(training, axis, servo, drive.feed_drive, settings.widest)
+    mass = mass_trace(training, axis, drive)
+    return replace(
+        found, presliding={} if spring is None else {axis: spring},
+        masses={} if mass is None else {axis: mass},
     )  # fmt: skip
 
 
 def identified_axis(
     axis: str, training: Sequence[Recording], prior: DrivePrior, settings: DriveFitSettings
 ) -> DriveIdentification:
-    """Mechanics, loops and presliding of one axis from recordings to train on.
+    """Mechanics and loops of one axis from recordings to train on.
 
     Raises
     ------
@@ -128,32 +142,30 @@ def identified_axis(
     """
     drive = identify_feed_drive(training, axis, prior, settings)
     servo = identify_servo(training, axis, settings)
-    spring = None
-    if servo.servo is not None:
-        spring = identify_presliding(training, axis, servo.servo, drive.feed_drive, settings.widest)
-    return DriveIdentification(
-        feed_drives={axis: drive}, servos={axis: servo},
-        presliding={} if spring is None else {axis: spring},
-    )  # fmt: skip
+    return DriveIdentification(feed_drives={axis: drive}, servos={axis: servo})
 
 
 def axis_again(
     letter: str, recordings: Sequence[Recording], found: DriveIdentification, prior: DrivePrior,
     settings: DriveFitSettings,
 ) -> DriveAxis | None:  # fmt: skip
-    """The axis as some recordings tell it; None where they determine less of it than ``found``."""
+    """The axis as some recordings tell it; None where they determine less of it than ``found``.
+
+    Without what no force and following error depends on: presliding, the constant level of the
+    force, methods that are only compared.
+    """
     try:
-        own = identified_axis(letter, recordings, prior, settings)
+        own = identified_axis(letter, recordings, prior, replace(settings, compare=False))
     except ValueError:
         return None
     if not _determined_of(letter, found) <= _determined_of(letter, own):
         return None
-    return stored_axis(letter, own, recordings)
+    return _axis(letter, own)
 
 
 def _determined_of(letter: str, found: DriveIdentification) -> set[str]:
-    """Parameters of mechanics and loops that are determined; the shaft's tell nothing of these."""
-    own = axis_parameters(letter, replace(found, shafts={}))
+    """Parameters of mechanics and loops that are determined."""
+    own = axis_parameters(letter, replace(found, shafts={}, presliding={}))
     return {name for name, one in own.items() if one.determined}
 
 
@@ -226,9 +238,18 @@ def stored_axis(
     recordings : sequence of Recording
         From which it was identified; the constant level of the force is their mean.
     """
+    axis = _axis(letter, found)
+    drive = identified_drive(axis)
+    shown = [one for one in recordings if one.trained and letter in one.axes]
+    return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)
+                                                        for one in shown]))  # fmt: skip
+
+
+def _axis(letter: str, found: DriveIdentification) -> DriveAxis:
+    """One axis as it is stored, without the constant level of its force."""
     fit, servo = found.feed_drives[letter], found.servos.get(letter)
     mass, spring = found.masses.get(letter), found.presliding.get(letter)
-    axis = DriveAxis(
+    return DriveAxis(
         command_unit=fit.command_unit,
         force_unit=fit.force_unit,
         feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
@@ -252,10 +273,6 @@ def stored_axis(
         presliding_stiffness=_determined(None if spring is None else spring.stiffness),
         presliding_time_s=_determined(None if spring is None else spring.time),
     )  # fmt: skip
-    drive = identified_drive(axis)
-    shown = [one for one in recordings if one.trained and letter in one.axes]
-    return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)
-                                                        for one in shown]))  # fmt: skip
 
 
 def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:

@@ -172,6 +172,9 @@ class DriveFitSettings(Ranged, section="drive_fit"):
         Relative half width of the 95 % interval beyond which a parameter is not determined [1].
     substeps : int
         Of the closed-loop simulation in one sample.
+    folds : int
+        Drives that are identified without some of the recordings for the intervals of an axis, at
+        most.
     genetic : GeneticSettings
         Of the genetic algorithm.
     """
@@ -182,6 +185,7 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     shortest_s: Annotated[float, Range(above=0.0, unit="s")] = 0.2
     widest: Positive = 0.5
     substeps: Annotated[int, Range(above=0.0, most=FINEST)] = 4
+    folds: Annotated[int, Range(least=2)] = 5
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
 
 

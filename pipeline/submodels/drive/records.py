@@ -1,7 +1,7 @@
 """Recordings of feed drives in SI: selection, channels, and their content on a uniform grid."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import inf
 
 import numpy as np
@@ -292,6 +292,14 @@ class Recording:
     def seconds(self) -> float:
         """Duration [s]."""
         return self.period * self.samples if self.samples else 0.0
+
+
+def of_axis(recordings: Sequence[Recording], axis: str) -> list[Recording]:
+    """Recordings that show an axis, without what they show besides."""
+    return [
+        replace(one, axes={axis: one.axes[axis]}, motor={}, shafts={})
+        for one in recordings if axis in one.axes
+    ]  # fmt: skip
 
 
 MOTION = (

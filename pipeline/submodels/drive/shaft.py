@@ -23,7 +23,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
@@ -275,7 +275,7 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     left = derived(np.array([_solution(whole - g, sums - p, out)
                              for g, p in zip(*found.ways, strict=True)]))  # fmt: skip
     spread = float(np.sqrt((count - 1) / count * ((left - left.mean()) ** 2).sum()))
-    return float(student.ppf(0.975, count - 1)) * spread
+    return float(stdtrit(count - 1, 0.975)) * spread
 
 
 def _doubt(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
@@ -327,7 +327,7 @@ def _misfit(found: Rounds, column: int) -> float:
     ways, left = len(found.ways[0]), found.left if column == DAMPING else found.lasting
     if own <= 0 or ways < 2:
         return np.inf
-    return float(student.ppf(0.975, ways - 1) * left * np.sqrt(count / own / ways))
+    return float(stdtrit(ways - 1, 0.975) * left * np.sqrt(count / own / ways))
 
 
 def _parameters(found: Rounds, unit: str, widest: float) -> dict[str, Parameter]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.drive.records import Recording
@@ -183,7 +183,7 @@ def lasting(shown: Sequence[Signals], left: Sequence[Floats], sure: Sequence[Boo
     if pairs.min() == 0:
         return 1.0
     greatest = float(np.abs(products / pairs).max() / power)
-    chance = norm.isf(0.5 * CHANCE / len(lags)) * np.sqrt(np.sqrt(2 * np.pi) * WIDTH / pairs.min())
+    chance = -ndtri(0.5 * CHANCE / len(lags)) * np.sqrt(np.sqrt(2 * np.pi) * WIDTH / pairs.min())
     if chance >= 1:
         return 1.0
     return min(greatest, 1.0) if greatest > chance else 0.0

@@ -173,15 +173,12 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        axes = {}
-        for letter in found.feed_drives:
-            axis = stored_axis(letter, found, recordings)
-            again = partial(
-                axis_again, letter, found=found, prior=settings.drive, settings=settings.drive_fit
-            )
-            axes[letter] = with_intervals(
-                letter, axis, recordings, again, settings.drive_fit.substeps
-            )
+        axes = with_intervals(
+            {letter: stored_axis(letter, found, recordings) for letter in found.feed_drives},
+            recordings,
+            partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
+            settings.drive_fit,
+        )
         parameters = {letter: axis_parameters(letter, found) for letter in axes}
         if found.motor is not None:
             pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1

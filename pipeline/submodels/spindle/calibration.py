@@ -1,24 +1,27 @@
-"""Calibration of a spindle's prediction intervals on training days left out.
+"""Training days left out: whether a forest helps, and how wide the prediction intervals are.
 
-Each group of days is predicted by a network, and a forest where one is used, that were fitted on
-the other days only, in the same windows and free runs in which the model is judged.
+Each group of days is predicted by a network and a forest that were fitted on the other days only,
+in the same windows and free runs in which the model is judged.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import AdaptiveSettings
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits
-from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS, Run, runs_of
+from pipeline.submodels.spindle.days import DayRuns, Run, runs_of
 from pipeline.submodels.spindle.fit import Problem, SpindleFitSettings, excited, solve, structure_of
 from pipeline.submodels.spindle.intervals import IntervalSettings
-from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
+from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
+from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import ResidualForest
+from pipeline.twin.residual import Forest, ResidualForest
 from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
 
 
@@ -34,8 +37,6 @@ class Recipe:
         Of the network's fit.
     forest : ForestSettings
         Of the forest.
-    forest_used : bool
-        Whether the forest corrects the network.
     whole : SpindleThermalParameters
         The network of all days, from which those of fewer days start.
     """
@@ -43,7 +44,6 @@ class Recipe:
     records: SpindleRecords
     network: SpindleFitSettings
     forest: ForestSettings
-    forest_used: bool
     whole: SpindleThermalParameters
 
     def model_of(self, pieces: Sequence[StateSegment]) -> SpindleModel:
@@ -51,24 +51,23 @@ class Recipe:
         sources = excited(pieces, list(self.whole.heating))
         problem = Problem(pieces, self.records, self.network, sources, structure_of(self.whole))
         found = solve(problem, [problem.position(self.whole)]).parameters
-        model = SpindleModel(network=found, records=self.records, step_s=self.network.step_s)
-        if not self.forest_used:
-            return model
         data = examples(pieces, self.records, found, self.forest)
         forest = ResidualForest(
-            forest=fitted_forest(data.x, data.error, self.forest),
+            forest=fitted_forest(data, self.forest),
             sources=tuple(self.records.sources), extra=tuple(self.records.extra),
         )  # fmt: skip
-        return replace(model, forest=forest)
+        return SpindleModel(
+            network=found, records=self.records, step_s=self.network.step_s, forest=forest
+        )
 
 
-def calibrated(
+def days_left_out(
     cases: Sequence[Case],
     pieces: Sequence[StateSegment],
     recipe: Recipe,
     settings: IntervalSettings,
-) -> SpindleIntervals | None:
-    """Prediction intervals by state and horizon; None with fewer than two training days.
+) -> dict[str, DayRuns]:
+    """Each training day as models of the others predict it; empty with fewer than two days.
 
     Parameters
     ----------
@@ -79,41 +78,117 @@ def calibrated(
     recipe : Recipe
         How the model was made.
     settings : IntervalSettings
-        How the intervals are made.
+        Says how many groups of days are left out.
     """
-    days = sorted({piece.day for piece in pieces})
-    if len(days) < 2:
-        return None
-    how = SpindleIntervals(
-        trend_s=settings.trend_s, steady_K_h=settings.steady_K_h,
-        windows_horizons_s=settings.windows_horizons_s,
-        free_run_horizons_s=settings.free_run_horizons_s,
-    )  # fmt: skip
+    groups = list(splits(sorted({piece.day for piece in pieces}), settings.folds))
+    models = mapped(
+        recipe.model_of,
+        [[piece for piece in pieces if piece.day in fitted] for fitted, _ in groups],
+        compute=recipe.network.compute,
+    )
     tables = {case.name: case for case in cases}
-    window_s, bridge_s = recipe.network.window_s, recipe.network.bridge_s
-
-    parts: dict[str, list[Residuals]] = {WINDOWS: [], FREE_RUN: []}
-    for fitted, left in splits(days, settings.folds):
-        model = recipe.model_of([piece for piece in pieces if piece.day in fitted])
+    found = {}
+    for model, (_, left) in zip(models, groups, strict=True):
         for day in left:
             runs = runs_of(
-                model, tables[day].load(), day, window_s=window_s, bridge_s=bridge_s,
-                intervals=how,
+                model, tables[day].load(), day, window_s=recipe.network.window_s,
+                bridge_s=recipe.network.bridge_s, intervals=_without_bands(settings),
             )  # fmt: skip
             if runs is not None:
-                parts[WINDOWS].append(_residuals(runs.windows, day))
-                parts[FREE_RUN].append(_residuals(runs.free_run, day))
-    in_windows = Residuals.joined(parts[WINDOWS])
+                found[day] = runs
+    return found
+
+
+def forest_of(
+    days: Mapping[str, DayRuns], used: Sequence[str], data: Examples, records: SpindleRecords
+) -> Forest:
+    """Whether the forest is used, and why, by days left out.
+
+    It has to lower the squared error in windows of these days significantly
+    (:func:`~pipeline.submodels.statistics.gains`).
+
+    Parameters
+    ----------
+    days : mapping of str to DayRuns
+        Of :func:`days_left_out`.
+    used : sequence of str
+        Training days.
+    data : Examples
+        That the forest is fitted on.
+    records : SpindleRecords
+        Signals that it looks at.
+    """
+    runs = [day.windows for day in days.values()]
+    with_forest = _squares(runs, [run.predicted for run in runs])
+    without = _squares(runs, [run.physics for run in runs])
+    helps = gains(without, with_forest)
+    if len(runs) < 2:
+        why = f"only {len(used)} day to learn from: nothing says whether it would hold on another"
+    elif helps:
+        why = "it lowers the error of days left out, significantly at 5 %"
+    else:
+        why = "it does not lower the error of days left out significantly at 5 %"
+    return Forest(
+        used=helps, why=why, sources=tuple(records.sources), extra=tuple(records.extra),
+        days=tuple(used), examples=len(data.error),
+        rmse_days_left_out_K=_rmse(with_forest), rmse_without_K=_rmse(without),
+    )  # fmt: skip
+
+
+def _squares(runs: Sequence[Run], predicted: Sequence[Floats]) -> Floats:
+    """Mean squared error of each day [K^2]."""
+    pairs = zip(runs, predicted, strict=True)
+    return np.array([np.nanmean((run.measured - values) ** 2) for run, values in pairs])
+
+
+def _rmse(by_day: Floats) -> float | None:
+    """Root of the mean over days [K]; None when no day was left out."""
+    return round(float(np.sqrt(np.mean(by_day))), 4) if len(by_day) else None
+
+
+def calibrated(
+    days: Mapping[str, DayRuns], settings: IntervalSettings, window_s: float, *, forest_used: bool
+) -> SpindleIntervals | None:
+    """Prediction intervals by state and horizon; None with fewer than two training days.
+
+    Parameters
+    ----------
+    days : mapping of str to DayRuns
+        Of :func:`days_left_out`.
+    settings : IntervalSettings
+        How the intervals are made.
+    window_s : float
+        Length of a window, after which a measured temperature is known [s].
+    forest_used : bool
+        Whether the forest corrects the network.
+    """
+    if len(days) < 2:
+        return None
+
+    def residuals(name: str) -> Residuals:
+        parts = [(day, getattr(runs, name)) for day, runs in days.items()]
+        return Residuals.joined(_residuals(run, day, forest_used) for day, run in parts)
+
+    in_windows = residuals("windows")
     windows = bands(in_windows)
     step = chosen_step(in_windows, windows, settings.steps, window_s)
     return replace(
-        how, windows=windows, free_run=bands(Residuals.joined(parts[FREE_RUN])),
+        _without_bands(settings), windows=windows, free_run=bands(residuals("free_run")),
         follow=AdaptiveSettings(step=step, delay_s=window_s),
     )  # fmt: skip
 
 
-def _residuals(run: Run, day: str) -> Residuals:
-    error = run.measured - run.predicted
+def _without_bands(settings: IntervalSettings) -> SpindleIntervals:
+    """How the regimes of the intervals are parted, before they are calibrated."""
+    return SpindleIntervals(
+        trend_s=settings.trend_s, steady_K_h=settings.steady_K_h,
+        windows_horizons_s=settings.windows_horizons_s,
+        free_run_horizons_s=settings.free_run_horizons_s,
+    )  # fmt: skip
+
+
+def _residuals(run: Run, day: str, forest_used: bool) -> Residuals:
+    error = run.measured - (run.predicted if forest_used else run.physics)
     known = np.isfinite(error)
     return Residuals(
         error=error[known], regime=run.regime[known], group=np.full(int(known.sum()), day),

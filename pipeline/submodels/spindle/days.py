@@ -12,6 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import NotNegative, Positive, Ranged, Share
 from pipeline.schema.verdict import Fact
 from pipeline.signals.windows import StateSegment
@@ -84,6 +85,8 @@ class Run:
         Temperatures [degC]: measured, of the whole model, of the network alone, as it was given.
     regime : ndarray of str
         Of the prediction interval.
+    again : ndarray, shape (K, T)
+        Of the whole model with other seeds of its training.
     """
 
     index: pd.DatetimeIndex
@@ -92,6 +95,7 @@ class Run:
     physics: Floats
     persistence: Floats
     regime: Labels
+    again: Floats
 
     @property
     def seconds(self) -> Floats:
@@ -146,7 +150,7 @@ def runs_of(
         return None
     free = whole[0]
     measured = free.frame[TARGET].to_numpy(float)
-    physics, corrected = model.free_run(free)
+    physics, (corrected, *again) = model.free_run(free)
     compared = np.isfinite(measured) & np.isfinite(corrected)
     # persistence of a free run is the first temperature that is compared
     first = float(measured[compared][0]) if compared.any() else float("nan")
@@ -156,18 +160,20 @@ def runs_of(
         index=index, measured=measured, predicted=corrected, physics=physics,
         persistence=np.full(len(measured), first),
         regime=regimes(physics, since, free.step, intervals, intervals.free_run_horizons_s),
+        again=np.reshape(again, (-1, len(measured))),
     )  # fmt: skip
+    others = [f"{AGAIN}{k}" for k in range(len(again))]
     columns = pd.DataFrame(
-        np.nan, index=index, columns=["predicted", "physics", "persistence", "since"]
+        np.nan, index=index, columns=["physics", "persistence", "since", "predicted", *others]
     )
     for stretch in stretches(model, state, day, bridge_s):
         alone, own, persistence = model.windows(stretch, window_s)
-        at = np.full(len(own), np.nan)
+        at = np.full(len(alone), np.nan)
         length = max(round(window_s / stretch.step), 1)
         for start in window_starts(stretch.frame[TARGET].to_numpy(float), length):
             part = at[start : start + length]
             part[:] = np.arange(len(part)) * stretch.step
-        columns.loc[stretch.frame.index] = np.column_stack([own, alone, persistence, at])
+        columns.loc[stretch.frame.index] = np.column_stack([alone, persistence, at, *own])
     windows = replace(
         free_run,
         predicted=columns["predicted"].to_numpy(), physics=columns["physics"].to_numpy(),
@@ -176,6 +182,7 @@ def runs_of(
             physics, columns["since"].to_numpy(), free.step, intervals,
             intervals.windows_horizons_s,
         ),
+        again=columns[others].to_numpy().T,
     )  # fmt: skip
     return DayRuns(stretch=free, windows=windows, free_run=free_run)
 
@@ -290,6 +297,7 @@ def _rows(run: Run, regime: str, tried: Run | None) -> pd.DataFrame:
             "baseline_persistence": run.persistence, "baseline_physics": run.physics,
             "baseline_day_mean": float(np.nanmean(run.measured)),
             "scored": np.isfinite(known).all(axis=0),
+            **{f"{AGAIN}{k}": one for k, one in enumerate(run.again)},
         }
     )  # fmt: skip
     return found if tried is None else found.assign(baseline_forest=tried.predicted)

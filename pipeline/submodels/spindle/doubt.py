@@ -124,9 +124,9 @@ def _slope(x: Floats, y: Floats, blocks: Ints) -> tuple[float, float, int]:
 
 def _student(slope: float, deviation: float, freedom: int, level: float) -> tuple[float, float]:
     """Slope over what is significant at ``level``, and half of its 95 % interval."""
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     if not np.isfinite(deviation) or deviation == 0:
         return 0.0, np.inf
-    bound = float(student.ppf(1 - level / 2, freedom)) * deviation
-    return abs(slope) / bound, float(student.ppf(0.975, freedom)) * deviation
+    bound = float(stdtrit(freedom, 1 - level / 2)) * deviation
+    return abs(slope) / bound, float(stdtrit(freedom, 0.975)) * deviation

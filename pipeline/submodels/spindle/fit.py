@@ -13,6 +13,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from pipeline.parallel import Compute
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
@@ -60,6 +61,8 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
         Numbers of nodes to try.
     time_constants_s : tuple of float
         Time constants from which the fit starts; the best end is kept.
+    compute : {"serial", "threads", "processes"}
+        Where networks and the models of days left out are fitted.
     """
 
     step_s: Positive = 10.0
@@ -69,6 +72,7 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
     outlier_K: Positive = 1.0
     nodes: tuple[Annotated[int, Range(least=1, most=2)], ...] = (1, 2)
     time_constants_s: tuple[Positive, ...] = (300.0, 1500.0, 7200.0)
+    compute: Compute = "processes"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -178,7 +182,7 @@ class Problem:
         Clusters that do not excite a source say nothing of it: with H hours that do, Student's t is
         of H - 1 degrees of freedom.
         """
-        from scipy.stats import t as student
+        from scipy.special import stdtrit
 
         found = np.ones(len(self.names))
         freedom = max(len(np.unique(self.blocks)) - len(self.names), 1)
@@ -193,7 +197,7 @@ class Problem:
             own = int((hours > 0.1 * hours.max(initial=0.0)).sum())
             if own - 1 < freedom:
                 least = max(own - 1, 1)
-                found[i] = student.ppf(0.975, least) / student.ppf(0.975, freedom)
+                found[i] = stdtrit(least, 0.975) / stdtrit(freedom, 0.975)
                 found[i] *= np.sqrt((least + 1) / least)
         return found
 
@@ -402,9 +406,10 @@ def window_errors(
         length = max(round(settings.window_s / piece.step), 1)
         nodes = spindle.free_run(piece, records, parameters)
         measured = piece.frame[spindle.TARGET].to_numpy(float)
-        for start in spindle.window_starts(measured, length):
-            found = spindle.from_measured(piece, start, length, records, parameters, nodes)
-            errors.append(found - measured[start : start + length])
+        starts = spindle.window_starts(measured, length)
+        found = spindle.from_measured(piece, starts, length, records, parameters, nodes)
+        for start, run in zip(starts, found, strict=True):
+            errors.append(run[: len(measured) - start] - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])
     known: Floats = joined[np.isfinite(joined)]
     return known

@@ -157,13 +157,6 @@ def _verdict(seen: Seen) -> PartVerdict | None:
             f"{_failure(v)}.",
             todo="Do not act on this model’s temperatures, and do not promote it.",
         )
-    if v.status == "not decided":
-        return PartVerdict(
-            status="attention",
-            sentence=f"The spindle’s thermal model is not decided by {_set_words(v)} ({_week(v)}): "
-            f"{'; '.join(v.reasons)}.",
-            todo="Judge it on days on which the spindle warms by more than its sensor’s step.",
-        )
     total, free = score_of(v, WINDOWS), score_of(v, FREE_RUN)
     return PartVerdict(
         status="passed",

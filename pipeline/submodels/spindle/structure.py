@@ -9,9 +9,11 @@ out; speed and load stay known, and the fit runs through.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.spindle.doubt import with_doubt
@@ -138,8 +140,8 @@ def hours_left_out(
         for row in np.flatnonzero(part == held):
             number, start, length = hours.at[row].tolist()
             found = spindle.from_measured(
-                pieces[number], start, length, records, fit.parameters, nodes[number]
-            )
+                pieces[number], [start], length, records, fit.parameters, nodes[number]
+            )[0]
             measured = pieces[number].frame[spindle.TARGET].to_numpy(float)
             errors[row] = np.nanmean((found - measured[start : start + length]) ** 2)
     return errors
@@ -298,8 +300,12 @@ def identify_spindle_network(
             fit_network(pieces, plain, settings, ONE), {}, pieces, plain, settings
         ), {}
     choice = choice_of(pieces, records.sources, settings)
-    fits = _fits(pieces, plain, settings)
-    errors = {one: choice.errors(fit, plain) for one, fit in fits.items()}
+    tried = mapped(
+        partial(_tried, choice=choice, records=plain), _structures(settings),
+        compute=settings.compute,
+    )  # fmt: skip
+    fits = {one: fit for found in tried for one, (fit, _) in found.items()}
+    errors = {one: error for found in tried for one, (_, error) in found.items()}
     rivals = _rivals(fits, errors, choice)
     chosen = _chosen(rivals, errors, choice)
     others = {
@@ -318,21 +324,21 @@ def identify_spindle_network(
     return with_doubt(fit, others, pieces, plain, settings), scores
 
 
-def _fits(
-    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
-) -> dict[Structure, SpindleFit]:
-    """Every network that is tried, on all stretches."""
-    fits = {}
-    if 1 in settings.nodes:
-        fits[ONE] = fit_network(pieces, records, settings, ONE)
-    if 2 in settings.nodes:
-        for friction_in_body in (False, True):
-            two = Structure(nodes=2, friction_in_body=friction_in_body)
-            fits[two] = fit_network(pieces, records, settings, two)
-            if not all_determined(fits[two]):
-                limit = replace(two, massless=True)
-                fits[limit] = fit_network(pieces, records, settings, limit)
-    return fits
+def _structures(settings: SpindleFitSettings) -> list[Structure]:
+    """Networks to try: one node, and two with the bearings' heat in the one or the other."""
+    two = [Structure(nodes=2, friction_in_body=in_body) for in_body in (False, True)]
+    return [*([ONE] if 1 in settings.nodes else []), *(two if 2 in settings.nodes else [])]
+
+
+def _tried(
+    structure: Structure, choice: Choice, records: spindle.SpindleRecords
+) -> dict[Structure, tuple[SpindleFit, LeftOut]]:
+    """A network on all stretches, with its limit where the records do not determine all of it."""
+    fits = {structure: fit_network(choice.pieces, records, choice.settings, structure)}
+    if structure.nodes == 2 and not all_determined(fits[structure]):
+        limit = replace(structure, massless=True)
+        fits[limit] = fit_network(choice.pieces, records, choice.settings, limit)
+    return {one: (fit, choice.errors(fit, records)) for one, fit in fits.items()}
 
 
 def _rivals(

@@ -3,12 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.sections import SubModelPage
 from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
@@ -28,7 +27,7 @@ from pipeline.submodels.cases import (
     sources,
 )
 from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
-from pipeline.submodels.spindle.calibration import Recipe, calibrated
+from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out, forest_of
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
@@ -43,11 +42,11 @@ from pipeline.submodels.spindle.fit import (
     is_determined,
 )
 from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
-from pipeline.submodels.spindle.residual import ForestSettings, examples, train_residual_forest
+from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.submodels.spindle.sensor import sensor_step
 from pipeline.submodels.spindle.structure import identify_spindle_network
 from pipeline.thermal.network import SOURCES
-from pipeline.twin.residual import load_forest, save_forest
+from pipeline.twin.residual import NODES, load_forest, save_forest
 from pipeline.twin.spindle import (
     TARGET,
     SpindleFitFacts,
@@ -56,6 +55,9 @@ from pipeline.twin.spindle import (
     load_spindle_model,
     spindle_stretches,
 )
+
+if TYPE_CHECKING:
+    from pipeline.charts.sections import SubModelPage
 
 METHOD = "bounded least squares (soft L1) on free runs over the training days"
 REMEDY = {
@@ -66,6 +68,8 @@ REMEDY = {
     "position_hold": "record the spindle held in position (C axis) for 20 minutes",
 }
 """What to record so that a heat source becomes determined."""
+AGAIN_DRAWN = 8
+"""Forests of trees drawn with replacement that a day is predicted by again [1]."""
 HELD_S = 1200.0
 """Time that the remedy of a spindle held in position asks for [s]."""
 RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
@@ -166,17 +170,19 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
         records = replace(settings.spindle, coolant=fit.parameters.coolant_rate > 0)
         data = examples(pieces, records, fit.parameters, settings.residual_forest)
-        forest, about = train_residual_forest(data, records, settings.residual_forest)
-        save_forest(forest, folder / "residual")
-        used = {piece.day for piece in pieces}
+        save_forest(fitted_forest(data, settings.residual_forest), folder / "residual")
+        used = sorted({piece.day for piece in pieces})
         recipe = Recipe(
             records=records,
             network=fitting,
             forest=settings.residual_forest,
-            forest_used=about.used,
             whole=fit.parameters,
         )
-        intervals = calibrated(training, pieces, recipe, settings.spindle_interval)
+        days = days_left_out(training, pieces, recipe, settings.spindle_interval)
+        forest = forest_of(days, used, data, records)
+        intervals = calibrated(
+            days, settings.spindle_interval, fitting.window_s, forest_used=forest.used
+        )
         trained = [case for case in training if case.name in used]
         return SpindleModelFile(
             submodel=self.name,
@@ -188,17 +194,17 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             network=fit.parameters,
             records=records,
             fit=_facts(fit, scores, pieces, fitting),
-            training_days=tuple(sorted(used)),
-            forest=about,
+            training_days=tuple(used),
+            forest=forest,
             intervals=intervals,
         )
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of days."""
-        model, limits = load_spindle_model(folder), settings.spindle_limits
+        model, limits = load_spindle_model(folder, AGAIN_DRAWN), settings.spindle_limits
         stored = read_json(folder / "model.json", SpindleModelFile)
         tried = None
-        if not stored.forest.used and (folder / "residual/forest.skops").exists():
+        if not stored.forest.used and (folder / "residual" / NODES).exists():
             forest = load_forest(folder / "residual", replace(stored.forest, used=True))
             tried = replace(model, forest=forest)
         return lambda case: predicted_day(model, case, limits, stored.intervals, tried)
@@ -244,7 +250,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
 
-    def page(self, shown: Shown[SpindleModelFile]) -> SubModelPage:
+    def page(self, shown: Shown[SpindleModelFile]) -> "SubModelPage":
         """The thermal network, the judged days, and the verdict in words."""
         from pipeline.submodels.spindle.page import page
 

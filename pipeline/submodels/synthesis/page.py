@@ -139,7 +139,7 @@ def _verdict(shown: Seen) -> PartVerdict | None:
     if model is None and verdict is None:
         return None
     command = f"kerf synthesise --machine {shown.machine} --wear VALUE --out FILE"
-    if verdict is None or verdict.status in ("not decided", "not judged"):
+    if verdict is None or verdict.status == "not judged":
         why = "; ".join(verdict.reasons) if verdict is not None else "no tool was held out"
         return PartVerdict(
             status="unknown",

@@ -5,16 +5,18 @@ scikit-learn's, kept as arrays of its nodes; the guess is wear over the use of t
 regression), or the share of worn tools by the conditions alone where wear is a class.
 """
 
-from base64 import b64decode, b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, Range, Ranged
 from pipeline.submodels.conformal import splits
+
+if TYPE_CHECKING:
+    from pipeline.schema.forest import Trees
 
 PENALTIES = tuple(float(x) for x in np.geomspace(1e-3, 1e3, 13))
 """Of the ridge regression, as multiples of the mean eigenvalue of the features' products [1]."""
@@ -93,89 +95,19 @@ def _ridges(x: Floats, y: Floats, tool: np.ndarray) -> list[Ridge]:
 # ---- forest
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Forest:
-    """Trees as arrays: nodes one after the other, of each its children, feature, limit, value.
-
-    Parameters
-    ----------
-    roots : ndarray of int, shape (R,)
-        First node of each tree.
-    left, right, feature : ndarray of int, shape (K,)
-        Children of a node (-1 at a leaf), and the feature that it looks at.
-    limit, value : ndarray, shape (K,)
-        Up to which one goes left; mean of the training windows there.
-    """
-
-    roots: Ints
-    left: Ints
-    right: Ints
-    feature: Ints
-    limit: Floats
-    value: Floats
-
-    def by_tree(self, x: Floats) -> Floats:
-        """Wear by each tree for scaled features (N, F), shape (R, N)."""
-        rows, at = np.arange(len(x))[:, None], np.tile(self.roots, (len(x), 1))
-        x = x.astype(np.float32)  # as the trees compared them
-        while (inner := self.left[at] >= 0).any():
-            goes_left = x[rows, self.feature[at]] <= self.limit[at]
-            below = np.where(goes_left, self.left[at], self.right[at])
-            at = np.where(inner, below, at)
-        found: Floats = self.value[at].T
-        return found
-
-    def document(self) -> dict[str, Any]:
-        """As JSON holds it: little-endian arrays in base64."""
-        return {name: _packed(values) for name, values in vars(self).items()}
-
-    @staticmethod
-    def restored(document: Mapping[str, Any]) -> "Forest":
-        """The forest of a :meth:`document`."""
-        return Forest(**{name: _unpacked(one) for name, one in document.items()})
-
-
 def fit_forest(
     x: Floats, y: Floats, tool: np.ndarray, settings: ForestSettings, seed: int
-) -> Forest:
+) -> "Trees":
     """A forest of scaled features (N, F); each tool weighs the same."""
     from sklearn.ensemble import RandomForestRegressor
+
+    from pipeline.schema.forest import Trees
 
     made = RandomForestRegressor(
         n_estimators=settings.trees, min_samples_leaf=settings.leaf,
         max_features=settings.features, random_state=seed, n_jobs=1,
     ).fit(x, y, sample_weight=tool_weights(tool))  # fmt: skip
-    trees = [one.tree_ for one in made.estimators_]
-    starts = np.cumsum([0, *(tree.node_count for tree in trees)])
-
-    def shifted(name: str) -> Ints:
-        parts = [
-            np.where(getattr(tree, name) < 0, -1, getattr(tree, name) + start)
-            for tree, start in zip(trees, starts, strict=False)
-        ]
-        return np.concatenate(parts).astype(np.int64)
-
-    return Forest(
-        roots=starts[:-1].astype(np.int64), left=shifted("children_left"),
-        right=shifted("children_right"),
-        feature=np.maximum(np.concatenate([tree.feature for tree in trees]), 0).astype(np.int64),
-        limit=np.concatenate([tree.threshold for tree in trees]),
-        value=np.concatenate([tree.value[:, 0, 0] for tree in trees]),
-    )  # fmt: skip
-
-
-def _packed(values: np.ndarray) -> dict[str, str]:
-    kind = "<i4" if values.dtype.kind == "i" else "<f8"
-    data = np.ascontiguousarray(values, dtype=kind).tobytes()
-    return {"type": kind, "base64": b64encode(data).decode("ascii")}
-
-
-def _unpacked(packed: Mapping[str, str]) -> Any:
-    kind = packed["type"]
-    if kind not in ("<i4", "<f8"):
-        raise ValueError(f"nodes of a forest are of type {kind!r}: train it again")
-    values = np.frombuffer(b64decode(packed["base64"], validate=True), np.dtype(kind))
-    return values.astype(np.int64 if kind == "<i4" else np.float64)
+    return Trees.of(made)
 
 
 # ---- without sensors, and together

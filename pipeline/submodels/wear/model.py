@@ -19,10 +19,11 @@ from pipeline.submodels.conformal import ALL_REGIMES
 from pipeline.submodels.statistics import DRAWN
 from pipeline.submodels.wear.due import Lasting
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
-from pipeline.submodels.wear.methods import Curve, Forest, ForestSettings, Ridge
+from pipeline.submodels.wear.methods import Curve, ForestSettings, Ridge
 
 if TYPE_CHECKING:
     from pipeline.nets.wear import WearJudge
+    from pipeline.schema.forest import Trees
 
 RESNET, FOREST, RIDGE, MEDIAN = "resnet", "forest", "ridge", "median"
 BLEND, GUESS, MEAN = "blend", "guess", "mean"
@@ -225,7 +226,7 @@ class Fitted:
     known: KnownConditions
     feature_scaling: FeatureScaling
     ridge: Ridge | None
-    forest: Forest | None
+    forest: "Trees | None"
     networks: "tuple[WearJudge, ...]"
     guess: Curve | None
     by_conditions: Ridge | None
@@ -365,11 +366,12 @@ def load_wear(folder: Path) -> Wear:
         When a file is missing or broken.
     """
     from pipeline.nets.wear import restore_judge
+    from pipeline.schema.forest import Trees
 
     file = read_json(folder / "model.json", WearModel)
     stored = read_json(folder / "methods.json", MethodsFile)
     try:
-        forest = None if stored.forest is None else Forest.restored(stored.forest)
+        forest = None if stored.forest is None else Trees.restored(stored.forest)
         networks = tuple(restore_judge(one) for one in stored.networks)
     except (ValueError, TypeError) as error:
         raise ValueError(f"{folder}/methods.json is broken ({error}): run `dvc repro`") from error

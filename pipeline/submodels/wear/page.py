@@ -163,7 +163,7 @@ def _verdict(facts: WearFacts) -> PartVerdict | None:
     if shown.model is None and verdict is None:
         return None
     command = f"kerf wear FILE --machine {shown.machine}"
-    if verdict is None or verdict.status in ("not decided", "not judged"):
+    if verdict is None or verdict.status == "not judged":
         why = (
             verdict.reasons[0]
             if verdict is not None and verdict.reasons

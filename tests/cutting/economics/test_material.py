@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from pipeline.cutting.economics.material import LinearEdge, Material
-from pipeline.cutting.force.force_law import edge_forces
 from pipeline.cutting.tool import Tool
 from pipeline.parameters import ParametersError, structure
+from tests.cutting.closed_forms import edge_forces
 
 ROOT = Path(__file__).parents[3]
 FILES = sorted((ROOT / "conf/material").glob("*.yaml"))

@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad_vec
 
-from pipeline.cutting.force.force_law import ForceLaw, edge_forces
-from pipeline.cutting.force.mean_force import mean_forces, mean_torque, regressors
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.mean_force import regressors
+from tests.cutting.closed_forms import edge_forces, mean_forces, mean_torque
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
 CUT = {"flutes": 3, "f_z": 8e-5, "a_p": 2e-3}
@@ -94,6 +95,3 @@ def test_bad_arguments_are_named() -> None:
     for leave in (7.0, np.inf, np.nan):
         with pytest.raises(ValueError, match=f"phi_st = 0 to phi_ex = {leave:g} must be finite"):
             regressors(flutes=2, f_z=1e-5, a_p=1e-3, phi_st=0.0, phi_ex=leave)
-    with pytest.raises(ValueError, match=r"m_c = 0\.25"):
-        law = ForceLaw.kienzle(k_c11=700.0, m_c=0.25, radial=0.3)
-        mean_forces(law, phi_st=0.0, phi_ex=1.0, **CUT)

@@ -7,11 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.force import force_law
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.mean_force import mean_forces, mean_torque
 from pipeline.cutting.force.waveform import basis, torque_basis, waveform
 from pipeline.cutting.tool import Tool
+from tests.cutting.closed_forms import in_plane_forces, mean_forces, mean_torque
 from tests.cutting.plain_forces import plain_forces
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
@@ -28,7 +27,7 @@ def test_without_helix_it_is_the_closed_form() -> None:
     tool = replace(MILL, helix_deg=0.0)
     law = ForceLaw.linear(K_tc=800.0, K_rc=400.0)
     found = waveform(law, tool, f_z=5e-5, a_p=2e-3, phi_st=0.4, phi_ex=2.0, angles=turn(720))
-    expected = force_law.in_plane_forces(
+    expected = in_plane_forces(
         turn(720), flutes=4, f_z=5e-5, d=2e-3, K_t=8e8, K_e=0.5, phi_st=0.4, phi_ex=2.0
     )
     assert np.allclose(found[:, :2], expected, rtol=0, atol=1e-12 * expected.max())

@@ -10,10 +10,11 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut, mean_matrix
-from pipeline.cutting.stability.lobes import TOLERANCE, eigenvalues, lobes, stability_boundary
+from pipeline.cutting.stability.semi_discretisation import eigenvalues
 from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, Mode, modal_receptance
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, STEADY, UP, X, Y
+from tests.cutting.zero_order import TOLERANCE, lobes, stability_boundary
 
 SPEEDS = np.linspace(2000, 25000, 300) / 60
 LEAST = 2 * X.stiffness * X.damping * (1 + X.damping) / STEADY.K_rc
@@ -271,3 +272,8 @@ def test_no_lobe_is_inf() -> None:
 def test_what_lobes_cannot_be_of(dynamics, speeds, options, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         lobes(dynamics, SLOT, speeds, **options)
+
+
+def test_depth_of_a_slot_with_four_flutes_at_12_000_rpm() -> None:
+    cut = RegenerativeCut(K_tc=6e8, K_rc=2e8, flutes=4, entry=0.0, exit=pi)
+    assert limits([X], cut, [12_000 / 60])[0] * 1e3 == pytest.approx(2.425, abs=5e-4)

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import simpson
 
-from pipeline.cutting.force.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.stability.directional import (
     RegenerativeCut,
@@ -20,6 +20,7 @@ from pipeline.cutting.stability.semi_discretisation import arrays
 from pipeline.cutting.stability.semi_discretisation_kernel import fill_weights
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, STEADY, X, Y
+from tests.cutting.closed_forms import edge_forces
 
 angles = st.floats(0.0, 2 * pi)
 

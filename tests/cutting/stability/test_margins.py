@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.directional import RegenerativeCut
-from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.margins import MOST, ROUNDED, margin, stability_table
-from pipeline.cutting.stability.semi_discretisation import depth_limits, least_depth
+from pipeline.cutting.stability.semi_discretisation import least_depth
 from pipeline.cutting.tool import Tool
-from tests.cutting.chatter import X, Y
+from tests.cutting.chatter import X, Y, depth_limits
+from tests.cutting.zero_order import lobes
 
 LAW = ForceLaw.linear(K_tc=600.0, K_rc=200.0, K_te=20.0, K_re=20.0)
 TWO = Tool(kind="flat", diameter_mm=10.0, flutes=2)

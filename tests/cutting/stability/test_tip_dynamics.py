@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.stability.frf_file import read_frf
-from pipeline.cutting.stability.lobes import lobes
 from pipeline.cutting.stability.tip_dynamics import (
     FrequencyResponse,
     Mode,
@@ -16,6 +15,7 @@ from pipeline.cutting.stability.tip_dynamics import (
     modal_receptance,
 )
 from tests.cutting.chatter import DOWN, X, Y
+from tests.cutting.zero_order import lobes
 
 
 def test_receptance_at_rest_and_at_resonance() -> None:

@@ -8,7 +8,6 @@ import shutil
 from pathlib import Path
 
 import pytest
-import yaml
 
 from pipeline.parameters import structure
 from pipeline.schema.store import read_json
@@ -18,7 +17,7 @@ from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.__main__ import run
 from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
 from pipeline.twin.control import WHOLE, ControlModelFile
-from tests.small_project import MACHINE, ROOT, inside, params
+from tests.small_project import MACHINE, ROOT, inside, params, store
 
 pytestmark = pytest.mark.proof
 
@@ -30,7 +29,7 @@ def project(tmp_path_factory) -> Path:
     shutil.copytree(ROOT / "conf", folder / "conf", symlinks=True)
     shutil.copy(folder / "conf/fleet/simulated.yaml", folder / "conf/fleet/active.yaml")
     with inside(folder):
-        run("compose", "conf", "params.yaml")
+        run("compose", "conf", "params.yaml", "data/settings")
         values = params(folder)
         machine = values["machine"][MACHINE]
         floor = structure(values, f"machine.{MACHINE}.shop", ShopParameters)
@@ -38,7 +37,7 @@ def project(tmp_path_factory) -> Path:
         machine["records"] = [
             r for r in machine["records"] if r["files"].startswith(("control/", "programs/"))
         ]
-        (folder / "params.yaml").write_text(yaml.safe_dump(values))
+        store(folder, values)
         run(f"ingest@{MACHINE}", "raw", "signals")
         run(f"identify_control@{MACHINE}", "signals", "raw", "control")
         run(f"judge_control@{MACHINE}", "signals", "raw", "control", "golden", "metrics.json",

@@ -14,7 +14,7 @@ from pipeline.schema.model import Condition
 from pipeline.schema.store import StoreError, json_text, parsed, read_json, write_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Records, Roles
-from pipeline.submodels.control.fit import ControlFitSettings
+from pipeline.submodels.control.fit import ControlFitSettings, identify_control
 from pipeline.submodels.control.submodel import (
     FITTED,
     FROM_SPEEDS,
@@ -312,7 +312,13 @@ def test_programs_are_left_out_whole(moves, tmp_path):
     cases = SUBMODEL.cases(records, settings).of("training")
     runs = {case.name: case.load() for case in cases}
     assert {run.match.program for run in runs.values()} == {"part.nc", "plain.nc"}
-    alone = time_bands([runs["train1.txt"], runs["train2.txt"]], start(), ControlFitSettings())
-    both = time_bands(list(runs.values()), start(), ControlFitSettings())
+
+    def bands(*names):
+        some, settings = [runs[name] for name in names], ControlFitSettings()
+        observed = [part for run in some for part in run.observed]
+        fit = identify_control(observed, start(), settings)
+        return time_bands(some, start(), settings, fit)
+
+    alone, both = bands("train1.txt", "train2.txt"), bands(*runs)
     assert (both[WHOLE].groups, both[WHOLE].n) == (2, 3)
     assert both[WHOLE].upper > 3 * alone[WHOLE].upper

@@ -1,9 +1,9 @@
 """A spindle that shows its load: what a log would hold of it, written independently of the fit."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pipeline.submodels.cutting.spindle_load.levels import LoadLog, LoadScale
-from pipeline.submodels.cutting.spindle_load.power import cut_rates
 
 RATED_W = 15e3
 BASE = 3000 / 60  # rev/s
@@ -60,3 +60,27 @@ def cut_log(
         times=np.arange(len(n)) / 10, speed=n, load=shown(P, n, step, noise, random),
         cut=label, removal=removal, edge=edge,
     )  # fmt: skip
+
+
+def cut_rates(
+    *, flutes: ArrayLike, diameter: ArrayLike, n: ArrayLike, f_z: ArrayLike, a_p: ArrayLike,
+    phi_st: ArrayLike, phi_ex: ArrayLike,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Removal rate [m^3/s] and edge rate [m^2/s] of a cut with constant engagement.
+
+    Parameters
+    ----------
+    flutes : array_like
+        Number of teeth.
+    diameter, f_z, a_p : array_like
+        Of the tool, feed for each tooth, axial depth [m].
+    n : array_like
+        Spindle speed [rev/s].
+    phi_st, phi_ex : array_like
+        Where teeth enter and leave [rad].
+    """
+    teeth, D, speed = (np.asarray(v, dtype=np.float64) for v in (flutes, diameter, n))
+    entry, leave = np.asarray(phi_st), np.asarray(phi_ex)
+    removal = teeth * speed * np.asarray(f_z) * a_p * D / 2 * (np.cos(entry) - np.cos(leave))
+    edge = teeth * speed * np.asarray(a_p) * D / 2 * (leave - entry)
+    return removal, edge

@@ -77,7 +77,7 @@ def test_one_feed_tells_them_by_its_waveform():
         assert abs(rows[name].value - true_values(SLOT)[name]) <= rows[name].half_width
 
 
-@pytest.mark.parametrize("growth", [0.003, 0.008])
+@pytest.mark.parametrize("growth", [pytest.param(0.003, marks=pytest.mark.proof), 0.008])
 def test_rounded_edges_are_not_taken_for_runout(growth):
     truth = Truth(flutes=3, runout=0.005, growth=growth)
     rows, found = determined_by(truth, SLOTS)

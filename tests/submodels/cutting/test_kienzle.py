@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from pipeline.cutting.force.force_law import ForceLaw, edge_forces
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.submodels.cutting.kienzle import (
     kienzle_by_force,
     kienzle_by_thickness,
     kienzle_parameters,
 )
+from tests.cutting.closed_forms import edge_forces
 
 K, M = 1675.0, 0.24
 FEEDS = np.array([0.03, 0.05, 0.08, 0.12, 0.18]) * 1e-3

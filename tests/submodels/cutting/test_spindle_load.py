@@ -19,7 +19,6 @@ from pipeline.submodels.cutting.spindle_load.identify import (
     identify_spindle_load,
     load_logs,
 )
-from pipeline.submodels.cutting.spindle_load.power import cut_rates
 from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
 from pipeline.submodels.cutting.spindle_load.readings import cut_log, read_log
 from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
@@ -45,6 +44,7 @@ from tests.submodels.cutting.spindle_load_logs import (
     stock,
     write_bench,
 )
+from tests.submodels.cutting.spindle_loads import cut_rates
 
 TOOL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
 HEAD = "G21 G17 G40 G80 G90 G54\nT1 M6\nS6000 M3\n"

@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[3]
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module", params=["mill01", "mill02"])
+@pytest.fixture(scope="module", params=["mill01", pytest.param("mill02", marks=pytest.mark.proof)])
 def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory):
     """Model, truth, folder and settings of a machine that has the load of its spindle alone."""
     machine, folder = request.param, tmp_path_factory.mktemp(request.param)

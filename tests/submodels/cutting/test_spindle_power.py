@@ -8,7 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.mean_force import mean_torque
 from pipeline.submodels.cutting.regression import regression
 from pipeline.submodels.cutting.spindle_load.identify import power_parameters
 from pipeline.submodels.cutting.spindle_load.levels import (
@@ -21,7 +20,8 @@ from pipeline.submodels.cutting.spindle_load.levels import (
     settled,
     shown_power,
 )
-from pipeline.submodels.cutting.spindle_load.power import cut_rates, no_load, specific_force
+from pipeline.submodels.cutting.spindle_load.power import no_load, specific_force
+from tests.cutting.closed_forms import mean_torque
 from tests.submodels.cutting.spindle_loads import (
     FLUTES,
     K_TC,
@@ -30,6 +30,7 @@ from tests.submodels.cutting.spindle_loads import (
     SCALE,
     D,
     cut_log,
+    cut_rates,
     free_power,
     no_load_log,
 )

@@ -12,7 +12,7 @@ from pipeline.submodels.deformation.model import (
     Treatment,
     load_growth_model,
 )
-from pipeline.submodels.deformation.records import SPEED, State, read_profiles
+from pipeline.submodels.deformation.records import State, read_profiles
 from tests.submodels.deformation.growth_files import RECORDS
 from tests.submodels.deformation.test_submodel import QUICK, ROLES, Built, build, recordings
 
@@ -91,16 +91,6 @@ def test_growth_is_zero_at_the_start(built: Built, states) -> None:
     model = serving(built, "linear_sensors")
     found = correction(model, states)
     assert found.growth(values_of(states[3], model))[0] == 0
-
-
-def test_inputs_beyond_the_range_are_refused(built: Built, states) -> None:
-    model = serving(built, "linear_sensors")
-    found = correction(model, states)
-    values = values_of(states[0], model)
-    found.refuse_outside(values)
-    top = found.ranges[SPEED].high
-    with pytest.raises(ValueError, match=rf"spindle_speed is .* in row 1, .* to {top:.4g}"):
-        found.refuse_outside(values | {SPEED: np.full(len(states[0]), 2 * top)})
 
 
 def test_a_model_without_growth_is_refused(built: Built, states) -> None:

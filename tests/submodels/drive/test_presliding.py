@@ -10,8 +10,10 @@ from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.presliding import PLAIN, presliding_trace
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.submodels.drive.records import AxisRecord, Recording
+from pipeline.submodels.drive.servo import presliding
 from pipeline.submodels.drive.servo.presliding import identify_presliding
-from pipeline.twin.drive import DriveParameters, simulate_drive
+from pipeline.twin.drive import DriveParameters
+from tests.machine.plain_drive import simulate_drive
 
 SIDE = DirectionFriction(coulomb=300.0, static=400.0, stribeck_velocity=0.006, viscous=900.0)
 SCREW = FeedDriveParameters(
@@ -132,6 +134,25 @@ def test_the_time_is_recovered_from_standstills(time: float | None) -> None:
         return
     assert found.time.determined and found.time.value == pytest.approx(time, rel=0.05)
     assert found.time.low < time < found.time.high
+
+
+def test_the_valley_is_followed_to_the_value_that_all_together_give(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As when every value is tried in every round, which go on until no more than 1 % changes."""
+    reference = standstills()
+    position, command = traced(reference, loss=1 / 3.0)
+    record = AxisRecord(command=command[::4], position=position[::4], reference=reference[::4])
+    one = Recording(name="standstills", trained=True, period=4 * STEP, axes={"X": record})
+    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    some = presliding._nearest
+    monkeypatch.setattr(presliding, "COARSE", 1)
+    monkeypatch.setattr(presliding, "_nearest", lambda *given: some(*given[:-1], None))
+    assert found is not None and found.time is not None and found.time.determined
+    whole = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    assert whole is not None and whole.time is not None and whole.time.determined
+    assert found.stiffness.value == pytest.approx(whole.stiffness.value, rel=1e-4)
+    assert found.time.value == pytest.approx(whole.time.value, rel=1e-4)
 
 
 def test_without_reversals_it_is_not_determined() -> None:

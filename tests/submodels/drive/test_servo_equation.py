@@ -13,6 +13,7 @@ from pipeline.submodels.drive.servo.equation import (
     TERMS,
     Nominal,
     ServoRecord,
+    delayed,
     derivative,
     servo_bandwidth,
     servo_equation,
@@ -208,3 +209,15 @@ def test_records_that_make_no_table_are_refused(change, words):
     record = {"reference": position, "position": position, "command": TIME, "period": H} | change
     with pytest.raises(ValueError, match=words):
         servo_equation([ServoRecord(**record)], LIST, 40.0)
+
+
+def test_delays_of_whole_samples_need_no_interpolation() -> None:
+    """The samples themselves are what the spline between them gives a millionth beside."""
+    signals = np.stack([waves(k + 1.0) for k in range(8)])
+    rows = np.arange(100, T - 100, 7)
+    beside = delayed(signals, rows, 3.0 + 1e-5)
+    np.testing.assert_allclose(delayed(signals, rows, 3.0), beside, atol=1e-7)
+    assert (
+        delayed(signals, rows, 3.0)[0, :NODES].tolist()
+        == signals[0, 100 - 3 * np.arange(NODES)].tolist()
+    )

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.schema.interval import AdaptiveSettings, Band
 from pipeline.submodels.cases import Case
-from pipeline.submodels.spindle.calibration import Recipe, calibrated
+from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
@@ -130,8 +130,8 @@ def pieces_of(cases: list[Case], step: float = 60.0):
 
 
 RECIPE = Recipe(
-    records=RECORDS, network=SpindleFitSettings(step_s=60.0), forest=ForestSettings(trees=3),
-    forest_used=False, whole=ONE,
+    records=RECORDS, network=SpindleFitSettings(step_s=60.0, compute="serial"),
+    forest=ForestSettings(trees=3), whole=ONE,
 )  # fmt: skip
 
 
@@ -146,7 +146,9 @@ def test_intervals_are_of_models_that_did_not_see_the_day(monkeypatch) -> None:
         return plain(self, some)
 
     monkeypatch.setattr(Recipe, "model_of", watched)
-    found = calibrated(cases, pieces, RECIPE, IntervalSettings(folds=3))
+    settings = IntervalSettings(folds=3)
+    runs = days_left_out(cases, pieces, RECIPE, settings)
+    found = calibrated(runs, settings, 3600.0, forest_used=False)
     assert found is not None
     days = {one.name for one in cases}
     assert [len(days - fitted) for fitted in seen] == [2, 2, 2]
@@ -158,15 +160,21 @@ def test_intervals_are_of_models_that_did_not_see_the_day(monkeypatch) -> None:
 
 def test_one_day_leaves_nothing_to_calibrate_on() -> None:
     cases = training(1)
-    assert calibrated(cases, pieces_of(cases), RECIPE, IntervalSettings()) is None
+    runs = days_left_out(cases, pieces_of(cases), RECIPE, IntervalSettings())
+    assert calibrated(runs, IntervalSettings(), 3600.0, forest_used=False) is None
 
 
-def test_a_forest_that_is_used_is_fitted_anew_for_the_intervals() -> None:
-    cases = training(3)
+def test_intervals_are_those_of_the_forest_where_it_is_used_and_of_the_network_else() -> None:
+    cases, settings = training(3, noise=2.0), IntervalSettings(folds=3)
     small = ForestSettings(trees=2, depth=2, every_s=1800.0, sample_s=600.0)
-    recipe = replace(RECIPE, forest_used=True, forest=small)
-    model = recipe.model_of(pieces_of(cases))
-    assert model.forest is not None and len(model.forest.forest.estimators_) == 2
+    runs = days_left_out(cases, pieces_of(cases), replace(RECIPE, forest=small), settings)
+    for used, name in ((True, "predicted"), (False, "physics")):
+        found = calibrated(runs, settings, 3600.0, forest_used=used)
+        worst = max(
+            np.nanquantile(run.windows.measured - getattr(run.windows, name), 0.95)
+            for run in runs.values()
+        )
+        assert found is not None and found.windows[""].upper == pytest.approx(worst, rel=0.2)
 
 
 def test_a_day_without_records_gives_no_run() -> None:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -10,18 +11,52 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from sklearn.ensemble import RandomForestRegressor
 
-from pipeline.submodels.spindle.residual import (
-    Examples,
-    ForestSettings,
-    examples,
-    train_residual_forest,
-)
-from pipeline.twin.residual import feature_names, load_forest, save_forest
-from pipeline.twin.spindle import TARGET, SpindleRecords
-from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of
+from pipeline.schema.forest import Trees
+from pipeline.signals.windows import StateSegment
+from pipeline.submodels.cases import Case
+from pipeline.submodels.spindle.calibration import Recipe, days_left_out, forest_of
+from pipeline.submodels.spindle.fit import SpindleFitSettings
+from pipeline.submodels.spindle.intervals import IntervalSettings
+from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
+from pipeline.twin.residual import NODES, Forest, feature_names, load_forest, save_forest
+from pipeline.twin.spindle import TARGET, SpindleModel, SpindleRecords, spindle_stretches
+from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
-QUICK = ForestSettings(trees=8, depth=6, leaf=5, folds=4, every_s=1800.0, sample_s=300.0)
+QUICK = ForestSettings(trees=8, depth=6, leaf=5, every_s=1800.0, sample_s=300.0)
+ABOUT = Forest(
+    used=True, why="", sources=tuple(RECORDS.sources), extra=(), days=(), examples=300,
+    rmse_days_left_out_K=None, rmse_without_K=None,
+)  # fmt: skip
+
+Change = Callable[[int, pd.DataFrame, np.random.Generator], pd.DataFrame]
+
+
+def judged(
+    days: int, change: Change, records: SpindleRecords = RECORDS, forest: ForestSettings = QUICK
+) -> tuple[Forest, Trees, Examples]:
+    """What days left out say of a forest, and the forest of all days with its examples."""
+    rng, cases = np.random.default_rng(0), []
+    for number in range(days):
+        name = f"2026-01-{5 + number:02d}"
+        table = change(number, state_table(ONE, number, name), rng)
+        cases.append(Case(name=name, group=name, role="training", files=(), load=lambda t=table: t))
+    pieces = [
+        piece
+        for one in cases
+        for piece in spindle_stretches(
+            one.load(), one.name, records, step=60.0, bridge_s=600.0, shortest_s=3600.0
+        )
+    ]
+    recipe = Recipe(
+        records=records, network=SpindleFitSettings(step_s=60.0, compute="serial"), forest=forest,
+        whole=ONE,
+    )  # fmt: skip
+    found = days_left_out(cases, pieces, recipe, IntervalSettings(folds=4))
+    data = examples(pieces, records, ONE, forest)
+    about = forest_of(found, [one.name for one in cases], data, records)
+    return about, fitted_forest(data, forest), data
 
 
 def with_extra(name: str) -> SpindleRecords:
@@ -30,18 +65,16 @@ def with_extra(name: str) -> SpindleRecords:
 
 def test_a_forest_helps_where_a_signal_explains_what_is_left() -> None:
     """Coolant, unknown to the network, takes 3 K: the forest sees it and finds it on other days."""
-    rng = np.random.default_rng(0)
-    days = []
-    for piece in days_of(ONE, 1, 6):
-        on = np.repeat(rng.integers(0, 2, len(piece.frame) // 60 + 1), 60)[: len(piece.frame)]
-        frame = piece.frame.assign(coolant=on.astype(float))
-        frame[TARGET] = frame[TARGET] - 3.0 * on + rng.normal(0, 0.1, len(on))
-        days.append(replace(piece, frame=frame))
-    data = examples(days, with_extra("coolant"), ONE, QUICK)
-    _, about = train_residual_forest(data, with_extra("coolant"), QUICK)
+
+    def cooled(number: int, table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+        on = np.repeat(rng.integers(0, 2, len(table) // 3600 + 1), 3600)[: len(table)]
+        measured = table[TARGET] - 3.0 * on + rng.normal(0, 0.1, len(on))
+        return table.assign(coolant=on.astype(float), **{TARGET: measured})
+
+    about, _, _ = judged(6, cooled, with_extra("coolant"))
     assert about.used is True
     assert about.rmse_days_left_out_K < 0.8 * about.rmse_without_K
-    assert about.days == tuple(p.day for p in days)
+    assert about.days == tuple(f"2026-01-{5 + number:02d}" for number in range(6))
 
 
 def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
@@ -50,16 +83,14 @@ def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
     Were days shared between training and judging, the forest would look the offset up.
     """
     offsets = [2.0, -2.0, 1.5, -1.5, 2.5, -2.5, 1.0, -1.0]
-    days = []
-    for number, (piece, offset) in enumerate(zip(days_of(ONE, 2, 8), offsets, strict=True)):
-        drift = offset * (1 - np.exp(-np.arange(len(piece.frame)) * piece.step / 900.0))
-        frame = piece.frame.assign(batch=float(7 * number % 8))
-        frame[TARGET] = frame[TARGET] + drift
-        days.append(replace(piece, frame=frame))
+
+    def drifting(number: int, table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+        drift = offsets[number] * (1 - np.exp(-np.arange(len(table)) / 900.0))
+        return table.assign(batch=float(7 * number % 8), **{TARGET: table[TARGET] + drift})
+
     # windows from the beginning only: there the network is off by the day's own drift
     settings = replace(QUICK, every_s=1e6, sample_s=60.0)
-    data = examples(days, with_extra("batch"), ONE, settings)
-    forest, about = train_residual_forest(data, with_extra("batch"), settings)
+    about, forest, data = judged(8, drifting, with_extra("batch"), settings)
     assert about.used is False
     assert "does not lower" in str(about.why)
     # the leak is real: on the days it was trained on the forest takes most of the error away
@@ -67,16 +98,16 @@ def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
     assert np.mean(left**2) < 0.3 * np.mean(data.error**2)
 
 
+def noise(number: int, table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
+    return table.assign(**{TARGET: table[TARGET] + rng.normal(0, 0.5, len(table))})
+
+
 def test_noise_is_not_worth_a_forest() -> None:
-    days = days_of(ONE, 3, 5, noise_K=0.5)
-    data = examples(days, RECORDS, ONE, QUICK)
-    _, about = train_residual_forest(data, RECORDS, QUICK)
-    assert about.used is False
+    assert judged(5, noise)[0].used is False
 
 
 def test_one_day_says_nothing_of_another() -> None:
-    data = examples(days_of(ONE, 4, 1, noise_K=0.5), RECORDS, ONE, QUICK)
-    _, about = train_residual_forest(data, RECORDS, QUICK)
+    about, _, _ = judged(1, noise)
     assert about.used is False
     assert "only 1 day" in str(about.why)
     assert about.rmse_days_left_out_K is None
@@ -109,8 +140,7 @@ def test_an_unknown_signal_stays_unknown_in_the_examples() -> None:
     assert unknown.any()
     assert not unknown.all()
     assert np.isfinite(data.x[:, :-3]).all()
-    forest, _ = train_residual_forest(data, with_extra("flow"), QUICK)
-    assert np.isfinite(forest.predict(data.x)).all()
+    assert np.isfinite(fitted_forest(data, QUICK).predict(data.x)).all()
 
 
 def test_no_window_is_an_error_with_its_remedy() -> None:
@@ -123,38 +153,55 @@ def test_no_window_is_an_error_with_its_remedy() -> None:
         examples([replace(piece, frame=piece.frame.iloc[:2])], RECORDS, ONE, QUICK)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("trees", 0), ("folds", 1), ("sample_s", -1.0), ("window_s", 0.0)]
-)
+@pytest.mark.parametrize(("name", "value"), [("trees", 0), ("sample_s", -1.0), ("window_s", 0.0)])
 def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
     with pytest.raises(ValueError, match=f"residual_forest.{name} = {value}"):
         ForestSettings(**{name: value})  # type: ignore[arg-type]
 
 
-def test_a_forest_predicts_the_same_bits_on_any_number_of_cores() -> None:
-    """Threads would add the trees up in the order in which they finish."""
+def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well() -> None:
+    rng = np.random.default_rng(3)
+    x = rng.normal(size=(400, 5))
+    x[rng.random(x.shape) < 0.1] = np.nan
+    y = np.nan_to_num(x[:, 0]) + rng.normal(size=400)
+    made = RandomForestRegressor(n_estimators=7, max_depth=6, random_state=0).fit(x, y)
+    other = rng.normal(size=(300, 5))
+    other[rng.random(other.shape) < 0.3] = np.nan
+    trees = Trees.of(made)
+    np.testing.assert_allclose(trees.predict(other), made.predict(other), rtol=1e-12)
+    each = [tree.predict(other) for tree in made.estimators_]
+    np.testing.assert_array_equal(trees.by_tree(other), each)
+    again = Trees.restored(trees.document())
+    np.testing.assert_array_equal(again.predict(other), trees.predict(other))
+
+
+def test_forests_drawn_scatter_as_those_of_other_seeds() -> None:
     data = noisy()
-    forest, _ = train_residual_forest(data, RECORDS, QUICK)
-    assert forest.n_jobs == 1
-    by_hand = sum(tree.predict(data.x) for tree in forest.estimators_) / QUICK.trees
-    np.testing.assert_array_equal(forest.predict(data.x), by_hand)
+    settings = replace(QUICK, trees=40)
+    drawn = fitted_forest(data, settings).drawn(data.x, 40)
+    seeds = np.array([
+        fitted_forest(data, replace(settings, seed=seed)).predict(data.x) for seed in range(1, 13)
+    ])  # fmt: skip
+    np.testing.assert_allclose(drawn[0], fitted_forest(data, settings).predict(data.x))
+    # of 12 seeds and 40 draws the ratio of mean deviations is known to some 10 %
+    ratio = drawn[1:].std(axis=0, ddof=1).mean() / seeds.std(axis=0, ddof=1).mean()
+    assert 0.75 < ratio < 1.35
 
 
 def noisy() -> Examples:
-    """Examples of three days, the same in every process."""
+    """Examples, the same in every process."""
     rng = np.random.default_rng(8)
     x = rng.normal(size=(300, len(feature_names(RECORDS.sources, ()))))
-    return Examples(x=x, error=x[:, 0] + rng.normal(size=300), day=np.repeat(["a", "b", "c"], 100))
+    return Examples(x=x, error=x[:, 0] + rng.normal(size=300))
 
 
 SAVE = """
 import sys
 from pathlib import Path
-from pipeline.submodels.spindle.residual import train_residual_forest
+from pipeline.submodels.spindle.residual import fitted_forest
 from pipeline.twin.residual import save_forest
-from tests.submodels.spindle.test_residual import QUICK, RECORDS, noisy
-forest, about = train_residual_forest(noisy(), RECORDS, QUICK)
-save_forest(forest, Path(sys.argv[1]))
+from tests.submodels.spindle.test_residual import QUICK, noisy
+save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))
 """
 
 
@@ -171,53 +218,48 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
         )
         hashes.append({p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir()})
     assert hashes[0] == hashes[1]
-    assert set(hashes[0]) == {"forest.skops"}
+    assert set(hashes[0]) == {NODES}
 
 
 def test_a_stored_forest_is_the_one_that_was_trained(tmp_path: Path) -> None:
     data = noisy()
-    forest, about = train_residual_forest(data, RECORDS, QUICK)
+    forest = fitted_forest(data, QUICK)
     save_forest(forest, tmp_path)
-    loaded = load_forest(tmp_path, replace(about, used=True))
+    loaded = load_forest(tmp_path, ABOUT)
     assert loaded is not None
-    assert (loaded.sources, loaded.extra) == (about.sources, about.extra)
+    assert (loaded.sources, loaded.extra) == (ABOUT.sources, ABOUT.extra)
     np.testing.assert_array_equal(loaded.forest.predict(data.x), forest.predict(data.x))
 
 
 def test_a_forest_that_does_not_help_is_not_loaded(tmp_path: Path) -> None:
-    _, about = train_residual_forest(noisy(), RECORDS, QUICK)
-    assert load_forest(tmp_path, replace(about, used=False)) is None
+    assert load_forest(tmp_path, replace(ABOUT, used=False)) is None
 
 
 def test_a_forest_that_cannot_be_read_or_has_other_time_constants_is_refused(
     tmp_path: Path,
 ) -> None:
-    forest, about = train_residual_forest(noisy(), RECORDS, QUICK)
-    save_forest(forest, tmp_path)
-    used = replace(about, used=True)
+    save_forest(fitted_forest(noisy(), QUICK), tmp_path)
     with pytest.raises(ValueError, match=r"means over \[60.0\] s.*train it again"):
-        load_forest(tmp_path, replace(used, smoothing_s=(60.0,)))
-    (tmp_path / "forest.skops").write_bytes(b"no archive")
-    with pytest.raises(ValueError, match=r"forest\.skops cannot be read .*: run `dvc repro`"):
-        load_forest(tmp_path, used)
+        load_forest(tmp_path, replace(ABOUT, smoothing_s=(60.0,)))
+    (tmp_path / NODES).write_text("{}")
+    with pytest.raises(ValueError, match="the document of a forest has no roots"):
+        load_forest(tmp_path, ABOUT)
+    (tmp_path / NODES).write_bytes(b"no document")
+    with pytest.raises(ValueError, match=r"forest\.json .*run `dvc repro`"):
+        load_forest(tmp_path, ABOUT)
 
 
 def test_no_day_is_on_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every fit but the last leaves out whole days, and each day is left out once."""
-    from pipeline.submodels.spindle import residual
+    """Every model of days left out is of whole days, and each day is left out once."""
+    seen: list[set[str]] = []
+    plain = Recipe.model_of
 
-    data = noisy()
-    marked = replace(data, x=np.column_stack([data.x, pd.factorize(data.day)[0]]))
-    seen: list[set[float]] = []
-    plain = residual.fitted_forest
+    def watched(self: Recipe, some: Sequence[StateSegment]) -> SpindleModel:
+        seen.append({piece.day for piece in some})
+        return plain(self, some)
 
-    def watched(x: np.ndarray, error: np.ndarray, settings: ForestSettings) -> object:
-        seen.append(set(x[:, -1]))
-        return plain(x, error, settings)
-
-    monkeypatch.setattr(residual, "fitted_forest", watched)
-    train_residual_forest(marked, RECORDS, QUICK)
-    *folds, everything = seen
-    assert everything == {0.0, 1.0, 2.0}
-    left_out = [everything - fold for fold in folds]
-    assert sorted(day for group in left_out for day in group) == [0.0, 1.0, 2.0]
+    monkeypatch.setattr(Recipe, "model_of", watched)
+    about, _, _ = judged(6, noise)
+    everything = set(about.days)
+    left_out = [everything - fold for fold in seen]
+    assert sorted(day for group in left_out for day in group) == sorted(everything)

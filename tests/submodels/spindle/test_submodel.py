@@ -34,7 +34,7 @@ from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table
 
 IDENTITY = MachineIdentity(name="mill", description="a mill", origin="simulated")
 QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,), nodes=(1,))
-FOREST = ForestSettings(trees=3, depth=3, folds=2, every_s=1800.0, sample_s=300.0)
+FOREST = ForestSettings(trees=3, depth=3, every_s=1800.0, sample_s=300.0)
 DAYS = [f"2026-01-{day:02d}" for day in (5, 6, 7, 19, 20, 21)]
 ROLES = Roles(training_days=Days(first="2026-01-05", last="2026-01-07"))
 JUDGING = Judging(identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_limits=SpindleLimits())

@@ -24,7 +24,6 @@ QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(300.0, 7200.0))
 @pytest.mark.parametrize(
     ("minutes", "in_winding", "seeds", "found_least", "held_least"),
     [
-        (3.0, 0.0, 1, 1, 1),
         (10.0, 1.0, 1, 1, 1),
         *(
             pytest.param(minutes, in_winding, 100, 90, 85, marks=pytest.mark.proof)

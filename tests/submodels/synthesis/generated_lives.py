@@ -1,22 +1,21 @@
 """Made lives of tools, a generator trained on some of them, and their judgement."""
 
-import atexit
 from dataclasses import dataclass, replace
-from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pytest
 
 from pipeline.nets.dcgan_settings import GanSettings, GanTraining
-from pipeline.schema.store import write_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.contract import Predictor
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.synthesis.model import SynthesisModel
 from pipeline.submodels.synthesis.settings import SynthesisFitSettings, SynthesisLimits
 from pipeline.submodels.synthesis.submodel import SUBMODEL, Fitting, Judging
+from tests.shared import made_once
 from tests.signals.wear_files import IDENTITY, signals_of, wear_records
 
 ROLES = Roles(training=("wear/T[0-5]_*",))
@@ -65,18 +64,22 @@ def build(
 ) -> Built:  # fmt: skip
     """Nine made tools, six of them in training; ``wears`` (9, 6) replaces what is told of wear.
 
+    What stands in ``root`` already is not made again.
+
     Further arguments change section ``wear_records``.
     """
     told = None if wears is None else np.asarray(wears, float)
-    signals = signals_of(root, tools=9, cuts=6, rows=400, wears=told)
+    signals, folder = root / "signals", root / "model"
+    if not folder.exists():
+        signals = signals_of(root, tools=9, cuts=6, rows=400, wears=told)
     fitting = Fitting(
         identity=IDENTITY, roles=roles, wear_records=wear_records(**records), synthesis_fit=settings
     )
     cases = SUBMODEL.cases(Records(signals=signals), fitting)
-    folder = root / "model"
-    folder.mkdir()
-    model = SUBMODEL.fit(cases, fitting, folder)
-    write_json(model, folder / "model.json")
+    if not folder.exists():
+        folder.mkdir()
+        write_json(SUBMODEL.fit(cases, fitting, folder), folder / "model.json")
+    model = read_json(folder / "model.json", SynthesisModel)
     judging = Judging(
         identity=IDENTITY, roles=roles, wear_records=wear_records(**records),
         synthesis_limits=limits or SynthesisLimits(),
@@ -84,9 +87,6 @@ def build(
     return Built(signals=signals, folder=folder, cases=cases, model=model, settings=judging)
 
 
-@cache
-def once() -> Built:
-    """The model of :func:`build`, trained once for all tests of a process; to be read only."""
-    folder = TemporaryDirectory()
-    atexit.register(folder.cleanup)
-    return build(Path(folder.name) / "lives")
+def once(factory: pytest.TempPathFactory) -> Built:
+    """The model of :func:`build`, trained once for all tests of a run; to be read only."""
+    return build(made_once(factory, "lives", build))

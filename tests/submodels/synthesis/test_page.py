@@ -1,5 +1,6 @@
 """Page of generated signals: its words are those of the verdict, its figures are drawn."""
 
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,17 +23,19 @@ from tests.submodels.synthesis.generated_lives import HELD_OUT, once
 
 
 @pytest.fixture(scope="module")
-def shown() -> Shown:
-    built = once()
+def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
+    built = once(tmp_path_factory)
     done = built.judged()
+    folder = tmp_path_factory.mktemp("shown")
+    shutil.copytree(built.folder, folder, dirs_exist_ok=True)
     shelf = SourceRegistry()
-    model = shelf.read(built.folder / "model.json", SynthesisModel)
-    write_json(done.verdict, built.folder / "verdict.json")
-    write_predictions(done.predictions, built.folder / "predictions.parquet")
-    shelf.read(built.folder / "verdict.json", Verdict)
-    shelf.predictions(built.folder / "predictions.parquet")
+    model = shelf.read(folder / "model.json", SynthesisModel)
+    write_json(done.verdict, folder / "verdict.json")
+    write_predictions(done.predictions, folder / "predictions.parquet")
+    shelf.read(folder / "verdict.json", Verdict)
+    shelf.predictions(folder / "predictions.parquet")
     return Shown(
-        machine="rig", origin="simulated", shelf=shelf, folder=built.folder, model=model,
+        machine="rig", origin="simulated", shelf=shelf, folder=folder, model=model,
         verdict=done.verdict, predictions=done.predictions,
     )  # fmt: skip
 

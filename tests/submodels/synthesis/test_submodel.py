@@ -25,8 +25,8 @@ from tests.submodels.synthesis.generated_lives import HELD_OUT, SHORT, Built, bu
 
 
 @pytest.fixture(scope="module")
-def built() -> Built:
-    return once()
+def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
+    return once(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

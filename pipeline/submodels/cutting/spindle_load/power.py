@@ -189,27 +189,3 @@ def _together(
     )
     variance = weight @ (covariance + np.diag((share * power) ** 2)) @ weight
     return quantile * float(np.sqrt(variance))
-
-
-def cut_rates(
-    *, flutes: ArrayLike, diameter: ArrayLike, n: ArrayLike, f_z: ArrayLike, a_p: ArrayLike,
-    phi_st: ArrayLike, phi_ex: ArrayLike,
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """Removal rate [m^3/s] and edge rate [m^2/s] of a cut with constant engagement.
-
-    Parameters
-    ----------
-    flutes : array_like
-        Number of teeth.
-    diameter, f_z, a_p : array_like
-        Of the tool, feed for each tooth, axial depth [m].
-    n : array_like
-        Spindle speed [rev/s].
-    phi_st, phi_ex : array_like
-        Where teeth enter and leave [rad].
-    """
-    teeth, D, speed = (np.asarray(v, dtype=np.float64) for v in (flutes, diameter, n))
-    entry, leave = np.asarray(phi_st), np.asarray(phi_ex)
-    removal = teeth * speed * np.asarray(f_z) * a_p * D / 2 * (np.cos(entry) - np.cos(leave))
-    edge = teeth * speed * np.asarray(a_p) * D / 2 * (leave - entry)
-    return removal, edge

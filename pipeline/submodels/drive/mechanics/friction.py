@@ -110,7 +110,7 @@ def friction_points(segments: Sequence[Segment]) -> list[FrictionPoint]:
 
 
 def _point(group: Sequence[Segment]) -> FrictionPoint:
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     seconds = np.array([one.seconds for one in group])
     share = seconds / seconds.sum()
@@ -120,7 +120,7 @@ def _point(group: Sequence[Segment]) -> FrictionPoint:
     half = NORMAL * within
     if len(group) > 1:
         between = float(np.sqrt((share**2) @ (force - mean) ** 2 * len(group) / (len(group) - 1)))
-        half = max(half, float(student.ppf(0.975, len(group) - 1)) * between)
+        half = max(half, float(stdtrit(len(group) - 1, 0.975)) * between)
     velocity = float(share @ np.array([one.velocity for one in group]))
     return FrictionPoint(
         velocity=velocity, force=mean, half_width=half, seconds=float(seconds.sum())

@@ -96,9 +96,9 @@ class PositionDisturbance:
     @property
     def quantile(self) -> float:
         """Student's t for a 95 % interval: a variance from few strokes is uncertain itself."""
-        from scipy.stats import t as student
+        from scipy.special import stdtrit
 
-        return float(student.ppf(0.975, self.strokes))
+        return float(stdtrit(self.strokes, 0.975))
 
 
 def position_disturbance(
@@ -241,10 +241,10 @@ def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
     freedom = len(sums) - len(linear)
     if freedom < 1:
         return None
-    from scipy.stats import t as student
+    from scipy.special import stdtrit
 
     covariance = inverse @ (sums.T @ sums) @ inverse.T * (len(sums) / freedom)
-    half_width = student.ppf(0.975, freedom) * np.sqrt(np.diag(covariance))
+    half_width = stdtrit(freedom, 0.975) * np.sqrt(np.diag(covariance))
     return Instrumental(
         index=linear, values=scaled / lengths[0], half_width=half_width / lengths[0]
     )

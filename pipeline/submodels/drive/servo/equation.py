@@ -420,7 +420,10 @@ def servo_equation(
     node = period * _samples_a_node(period, bandwidth)
     for record in records:
         for first, after in stretches(record, nominal.current_limit, bandwidth):
-            parts += window_columns(record.rows(first, after), node, bandwidth, difference)
+            one = record.rows(first, after)
+            rows = stretch_rows(after - first, one.period, node, bandwidth)
+            found = servo_signals(one, bandwidth, difference)
+            parts += without_drift(delayed(found, rows, node / one.period))
     if not parts:
         longest = max((len(r.command) * r.period for r in records), default=0.0)
         raise ValueError(
@@ -444,14 +447,6 @@ def _samples_a_node(period: float, bandwidth: float) -> int:
     return max(1, round(_SHARE / (bandwidth * period)))
 
 
-def window_columns(
-    stretch: ServoRecord, node: float, bandwidth: float, difference: Difference
-) -> list[Floats]:
-    """Columns of the windows of one stretch, each less its own straight line."""
-    found = _stretch(stretch, node, bandwidth, difference)
-    return [_without_drift(part) for part in _windows(found, WINDOW)]
-
-
 def stretches(record: ServoRecord, limit: float | None, bandwidth: float) -> list[tuple[int, int]]:
     """First sample and end of each stretch that is long enough and away from the limit."""
     least = round(4 * _EDGE / (bandwidth * record.period)) + NODES * _samples_a_node(
@@ -462,24 +457,52 @@ def stretches(record: ServoRecord, limit: float | None, bandwidth: float) -> lis
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2) if b - a > least]
 
 
-def _stretch(record: ServoRecord, node: float, bandwidth: float, difference: Difference) -> Floats:
-    """Columns of one stretch."""
-    from scipy.interpolate import CubicSpline
+def stretch_rows(samples: int, period: float, node: float, bandwidth: float) -> Ints:
+    """Samples of a stretch that are rows of the equation; shape (N,)."""
+    edge = round(_EDGE / (bandwidth * period))
+    late = int(np.ceil(node * (NODES - 1) / period))
+    return np.arange(
+        edge + late, samples - edge, max(1, int(1 / (_PER_PERIOD * bandwidth * period)))
+    )
 
+
+def servo_signals(record: ServoRecord, bandwidth: float, difference: Difference) -> Floats:
+    """Signals of the seven groups of columns, and the command; shape (8, T)."""
     h = record.period
     motion = np.stack((record.reference, record.position, record.command))
     r, x, A = servo_low_passed(motion, h, bandwidth)
     e, v = r - x, derivative(x, h)
     swept = h * np.cumsum(e - 0.5 * np.diff(e, prepend=e[0]))
     way, speed, ahead = _fed_forward(r, h, difference)
-    signals = np.stack((e, speed, swept, way, ahead, v, x - r[0]))
-    edge = round(_EDGE / (bandwidth * h))
-    late = int(np.ceil(node * (NODES - 1) / h))
-    rows = np.arange(edge + late, len(A) - edge, max(1, int(1 / (_PER_PERIOD * bandwidth * h))))
-    spline = CubicSpline(np.arange(len(A)) * h, signals, axis=1)
-    delayed = spline((rows * h)[:, None] - node * np.arange(NODES))
-    columns: Floats = np.moveaxis(delayed, 0, 1).reshape(len(rows), -1)
-    return np.column_stack((columns, A[rows]))
+    return np.stack((e, speed, swept, way, ahead, v, x - r[0], A))
+
+
+def delayed(signals: Floats, rows: Ints, node: float) -> Floats:
+    """Signals at the delays of the nodes, ``node`` samples apart, and the command.
+
+    Parameters
+    ----------
+    signals : ndarray, shape (8, T)
+        As :func:`servo_signals`.
+    rows : ndarray of int, shape (N,)
+        Samples at which they are taken.
+    node : float
+        Distance of the nodes in samples [1].
+
+    Returns
+    -------
+    ndarray, shape (N, NODES * 7 + 1)
+    """
+    places = rows[:, None] - node * np.arange(NODES)
+    whole = np.rint(places).astype(np.int64)
+    if np.abs(places - whole).max(initial=0.0) < 1e-6:
+        found = signals[:-1, whole]
+    else:  # recordings of different periods
+        from scipy.interpolate import CubicSpline
+
+        found = CubicSpline(np.arange(signals.shape[1]), signals[:-1], axis=1)(places)
+    columns = np.moveaxis(found, 0, 1).reshape(len(rows), -1)
+    return np.column_stack((columns, signals[-1, rows]))
 
 
 def _fed_forward(
@@ -500,14 +523,14 @@ def _fed_forward(
     return way, speed, rate(speed)
 
 
-def _windows(columns: Floats, rows: int) -> list[Floats]:
-    return np.array_split(columns, max(1, len(columns) // rows))
-
-
-def _without_drift(columns: Floats) -> Floats:
-    """Columns less their straight lines of least squares."""
-    line = np.stack((np.ones(len(columns)), np.linspace(-1, 1, len(columns))), axis=1)
-    return columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0]
+def without_drift(columns: Floats) -> list[Floats]:
+    """Columns of one stretch by windows, each less its own straight line of least squares."""
+    found = []
+    for part in np.array_split(columns, max(1, len(columns) // WINDOW)):
+        line = np.linspace(-1, 1, len(part))
+        level = part - part.mean(axis=0)
+        found.append(level - np.outer(line, line @ level / (line @ line)))
+    return found
 
 
 def derivative(signal: Floats, period: float) -> Floats:

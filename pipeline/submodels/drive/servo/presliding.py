@@ -30,6 +30,8 @@ DEFLECTIONS = (1e-4, 2e-7)
 TIMES = (0.2, 60.0)
 """Least and greatest time that friction takes to let go of a standing axis [s]."""
 TRIED = 41
+COARSE = 5
+"""Step through the values that are tried first [1]."""
 ROUNDS = 6
 """Most rounds of both searches."""
 STRETCHES = 8
@@ -113,18 +115,20 @@ def identify_presliding(
     level = max(friction.positive.static, friction.negative.static)
     if level <= 0.0:
         return None
-    stiffnesses = np.geomspace(level / DEFLECTIONS[0], level / DEFLECTIONS[1], TRIED)
     row = drive_row(servo, screw)
+    loops = [loop for one in shown if (loop := _loop(one, axis, row)) is not None]
+    stiffnesses = np.geomspace(level / DEFLECTIONS[0], level / DEFLECTIONS[1], TRIED)
     times, loss = np.geomspace(*TIMES, TRIED), 0.0
     found: list[PreslidingFit] = []
     # in turn, each with what is known of the other: their curves lie nearly across each other
     while len(found) < ROUNDS:
+        before = (found[-1].stiffness, found[-1].time) if found else (None, None)
         springs = [(one, loss) for one in stiffnesses.tolist()]
-        stiffness = _nearest(shown, axis, row, springs, stiffnesses, widest)
+        stiffness = _nearest(loops, row, springs, stiffnesses, widest, before[0])
         if stiffness is None:
             return None
         springs = [(stiffness.value, 1.0 / one) for one in times.tolist()]
-        time = _nearest(shown, axis, row, springs, times, widest)
+        time = _nearest(loops, row, springs, times, widest, before[1])
         found.append(PreslidingFit(stiffness=stiffness, time=time))
         if time is None or not time.determined:
             break
@@ -146,19 +150,67 @@ def _same(before: PreslidingFit, found: PreslidingFit) -> bool:
     return all(abs(one.value - two.value) <= 0.01 * two.value for one, two in pairs)
 
 
-def _nearest(
-    recordings: Sequence[Recording], axis: str, row: Floats,
-    springs: Sequence[tuple[float, float]], values: Floats, widest: float,
-) -> Estimate | None:  # fmt: skip
-    """Value whose spring comes nearest to the recorded commands; None without a recording."""
-    squares = [_squares(one, axis, row, springs) for one in recordings]
-    squares = [one for one in squares if one.size and np.isfinite(one).all()]
-    if not squares:
+class _Loop(NamedTuple):
+    """Reference of a recording at the steps of the servo, its command, and steps in a sample."""
+
+    reference: Floats
+    command: Floats
+    many: int
+    step: float
+
+
+def _loop(one: Recording, axis: str, row: Floats) -> _Loop | None:
+    """The recording's loop; None without a reference, or where its steps are too long."""
+    record = one.axes[axis]
+    many = max(int(np.ceil(one.period / STEP - 1e-9)), 1)
+    if record.reference is None or not stable(row, one.period / many):
         return None
-    parts = np.concatenate(squares, axis=1)  # (values, stretches)
+    return _Loop(between(record.reference, many), record.command, many, one.period / many)
+
+
+def _nearest(
+    loops: Sequence[_Loop], row: Floats, springs: Sequence[tuple[float, float]], values: Floats,
+    widest: float, near: Estimate | None,
+) -> Estimate | None:  # fmt: skip
+    """Value whose spring comes nearest to the recorded commands; None without a recording.
+
+    The curve over the values has one valley: from the lowest of a coarse grid, or from the value
+    ``near`` that was found before, it is followed down to the lowest of all.
+    """
+    last = len(values) - 1
+    coarse = list(range(0, len(values), COARSE))
+    if near is not None:
+        coarse = [0, int(np.abs(values - near.value).argmin()), last]
+    first = {k: [_squares(one, row, springs[k]) for one in loops] for k in coarse}
+    finite = np.array([[np.isfinite(one).all() for one in each] for each in first.values()])
+    kept = np.flatnonzero(finite.all(axis=0)).tolist()
+    if not kept:
+        return None
+    known = {k: np.concatenate([one[n] for n in kept]) for k, one in first.items()}
     logs = np.log(values)
-    whole, inside = _lowest(logs, parts.sum(axis=1))
-    left = [_lowest(logs, np.delete(parts, k, axis=1).sum(axis=1)) for k in range(parts.shape[1])]
+
+    def lowest(out: int | None) -> tuple[float, bool]:
+        """Place of the least by a parabola through three points, and whether it is inside."""
+
+        def total(k: int) -> float:
+            parts = known[k] if out is None else np.delete(known[k], out)
+            return float(parts.sum())
+
+        while True:
+            k = min(known, key=total)
+            beside = [j for j in (k - 1, k + 1) if 0 <= j <= last and j not in known]
+            if not beside:
+                break
+            for j in beside:
+                known[j] = np.concatenate([_squares(loops[n], row, springs[j]) for n in kept])
+        if not 0 < k < last:
+            return float(logs[k]), False
+        below, here, above = (total(j) for j in (k - 1, k, k + 1))
+        shift = 0.5 * (below - above) / (below - 2 * here + above)
+        return float(logs[k] + shift * (logs[1] - logs[0])), True
+
+    whole, inside = lowest(None)
+    left = [lowest(out) for out in range(len(next(iter(known.values()))))]
     places = np.array([place for place, _ in left])
     many = len(places)
     error = float(np.sqrt((many - 1) / many * ((places - places.mean()) ** 2).sum()))
@@ -168,29 +220,10 @@ def _nearest(
     return Estimate(best, float(low), float(high), bool(sure))
 
 
-def _squares(
-    one: Recording, axis: str, row: Floats, springs: Sequence[tuple[float, float]]
-) -> Floats:
-    """Sums of squares of the command's error by spring and stretch; shape (K, STRETCHES)."""
-    record = one.axes[axis]
-    many = max(int(np.ceil(one.period / STEP - 1e-9)), 1)
-    if record.reference is None or not stable(row, one.period / many):
-        return np.zeros((len(springs), 0))
-    fine = between(record.reference, many)
-    load, position, command = np.zeros(len(fine)), np.empty(len(fine)), np.empty(len(fine))
-    found = []
-    for spring in springs:
-        presliding_trace(fine, load, row, spring, one.period / many, position, command)
-        error = (command[::many] - record.command) ** 2
-        found.append([part.sum() for part in np.array_split(error, STRETCHES)])
-    return np.array(found)
-
-
-def _lowest(logs: Floats, sums: Floats) -> tuple[float, bool]:
-    """Place of a curve's least by a parabola through three points; whether it is inside."""
-    k = int(np.argmin(sums))
-    if not 0 < k < len(sums) - 1:
-        return float(logs[k]), False
-    below, here, above = sums[k - 1 : k + 2].tolist()
-    shift = 0.5 * (below - above) / (below - 2 * here + above)
-    return float(logs[k] + shift * (logs[1] - logs[0])), True
+def _squares(loop: _Loop, row: Floats, spring: tuple[float, float]) -> Floats:
+    """Sums of squares of the command's error with a spring, by stretch; shape (STRETCHES,)."""
+    fine, many = loop.reference, loop.many
+    position, command = np.empty(len(fine)), np.empty(len(fine))
+    presliding_trace(fine, np.zeros(len(fine)), row, spring, loop.step, position, command)
+    error = (command[::many] - loop.command) ** 2
+    return np.array([part.sum() for part in np.array_split(error, STRETCHES)])

@@ -1,0 +1,79 @@
+"""Stage: by what hash the recordings are known that each section of a machine's settings names.
+
+A stage depends on its entries here and not on the folder of all records, so that a new day of the
+machine's log fits nothing again that reads servo traces.
+"""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from fnmatch import fnmatchcase
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from pipeline.schema.golden import read_golden
+from pipeline.schema.store import write_json
+from pipeline.submodels.cases import Records
+from pipeline.submodels.judge import changes
+
+NAME_NO_RECORDINGS = {"identity", "records", "roles", "shop"}
+"""Sections whose patterns say how files are read and used, not which ones a stage reads."""
+TIMED, FROZEN = "timed", "frozen"
+
+
+def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
+    """Write a hash for each section of a machine, of the recordings that its texts name.
+
+    Parameters
+    ----------
+    manifest : Path
+        Of the ingest: raw files with the hashes of their bytes and of what reads them.
+    settings : Path
+        Sections of the machine, JSON.
+    golden : Path
+        Folder of the frozen sets.
+    index : Path
+        JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen`` of
+        whatever the frozen sets and the records disagree in.
+    """
+    files = Records(manifest=manifest).files
+    sections = json.loads(settings.read_text())
+    found = {
+        name: _hash(file for file in files.items() if _named(file[0], _texts(content)))
+        for name, content in sections.items()
+        if name not in NAME_NO_RECORDINGS
+    }
+    sets = read_golden(golden / settings.name)
+    frozen = [] if sets is None else [one for one in (sets.golden, sets.sealed) if one is not None]
+    found[TIMED] = _hash(file for file in files.items() if file[1].get("last"))
+    found[FROZEN] = _digest([changes(one, files) for one in frozen])
+    write_json(found, index)
+
+
+def _hash(files: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
+    """Hash of raw files with all that their tables were made from."""
+    return _digest([(name, entry["sha256"], entry.get("made_from")) for name, entry in files])
+
+
+def _digest(content: Any) -> str:
+    return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _named(file: str, texts: list[str]) -> bool:
+    return any(fnmatchcase(file, text) for text in texts)
+
+
+def _texts(content: Any) -> list[str]:
+    """All texts of a section, patterns of files among them."""
+    return list(_leaves(content))
+
+
+def _leaves(content: Any) -> Iterator[str]:
+    if isinstance(content, str):
+        yield content
+    elif isinstance(content, Mapping):
+        for one in content.values():
+            yield from _leaves(one)
+    elif isinstance(content, list):
+        for one in content:
+            yield from _leaves(one)
