@@ -35,7 +35,7 @@ from pipeline.nets.dcgan import (
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
 from pipeline.nets.spectral_distance import energy_distance
 from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_training import Diverged, autocast, usable_precision
+from pipeline.nets.window_training import Diverged, autocast, cooled, usable_precision
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -222,9 +222,9 @@ class _Loop:
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:
         """One step of each network; their losses, shape (2,)."""
         told, batch = self._batch(data), self.training.batch
-        left = 1.0 - (done - 1) / self.training.steps
+        left = cooled(done, self.training.steps, self.training.cooling)
         for name, one in self.adam.items():
-            one.rate = self.rates[name] * min(left / max(self.training.cooling, 1e-12), 1.0)
+            one.rate = left * self.rates[name]
         real, numbers, words = told
         pairs = 2 if self.training.spectrum or self.training.reading else 1
         noise = torch.randn(pairs * batch, self.kind.latent).to(self.device)

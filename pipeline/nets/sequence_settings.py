@@ -5,7 +5,7 @@ from typing import Annotated, ClassVar
 
 from pipeline.nets.settings import Whole
 from pipeline.parallel import Compute
-from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
+from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged, Share
 from pipeline.search.methods import METHODS
 
 PRECISIONS = ("float32", "bfloat16")
@@ -166,6 +166,8 @@ class WindowTraining(Ranged, section="window_training"):
         Epochs without a lower error on the validation recordings after which a training ends.
     learning_rate : float
         Of Adam: 0.001 to 0.01 in Feed2025.
+    cooling : float
+        Share of the epochs, the last ones, over which the rate falls to zero [1].
     l2 : float
         Penalty on the squares of the weights, biases left out [1]: 0.0001 to 0.1 in Feed2025.
     batch : int
@@ -191,6 +193,7 @@ class WindowTraining(Ranged, section="window_training"):
     epochs: Count = 100
     patience: Count = 20
     learning_rate: Positive = 0.003
+    cooling: Share = 0.0
     l2: NotNegative = 0.0
     batch: Count = 64
     validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2

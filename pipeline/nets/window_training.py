@@ -145,6 +145,11 @@ def usable_precision(precision: str, device: str = "cpu") -> str:
     return precision if there else "float32"
 
 
+def cooled(done: int, many: int, cooling: float) -> float:
+    """Share of the learning rate at one of many steps: it falls to zero over the last ones."""
+    return min((1.0 - (done - 1) / many) / cooling, 1.0) if cooling else 1.0
+
+
 def autocast(precision: str, device: str) -> AbstractContextManager[object]:
     """Within which products are of that precision."""
     if precision == "float32":
@@ -205,6 +210,9 @@ class _Loop:
         for done in range(first + 1, self.settings.epochs + 1):
             if at.history and done - 1 - at.best_at >= self.settings.patience:
                 break
+            self.adam.rate = self.settings.learning_rate * cooled(
+                done, self.settings.epochs, self.settings.cooling
+            )
             learnt = self._epoch(*training)
             error = _rmse(self.built, validation) if len(validation[1]) else learnt
             if not (isfinite(learnt) and isfinite(error)):

@@ -8,7 +8,7 @@ that its column ends at t less its age.  No window crosses from one recording in
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from math import ceil, inf, isfinite
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
@@ -73,13 +73,54 @@ class WindowInput(Ranged, section="input"):
     older_than_s: Annotated[float | None, Range(least=0.0, unit="s")] = None
 
 
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Windows of several recordings as one array (B, T, C), copied only where rows are asked for.
+
+    Parameters
+    ----------
+    parts : sequence of ndarray, each shape (N, T, C)
+        Of each recording: views of its table.
+    rows : ndarray of int, shape (B,)
+        Those that are meant, counted over all parts.
+    """
+
+    parts: Sequence[Floats]
+    rows: Ints
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """(B, T, C)."""
+        return (len(self.rows), *self.parts[0].shape[1:])
+
+    def of(self, rows: Any) -> "Joined":
+        """Some of the rows, not yet copied."""
+        return Joined(self.parts, self.rows[rows])
+
+    def __getitem__(self, key: Any) -> Floats:
+        first, *others = key if isinstance(key, tuple) else (key,)
+        rows, begin = self.rows[first], 0
+        found = np.empty((len(rows), *self.parts[0].shape[1:]))
+        for part in self.parts:
+            mine = (begin <= rows) & (rows < begin + len(part))
+            found[mine] = part[rows[mine] - begin]
+            begin += len(part)
+        return found[(slice(None), *others)]
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> Floats:
+        return self[:].astype(dtype or np.float64, copy=False)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Windows:
     """Windows with what they predict.
 
     Parameters
     ----------
-    x : ndarray, shape (B, T, C)
+    x : ndarray or Joined, shape (B, T, C)
         Inputs, the newest row last.
     y : ndarray, shape (B,) or (B, H)
         Target.
@@ -113,6 +154,7 @@ class Windows:
 def windows_of(
     recordings: Sequence[Recording], inputs: Sequence[WindowInput], target: str, length: int,
     horizon_s: float, *, outputs: int | None = None, every: int = 1, allow_leaks: bool = False,
+    joined: bool = False,
 ) -> Windows:  # fmt: skip
     """All windows of recordings.
 
@@ -136,6 +178,8 @@ def windows_of(
     allow_leaks : bool
         Whether inputs that could not be known yet are let in and named in ``leaks``, to show what
         a leak would seem to gain.
+    joined : bool
+        Whether the inputs stay views, of which some are taken.
 
     Raises
     ------
@@ -165,8 +209,11 @@ def windows_of(
             f"no recording of {', '.join(one.name for one in recordings)} is long enough for a "
             f"window of {length} samples and the ages of its inputs: shorten them"
         )
+    parted = [part.x for part in parts]
+    together: Any = Joined(parted, np.arange(sum(map(len, parted))))
     return Windows(
-        x=np.concatenate([part.x for part in parts]), y=np.concatenate([part.y for part in parts]),
+        x=together if joined else np.concatenate(parted),
+        y=np.concatenate([part.y for part in parts]),
         group=np.concatenate([part.group for part in parts]),
         at=np.concatenate([part.at for part in parts]), inputs=tuple(inputs), leaks=tuple(leaks),
     )  # fmt: skip

@@ -70,7 +70,7 @@ def sampled(
     horizon = inf if use == PREDICTION else settings.horizon_s
     found = windows_of(
         [one.recording for one in features], inputs, RESIDUAL, settings.length, horizon,
-        allow_leaks=allow_leaks,
+        allow_leaks=allow_leaks, joined=True,
     )  # fmt: skip
     by_name = {one.recording.name: one for one in features}
     keep = np.zeros(len(found.y), bool)
@@ -81,10 +81,12 @@ def sampled(
         at = found.at[rows]
         keep[rows] = (at * one.recording.step_s >= settings.settle_s) & one.known[at]
         regime[rows], time[rows], group[rows] = one.regime[at], one.time[at], one.group
-    regrouped = replace(found, group=group.astype(str))
-    return Sampled(
-        windows=chosen(regrouped, keep), regime=regime[keep].astype(str), time=time[keep]
-    )
+    all_of_them: Any = found.x
+    windows = replace(
+        found, x=all_of_them.of(keep), y=found.y[keep], group=group[keep].astype(str),
+        at=found.at[keep],
+    )  # fmt: skip
+    return Sampled(windows=windows, regime=regime[keep].astype(str), time=time[keep])
 
 
 def chosen(windows: Windows, rows: Any) -> Windows:

@@ -46,8 +46,8 @@ DIGITS = 6
 class Trained:
     """A generator with the features of what it was trained on, and whether it collapsed.
 
-    ``earlier`` are its states at stated steps of the training, ``others`` generators of other seeds
-    with features of their windows at the same conditions.
+    ``earlier`` are its states at stated steps of the training, ``others`` the last of these and
+    generators of other seeds, with features of their windows at the same conditions.
     """
 
     gan: "TrainedGan"
@@ -80,8 +80,8 @@ class _Task:
     training: GanTraining
 
 
-def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"], Floats]:
-    """The generator, its states at stated steps, and its windows at the conditions."""
+def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"]]:
+    """The generator, and its states at stated steps."""
     from pipeline.nets.dcgan_training import train_gan
 
     windows, training, looks = task.windows, task.training, task.settings.looks
@@ -99,7 +99,7 @@ def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"], Floa
         condition_units={WEAR: windows.wear_unit, **windows.condition_units}, watch=look,
         read=WEAR,
     )  # fmt: skip
-    return gan, earlier, gan.sample(task.conditions, seed=task.settings.seed + 1)
+    return gan, earlier
 
 
 def trained(
@@ -125,11 +125,15 @@ def trained(
     not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}
     conditions = {k: v for k, v in conditions_of_windows(windows).items() if k not in not_used}
     first = settings.training
-    (gan, earlier, made), *others = mapped(_generator, [
+    done = mapped(_generator, [
         _Task(windows=windows, conditions=conditions, settings=settings,
               training=replace(first, seed=first.seed + k))
         for k in range(settings.trainings)
     ], compute=place(STEP * settings.trainings * first.steps))  # fmt: skip
+    (gan, earlier), *others = done
+    made = gan.sample(conditions, seed=settings.seed + 1)
+    states = [one for pair in others for one in (pair[0], *_latest(pair[1]))]
+    states += _latest(earlier) if others else []
     numbers, words = gan.space.encoded(conditions)
     at = np.hstack([numbers, *(2.0 * np.eye(w.max() + 1)[w] for w in words.T)])
     found = collapse(windows.values, made, at, gan.history[:, 1], seed=settings.seed)
@@ -141,9 +145,16 @@ def trained(
         shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
     return Trained(
-        gan=gan, earlier=earlier, others=tuple((one, of_windows(some)) for one, _, some in others),
-        reference=reference, collapse=found, windows=len(windows),
+        gan=gan, earlier=earlier, reference=reference, collapse=found, windows=len(windows),
+        others=tuple(
+            (one, of_windows(one.sample(conditions, seed=settings.seed + 1))) for one in states
+        ),
     )  # fmt: skip
+
+
+def _latest(earlier: Mapping[int, "TrainedGan"]) -> list["TrainedGan"]:
+    """The last state before the end, where one was looked at."""
+    return [earlier[max(earlier)]] if earlier else []
 
 
 def looks(

@@ -148,7 +148,8 @@ class GeneratorFile:
     """``generator.json``: document of the network, features as packed arrays, networks that judge.
 
     The latter are those of the wear model, which saw recorded windows of training tools alone.
-    ``others`` are generators of other seeds, which do not serve, with features of their windows.
+    ``others`` are generators of other seeds, and states before the end, which do not serve, with
+    features of their windows.
     """
 
     document: Mapping[str, Any]

@@ -19,8 +19,8 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
     training : GanTraining
         Its budget.
     trainings : int
-        Generators of as many seeds, trained side by side: the first serves, and from all of them
-        it is known how far trainings differ.
+        Generators of as many seeds, trained side by side: the first serves, and from all of them,
+        at the last look and at the end, it is known how far trainings differ.
     by_tool : bool
         Whether the tool is a condition too; of one that was not learnt the mean of those that were
         takes its place.

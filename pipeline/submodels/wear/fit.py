@@ -19,7 +19,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.interval import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
-from pipeline.submodels.statistics import gains
+from pipeline.submodels.statistics import LEVEL, gains
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import (
     blend_weights,
@@ -149,8 +149,10 @@ def _who_serves(
     out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float]
 ) -> tuple[str, str]:
     """Champion, and the method that would serve without the guess."""
-    best = min((n for n in METHODS if n in scores), key=lambda n: scores[n].rmse)
-    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]))
+    methods = [name for name in METHODS if name in scores]
+    best = min(methods, key=lambda name: scores[name].rmse)
+    # the best of several is chosen after the fact: each has its share of the level (Bonferroni)
+    surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]), LEVEL / len(methods))
     alone = best if surely else MEDIAN
     blended = weights.get(GUESS, 0.0) > 0 and not gains(
         _squares(out, out.by[BLEND]), _squares(out, out.by[alone])
