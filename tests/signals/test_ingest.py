@@ -264,6 +264,9 @@ def test_other_code_reads_anew(raw: Path, out: Path, tmp_path: Path) -> None:
         assert run(raw, out) == []  # the same code in another place
         with (code / "tables/csv_table.py").open("a") as file:
             file.write("# changed\n")
+        assert run(raw, out) == []  # a comment reads nothing in another way
+        with (code / "tables/csv_table.py").open("a") as file:
+            file.write("CHANGED = 1\n")
         assert len(run(raw, out)) == 3
     assert len(run(raw, out)) == 3
 

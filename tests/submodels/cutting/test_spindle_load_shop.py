@@ -8,7 +8,7 @@ import cattrs
 import pytest
 import yaml
 
-from pipeline.parameters import read_params, structure
+from pipeline.parameters import structure
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
@@ -16,6 +16,7 @@ from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
+from pipeline.stages.compose import composed
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.settings import (
@@ -39,7 +40,7 @@ def built(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     section = yaml.safe_load((ROOT / f"conf/shop/{machine}.yaml").read_text(encoding="utf-8"))
     shop = cattrs.Converter(forbid_extra_keys=True).structure(section, ShopParameters)
     truth = json.loads(json.dumps(write_cutting(raw, shop)))
-    values = read_params(ROOT / "params.yaml")
+    values = yaml.safe_load(composed(ROOT / "conf", ("fleet=simulated",)))
     at = f"machine.{machine}"
     sources = structure(values, f"{at}.records", tuple[RecordSource, ...])
     identity = structure(values, f"{at}.identity", MachineIdentity)
