@@ -39,7 +39,7 @@ def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
     files = Records(manifest=manifest).files
     sections = json.loads(settings.read_text())
     found = {
-        name: _hash(file for file in files.items() if _named(file[0], _texts(content)))
+        name: _hash(file for file in files.items() if is_named(file[0], texts(content)))
         for name, content in sections.items()
         if name not in NAME_NO_RECORDINGS
     }
@@ -59,11 +59,12 @@ def _digest(content: Any) -> str:
     return sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _named(file: str, texts: list[str]) -> bool:
-    return any(fnmatchcase(file, text) for text in texts)
+def is_named(file: str, patterns: Iterable[str]) -> bool:
+    """Whether a raw file matches one of the patterns."""
+    return any(fnmatchcase(file, pattern) for pattern in patterns)
 
 
-def _texts(content: Any) -> list[str]:
+def texts(content: Any) -> list[str]:
     """All texts of a section, patterns of files among them."""
     return list(_leaves(content))
 

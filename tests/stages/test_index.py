@@ -1,6 +1,7 @@
 """Hashes of the recordings that the sections of a machine name: each changes with its own alone."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,9 @@ import pytest
 
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, write_golden
 from pipeline.schema.model import SourceFile
-from pipeline.stages.index import FROZEN, TIMED, index
+from pipeline.stages.__main__ import load_stage, run
+from pipeline.stages.index import FROZEN, TIMED, index, is_named, texts
+from tests.small_project import inside, with_conf
 
 SECTIONS = {
     "identity": {"name": "mill"},
@@ -71,3 +74,48 @@ def test_a_frozen_set_is_held_against_the_records(tmp_path: Path) -> None:
     assert hashes(tmp_path, {**FILES, "agent/2026-01-06.txt": late})[FROZEN] != whole
     later = {"sha256": "f", "last": "2026-01-07T17:00:00Z"}
     assert hashes(tmp_path, {**FILES, "agent/2026-01-07.txt": later})[FROZEN] == whole
+
+
+MACHINE = "mill00"
+SECTION = {
+    "control": "control_records", "drive": "drive_records", "cutting": "cutting_records",
+    "deformation": "deformation_records", "compensation": "compensation_records",
+    "wear": "wear_records",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Records of the first fleet's mill, read."""
+    folder = with_conf(tmp_path_factory.mktemp("index") / "project", "demo")
+    with inside(folder):
+        run("compose", "conf", "params.yaml", "data/settings")
+        run(f"shop@{MACHINE}", f"data/raw/{MACHINE}", f"data/truth/{MACHINE}.json")
+        run(f"ingest@{MACHINE}", f"data/raw/{MACHINE}", f"data/signals/{MACHINE}")
+    return folder
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("name", SECTION)
+def test_a_fit_reads_no_recordings_but_those_of_its_hash(
+    recorded: Path, tmp_path: Path, name: str
+) -> None:
+    """The same model comes out where all other recordings are gone."""
+    raw, signals = f"data/raw/{MACHINE}", f"data/signals/{MACHINE}"
+    alone = tmp_path / "alone"
+    shutil.copytree(recorded, alone)
+    files = json.loads((alone / signals / "manifest.json").read_text())["files"]
+    settings = json.loads((alone / f"data/settings/machine/{MACHINE}.json").read_text())
+    mine = [one for one in files if is_named(one, texts(settings[SECTION[name]]))]
+    assert 0 < len(mine) < len(files)
+    for one in set(files) - set(mine):
+        (alone / raw / one).unlink()
+        if files[one]["output"]:
+            (alone / signals / files[one]["output"]).unlink()
+    stage = load_stage(f"identify_{name}")
+    places = {"raw": raw, "signals": signals, "drive": "data/none", "folder": "model"}
+    for folder in (recorded, alone):
+        with inside(folder):
+            run(f"identify_{name}@{MACHINE}", *(places[one] for one in stage.paths))
+    model = Path("model/model.json")
+    assert (recorded / model).read_bytes() == (alone / model).read_bytes()
