@@ -50,7 +50,7 @@ def lag(time_s: ArrayLike, values: ArrayLike, constant_s: float) -> Floats:
     drive = older[ends] * x[:-1] + younger[ends] * x[1:]
     answer = np.empty((len(x), x[0].size))
     answer[0] = x[0].ravel()
-    follow(decay, np.ascontiguousarray(drive).reshape(len(step), -1), answer)
+    follow(decay, np.ascontiguousarray(drive).reshape(len(step), x[0].size), answer)
     return answer.reshape(x.shape)
 
 

@@ -24,6 +24,10 @@ def test_a_lag_solves_its_differential_equation_at_uneven_samples() -> None:
     np.testing.assert_allclose(found, y, atol=1e-9)
 
 
+def test_a_single_sample_rests() -> None:
+    assert lag([5.0], [[20.0, 30.0]], 600.0).tolist() == [[20.0, 30.0]]
+
+
 def test_samples_between_change_no_lag() -> None:
     """Exact for straight steps: half steps give the same, and so does a record cut finer."""
     fine = np.sort(np.concatenate([TIME, (TIME[1:] + TIME[:-1]) / 2]))
