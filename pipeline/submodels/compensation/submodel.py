@@ -371,7 +371,7 @@ def _frame(
         if kind in (TWIN, PERSISTENCE):
             rows = np.arange(len(at))
         elif most is None:
-            rows = np.arange(len(at))[:: -(-len(at) // COMPARED)]
+            rows = np.arange(len(at))[:: max(-(-len(at) // COMPARED), 1)]
         else:
             continue  # networks that do not serve are not compared on what they learnt from
         column = np.full(len(at), np.nan)
