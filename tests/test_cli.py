@@ -181,7 +181,7 @@ def test_an_unknown_machine_is_named_with_those_known(project: Path, tmp_path: P
     ):
         said = refused(project, *words)
         assert "conf/machine/lathe9.yaml does not exist" in said
-        assert "mazak01, mill01, mill02" in said
+        assert "mazak01, mill00, mill01, mill02" in said
 
 
 def test_outside_a_project_it_says_where_to_run(tmp_path: Path) -> None:
@@ -348,7 +348,7 @@ def test_another_fleet_is_made_active(project: Path) -> None:
 @pytest.mark.parametrize("name", ["active", "nowhere", "../fleet/recorded"])
 def test_a_fleet_that_is_none_is_refused(name: str, project: Path) -> None:
     said = refused(project, "fleet", name)
-    assert "known fleets: recorded, simulated" in said
+    assert "known fleets: demo, recorded, simulated" in said
     assert active(project) == "simulated"
 
 

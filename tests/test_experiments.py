@@ -37,7 +37,7 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built and committed, then a comment of conf/ changed in a second commit."""
     root = with_conf(tmp_path_factory.mktemp("project"))
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-    compose = {**stages["compose"], "deps": ["conf"]}
+    compose = {**stages["compose"], "deps": ["conf"], "params": []}
     (root / "plotted.py").write_text(PLOTTED)
     plotted = {
         "cmd": "python plotted.py", "deps": ["plotted.py"],

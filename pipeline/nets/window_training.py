@@ -134,14 +134,19 @@ def train_windows(
 
 
 def usable_precision(precision: str, device: str = "cpu") -> str:
-    """``precision``, or float32 where the device has no products in bfloat16."""
+    """``precision``, or float32 where the device has no products in bfloat16.
+
+    A processor that torch is told to use like an older one, as stages do, has none.
+    """
     if precision == "float32":
         return precision
     if device.startswith("cuda"):
         there = torch.cuda.is_bf16_supported(including_emulation=False)
     else:
         told = torch.cpu.get_capabilities()
-        there = bool(told.get("avx512_bf16") or told.get("amx_bf16") or told.get("bf16"))
+        older = torch.backends.cpu.get_cpu_capability() in ("DEFAULT", "AVX2")
+        own = bool(told.get("avx512_bf16") or told.get("amx_bf16") or told.get("bf16"))
+        there = own and not older
     return precision if there else "float32"
 
 
