@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
+from ruamel.yaml import YAML
 
 from pipeline.parameters import parted
 from pipeline.stages.code import fingerprints
@@ -34,7 +35,7 @@ def test_dvc_repro_has_nothing_to_do() -> None:
 
 @pytest.fixture(scope="module")
 def locked() -> dict[str, Any]:
-    found: dict[str, Any] = yaml.load((ROOT / "dvc.lock").read_text(), Loader=yaml.CSafeLoader)
+    found: dict[str, Any] = YAML(typ="safe").load(ROOT / "dvc.lock")  # 1e-6 is a number, as for DVC
     return found["stages"]
 
 

@@ -153,7 +153,7 @@ def _beside(package: Path, name: str) -> str:
         return ""
     others = [
         path for path in sorted(folder.rglob("*"))
-        if path.is_file() and path.suffix not in (".py", ".pyc")
+        if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
         and not (path.parent != folder and (path.parent / "__init__.py").exists())
     ]  # fmt: skip
     return _digest(f"{one.name} {sha256(one.read_bytes()).hexdigest()}" for one in others)
