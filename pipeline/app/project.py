@@ -16,13 +16,13 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
-HELD = ("golden", "metrics", "settings")
-"""Folders of data/ that git holds."""
+HELD = ("code.json", "golden/", "index/", "metrics/", "settings/")
+"""What of data/ git holds."""
 IGNORED = (
     "mlflow.db",
     "mlartifacts/",
     "/data/*",
-    *(f"!/data/{name}/" for name in HELD),
+    *(f"!/data/{name}" for name in HELD),
     "/reports",
 )
 
