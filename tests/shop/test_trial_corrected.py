@@ -11,7 +11,6 @@ from pipeline.shop.drives.axis import follow
 from pipeline.shop.drives.commands import Move, circles, travel
 from pipeline.shop.trial.corrected import CommandedPath, corrected_trials, drive_corrected
 from pipeline.stages.__main__ import run
-from pipeline.stages.trial_correction import SEEDS
 from tests.small_project import inside
 
 from .conftest import CONF, shop_parameters
@@ -182,6 +181,6 @@ def test_the_stage_drives_every_table_of_a_folder(tmp_path: Path) -> None:
     assert (told["machine"], told["origin"]) == ("mill01", "simulated")
     assert told["programs"].keys() == {"O1-part1", "O1-part2"}
     one, two = (told["programs"][f"O1-part{k}"] for k in (1, 2))
-    assert one["seeds"] == len(SEEDS)
+    assert one["seeds"] == SHOP.trial_drives
     assert one["axes"]["X"]["measured"]["share_left"]["max"] < 0.2
     assert two["path"]["carriage"]["share_left"] == {"mean": 1.0, "min": 1.0, "max": 1.0}
