@@ -106,7 +106,7 @@ def test_old_loops_are_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 
 
 BOUND_LATER = {"prepare"}
-"""Of the drive's step, which names what its own file binds below it and is compiled with its callers."""
+"""Of the drive's step, which names what its own file binds below it."""
 
 
 def test_each_hash_holds_all_that_a_loop_calls() -> None:
