@@ -3,13 +3,13 @@
 import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
+from functools import cache, cached_property
 from hashlib import sha256
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any
 
-from numba import config, njit
+from numba import njit
 from numba.core import caching
 
 from pipeline.schema.files import cache_folder
@@ -38,12 +38,8 @@ def compiled_with(**options: Any) -> Callable[[Callable[..., Any]], Callable[...
     """
 
     def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
-        before = config.CACHE_LOCATOR_CLASSES
-        config.CACHE_LOCATOR_CLASSES = f"{__name__}.{ByContent.__name__},InTreeCacheLocator"
-        try:
-            loop: Callable[..., Any] = njit(cache=True, **options)(function)
-        finally:
-            config.CACHE_LOCATOR_CLASSES = before
+        loop: Callable[..., Any] = njit(**options)(function)
+        loop._cache = _Kept(function)  # type: ignore[attr-defined]
         return loop
 
     return decorated
@@ -85,32 +81,74 @@ class ByContent(caching._CacheLocator):
         return self._key
 
 
+class _Impl(caching.CompileResultCacheImpl):
+    _locator_classes = (ByContent,)
+
+
+class _Cache(caching.FunctionCache):
+    _impl_class = _Impl
+
+
+class _Kept(caching.NullCache):
+    """Cache of a loop, opened when it is compiled: by then all that it names is bound."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    @cached_property
+    def _opened(self) -> caching._Cache:
+        try:
+            return _Cache(self._function)
+        except RuntimeError:  # no place for it: the user's cache cannot be written
+            return caching.NullCache()
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """What was compiled for a signature, or None."""
+        return self._opened.load_overload(sig, target_context)
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep what was compiled for a signature."""
+        self._opened.save_overload(sig, data)
+
+
 @cache
-def content(function: FunctionType) -> str:
-    """Hash of a function's file and of what it names from other files, functions of theirs too."""
-    digest = sha256(_source(function.__module__))
-    for value in _named(function):
-        inner = getattr(value, "py_func", value)
-        if not str(getattr(inner, "__module__", OURS)).startswith(OURS):
+def content(function: Callable[..., Any]) -> str:
+    """Hash of the files of a function and of all that it calls, and of the values they name.
+
+    To be asked for when a function can run: a name that is not bound yet is in no hash.
+    """
+    parts: set[bytes] = set()
+    seen: set[Callable[..., Any]] = set()
+    todo = [function]
+    while todo:
+        one = todo.pop()
+        if one in seen:
             continue
-        if isinstance(inner, FunctionType):
-            digest.update(content(inner).encode())
-        elif hasattr(inner, "__module__"):
-            digest.update(_source(inner.__module__))
-        else:
-            digest.update(inner.tobytes() if hasattr(inner, "tobytes") else repr(inner).encode())
-    return digest.hexdigest()[:16]
+        seen.add(one)
+        parts.add(_source(one.__module__))
+        for name, value in _named(one):
+            inner = getattr(value, "py_func", value)
+            if not str(getattr(inner, "__module__", OURS)).startswith(OURS):
+                continue
+            if isinstance(inner, FunctionType):
+                todo.append(inner)
+            elif hasattr(inner, "__module__"):
+                parts.add(_source(inner.__module__))
+            else:
+                held = inner.tobytes() if hasattr(inner, "tobytes") else repr(inner).encode()
+                parts.add(name.encode() + sha256(held).digest())
+    return sha256(b"".join(sorted(parts))).hexdigest()[:16]
 
 
-def _named(function: FunctionType) -> Iterator[Any]:
-    """Values of the global names in a function, and of what it takes from modules of ours."""
+def _named(function: Callable[..., Any]) -> Iterator[tuple[str, Any]]:
+    """Global names in a function with their values, and what it takes from modules of ours."""
     names = _names(function.__code__)
     for name in names:
         value = function.__globals__.get(name)
         if not isinstance(value, ModuleType):
-            yield value
+            yield name, value
         elif value.__name__.startswith(OURS):
-            yield from (vars(value)[one] for one in names if one in vars(value))
+            yield from ((one, vars(value)[one]) for one in names if one in vars(value))
 
 
 def _names(code: CodeType) -> list[str]:
@@ -120,5 +158,6 @@ def _names(code: CodeType) -> list[str]:
 
 @cache
 def _source(module: str) -> bytes:
+    """Hash of a module's file."""
     file = getattr(sys.modules.get(module), "__file__", None)
-    return Path(file).read_bytes() if file else module.encode()
+    return sha256(Path(file).read_bytes() if file else module.encode()).digest()

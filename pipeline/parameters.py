@@ -2,12 +2,14 @@
 
 What we choose stands in params.yaml; what a machine and a workshop are, which is long, in JSON
 beside it, since DVC reads a stage's parameters anew for each stage and YAML takes it fifty times as
-long.  What a value is not is never made of it: no word becomes a truth value or a list of letters,
-no fraction a whole number.
+long.  A stage depends on a machine's sections by their hashes: DVC writes what a stage depends on
+into dvc.lock, and writes all of that anew after each stage.  What a value is not is never made of
+it: no word becomes a truth value or a list of letters, no fraction a whole number.
 """
 
 import json
 from collections.abc import Mapping
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -20,8 +22,9 @@ T = TypeVar("T")
 PARAMS = Path("params.yaml")
 SETTINGS = Path("data/settings")
 """Folder of the composed settings that are not in params.yaml, beside it."""
-CATALOGUE = "catalogue.json"
-"""File of that folder with the sections of :data:`CATALOGUES`; machines have one file each."""
+CATALOGUE, MACHINES, HASHES = "catalogue.json", "machine", "sections"
+"""Inside it the file with the sections of :data:`CATALOGUES`, the folder with a file for each
+machine, and the one with the hashes of its sections."""
 CATALOGUES = ("material", "tool", "catalogue")
 """Sections with what a workshop has in stock and what its handbooks say."""
 NotYaml = yaml.YAMLError
@@ -52,8 +55,13 @@ def read_params(path: Path = PARAMS, settings: Path | None = None) -> dict[str, 
             f"{path} does not exist: run `dvc repro compose` to write it from conf/"
         )
     folder = path.parent / SETTINGS if settings is None else settings
-    files = {one.relative_to(folder).as_posix(): one.read_text() for one in folder.rglob("*.json")}
-    return joined(read_yaml(path.read_text(), str(path)), files)
+    return joined(read_yaml(path.read_text(), str(path)), settings_texts(folder))
+
+
+def settings_texts(folder: Path) -> dict[str, str]:
+    """Texts of the files of ``data/settings`` that hold values, by their names in it."""
+    files = [folder / CATALOGUE, *(folder / MACHINES).glob("*.json")]
+    return {one.relative_to(folder).as_posix(): one.read_text() for one in files if one.exists()}
 
 
 def joined(values: dict[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
@@ -70,6 +78,10 @@ def joined(values: dict[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
             found = json.loads(text, object_pairs_hook=_keyed)
         except ValueError as error:
             raise ParametersError(f"{SETTINGS / name} is no JSON: {error}") from error
+        if not isinstance(found, dict):
+            raise ParametersError(
+                f"{SETTINGS / name} holds {type(found).__name__}, a mapping is needed"
+            )
         sections = found if name == CATALOGUE else {"machine": {Path(name).stem: found}}
         for section, content in sections.items():
             if section in own:
@@ -89,9 +101,18 @@ def _keyed(pairs: list[tuple[str, Any]]) -> dict[str | int, Any]:
 def parted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
     """What of a composition stands in params.yaml, and the files of ``data/settings``."""
     own = {name: one for name, one in values.items() if name not in (*CATALOGUES, "machine")}
-    parts = {f"machine/{name}.json": one for name, one in values.get("machine", {}).items()}
+    machines = values.get("machine", {})
+    parts = {f"{MACHINES}/{name}.json": one for name, one in machines.items()}
+    parts |= {
+        f"{HASHES}/{name}.json": {section: _hash(content) for section, content in one.items()}
+        for name, one in machines.items()
+    }
     parts[CATALOGUE] = {name: values[name] for name in CATALOGUES if name in values}
     return own, {name: json.dumps(one, indent=1) + "\n" for name, one in parts.items()}
+
+
+def _hash(content: Any) -> str:
+    return sha256(json.dumps(content).encode()).hexdigest()[:16]
 
 
 def read_yaml(text: str, source: str = "params.yaml") -> dict[str, Any]:

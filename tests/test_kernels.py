@@ -1,15 +1,12 @@
 """Compiled loops are kept in the user's cache under a hash of what they are made of."""
 
-import importlib
 import os
-import pkgutil
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-from numba.core.dispatcher import Dispatcher
 
 import pipeline
 from pipeline import kernels
@@ -105,21 +102,25 @@ def test_old_loops_are_thrown_away(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert [one.name for one in (tmp_path / "loops").iterdir()] == ["new"]
 
 
-@pytest.mark.xfail(reason="loops that name what their file binds below them miss its other files")
-def test_each_hash_holds_all_that_a_loop_calls() -> None:
-    """A name that is bound below a loop would not be in its hash."""
-    for module in pkgutil.walk_packages(pipeline.__path__, "pipeline."):
-        if not module.name.endswith("__main__"):
-            importlib.import_module(module.name)
-    loops = {
-        one.py_func: one
-        for module in list(sys.modules.values())
-        if getattr(module, "__name__", "").startswith("pipeline.")
-        for one in vars(module).values()
-        if isinstance(one, Dispatcher)
-    }
-    assert len(loops) > 300
-    before = {function: kernels.content(function) for function in loops}
-    kernels.content.cache_clear()
-    for function in loops:
-        assert kernels.content(function) == before[function], function
+def test_what_is_bound_below_a_loop_counts_with_its_other_files(tmp_path: Path) -> None:
+    """The loop on top calls one below it in its file, which calls one of another file."""
+    cache = tmp_path / "cache"
+    for folder, term in (("one", 3.0), ("two", 4.0)):
+        made = project(tmp_path / folder, term=term) / "pipeline/room/outer.py"
+        above = "@compiled\ndef outer(x):\n    return below(x)\n\n\n@compiled\ndef below(x):"
+        made.write_text(made.read_text().replace("@compiled\ndef outer(x):", above))
+    assert run(tmp_path / "one", cache) == (8.5, ["below", "inner", "outer"])
+    assert run(tmp_path / "two", cache) == (10.5, ["below", "inner", "outer"])
+    assert run(tmp_path / "two", cache) == (10.5, [])
+
+
+def test_loops_that_call_each_other_have_a_hash() -> None:
+    assert kernels.content(_even) != kernels.content(project)
+
+
+def _even(n: int) -> bool:
+    return n == 0 or _odd(n - 1)
+
+
+def _odd(n: int) -> bool:
+    return n != 0 and _even(n - 1)

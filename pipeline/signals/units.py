@@ -11,6 +11,7 @@ Source: MTConnect 1.0 to 2.7, UnitEnum and NativeUnitEnum.
 import re
 from fractions import Fraction
 from functools import lru_cache
+from threading import RLock
 from typing import Any
 
 MTCONNECT_UNITS = (
@@ -124,6 +125,7 @@ _SUPERSCRIPT = str.maketrans("⁻¹²³", "-123")
 _DIMENSIONS = {"SQUARE": 2, "CUBIC": 3, "sq": 2, "cu": 3}
 _SCALES = ("degree_Celsius", "degree_Fahrenheit")
 _SIGNS = "°%‰µΩΩÅåΔε"
+_ONE_REGISTRY = RLock()  # threads that each built one would hold units of different registries
 _LONGEST = 60  # characters; no unit is longer, and no text may keep pint busy
 
 
@@ -155,7 +157,8 @@ def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
     source, target = _normalised(from_unit), _normalised(to_unit)
     if source == target and source in _KNOWN:
         return 1.0, 0.0
-    return _conversion(source, target)
+    with _ONE_REGISTRY:
+        return _conversion(source, target)
 
 
 def mtconnect_factor(native: str, units: str, scale: float = 1.0) -> tuple[float, float]:
@@ -198,8 +201,9 @@ def mtconnect_unit(unit: str) -> str:
     if text in AMBIGUOUS:
         either = " or ".join(repr(name) for name in AMBIGUOUS[text])
         raise ValueError(f"unit {text!r} can be {either}: write the one that is meant")
-    alike = _alike().get(_dimension(text), [text])
-    names = " ".join(_names(_parsed(text)))
+    with _ONE_REGISTRY:
+        alike = _alike().get(_dimension(text), [text])
+        names = " ".join(_names(_parsed(text)))
     preferred = [choice for word, choice in PREFERRED if word in names and choice in alike]
     return (preferred or alike)[0]
 

@@ -18,10 +18,8 @@ from typing import Any
 from pipeline.parameters import read_params, section_path, structure
 from pipeline.schema.files import ended_by_signals
 from pipeline.stages._line import line, place, running
+from pipeline.stages.code import NO_STAGES
 from pipeline.submodels.contract import sections, submodel, submodels
-
-NO_STAGES = {"identify", "sections"}
-"""Modules of this room that are no stage of their name."""
 
 
 @dataclass(frozen=True, kw_only=True)

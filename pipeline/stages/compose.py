@@ -17,6 +17,7 @@ from pipeline.parameters import (
     joined,
     parted,
     read_yaml,
+    settings_texts,
 )
 from pipeline.schema.store import write_text
 
@@ -92,12 +93,12 @@ def _set_for_experiment(params: Path, settings: Path) -> dict[Keys, Change]:
     text = _of_commit(commit, params.name, root)
     if text is None:
         return {}
-    names = [one.relative_to(settings).as_posix() for one in settings.rglob("*.json")]
-    beside = {name: _of_commit(commit, f"{SETTINGS}/{name}", root) for name in names}
+    texts = settings_texts(settings)
+    beside = {name: _of_commit(commit, f"{SETTINGS}/{name}", root) for name in texts}
     files = {name: one for name, one in beside.items() if one is not None}
-    texts = {name: (settings / name).read_text() for name in files}  # of machines that it has
     before = dict(_leaves(joined(read_yaml(text), files)))
-    now = dict(_leaves(joined(read_yaml(params.read_text()), texts)))
+    own = {name: texts[name] for name in files}  # of machines that the commit has
+    now = dict(_leaves(joined(read_yaml(params.read_text()), own)))
     return {
         keys: (before.get(keys, GONE), now.get(keys, GONE))
         for keys in (*now, *(keys for keys in before if keys not in now))

@@ -9,7 +9,8 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.fleet import Fleet
 from pipeline.parameters import section_path, structure
-from pipeline.stages.__main__ import NO_STAGES, load_stage
+from pipeline.stages.__main__ import load_stage
+from pipeline.stages.code import NO_STAGES
 from pipeline.submodels.contract import submodels
 from pipeline.submodels.promotion import PromotionSettings
 

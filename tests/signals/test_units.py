@@ -271,3 +271,26 @@ def test_the_identity_does_not_wait_for_pint() -> None:
         "sys.exit('pint' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_threads_that_begin_together_share_their_units() -> None:
+    """Each would build a registry of its own, whose units no other one takes."""
+    program = """
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
+sys.setswitchinterval(1e-6)
+from pipeline.signals.units import conversion, mtconnect_unit
+units = ["um", "inch", "foot", "degF", "bar", "lbf", "kW", "min"]
+together = Barrier(len(units))
+def own(unit):
+    together.wait()
+    return conversion(unit, mtconnect_unit(unit))[0]
+with ThreadPoolExecutor(len(units)) as pool:
+    print(*(round(one, 4) for one in pool.map(own, units)))
+"""
+    for _ in range(3):
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+        assert done.stdout.split() == [
+            "0.001", "25.4", "304.8", "0.5556", "100000.0", "4.4482", "1000.0", "60.0",
+        ], done.stderr  # fmt: skip

@@ -1,5 +1,6 @@
 """What an experiment sets stands on top of conf/ as it is now, or is refused in one sentence."""
 
+import json
 import subprocess
 from pathlib import Path
 
@@ -134,6 +135,26 @@ def test_a_setting_of_a_machine_is_set_in_its_file(root: Path) -> None:
     set_(root, "machine.mill01.wear_life.criterion_um", 100.0)
     assert '"criterion_um": 100.0' in (root / "data/settings/machine/mill01.json").read_text()
     assert again(root)["machine"]["mill01"]["wear_life"]["criterion_um"] == 100.0
+
+
+def test_a_changed_setting_changes_the_hash_of_its_section_alone(root: Path) -> None:
+    """By which the stages that read the section know that it has changed."""
+    file = root / "data/settings/sections/mill01.json"
+    before = json.loads(file.read_text())
+    assert before.keys() == params(root)["machine"]["mill01"].keys()
+    values = root / "data/settings/machine/mill01.json"
+    own = json.loads(values.read_text())
+    own["wear_life"]["criterion_um"] = 101.0
+    values.write_text(json.dumps(own))
+    again(root)
+    after = json.loads(file.read_text())
+    assert {name for name in before if before[name] != after[name]} == {"wear_life"}
+
+
+def test_settings_that_are_no_mapping_are_named(root: Path) -> None:
+    (root / "data/settings/machine/mill01.json").write_text("[1]")
+    with pytest.raises(ValueError, match=r"machine/mill01.json holds list, a mapping is needed"):
+        params(root)
 
 
 def test_a_key_that_is_edited_and_set_is_asked_back(root: Path) -> None:

@@ -17,7 +17,7 @@ DVC: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
 BY_HAND = {name if name == "promotion" else f"machine.*.{name}": wanted
            for name, wanted in SINGLE.items()}  # fmt: skip
 """Sections that no stage reads; their types by the pattern of their path."""
-INDEX, MACHINE_FILE = "data/index/${item}.json", "data/settings/machine/${item}.json"
+INDEX, MACHINE_FILE = "data/index/${item}.json", "data/settings/sections/${item}.json"
 
 
 def listed(each: str, fleet: dict[str, Any]) -> list[str]:

@@ -176,14 +176,16 @@ def _shafts(
     settings: DriveFitSettings,
 ) -> dict[str, ShaftFit]:
     """Shafts of the axes whose both ends were recorded."""
-    found: dict[str, ShaftFit] = {}
-    for letter, fit in drives.items():
-        shaft = identify_shaft(
-            training, letter, force_constant=fit.feed_drive.force_constant,
-            force_unit=fit.force_unit, lead=prior.axis(letter).screw_lead, widest=settings.widest,
+
+    def of(axis: str) -> ShaftFit | None:
+        fit = drives[axis]
+        return identify_shaft(
+            training, axis, force_constant=fit.feed_drive.force_constant,
+            force_unit=fit.force_unit, lead=prior.axis(axis).screw_lead, widest=settings.widest,
         )  # fmt: skip
-        found |= {} if shaft is None else {letter: shaft}
-    return found
+
+    found = zip(drives, mapped(of, drives), strict=True)
+    return {axis: shaft for axis, shaft in found if shaft is not None}
 
 
 def stored_shaft(fit: ShaftFit, lead: float | None) -> Shaft:

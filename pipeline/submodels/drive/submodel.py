@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
     COMMAND,
@@ -173,8 +174,9 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
+        stored = mapped(lambda axis: stored_axis(axis, found, recordings), found.feed_drives)
         axes = with_intervals(
-            {letter: stored_axis(letter, found, recordings) for letter in found.feed_drives},
+            dict(zip(found.feed_drives, stored, strict=True)),
             recordings,
             partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
