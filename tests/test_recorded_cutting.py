@@ -65,6 +65,11 @@ def test_mean_forces_give_coefficients_of_aluminium(documents):
     # by hand, from the means of the two files: (171.3 - 107.1) N over 2 * 3 mm * 0.05 mm / 4
     # the laws that bend have a line over wider feeds than the recorded ones, steeper from lower
     assert found["K_tc"].value == pytest.approx((171.27 - 107.14) / 0.075, rel=0.015)
+    low, high = found["K_tc"].interval_95
+    waveform = documents[0].coefficients["K_tc"]
+    assert (
+        waveform.determined and waveform.interval_95[0] <= low and high <= waveform.interval_95[1]
+    )
     # two means leave more of the edge open than the waveforms do
     edge = documents[0].parameters[COEFFICIENTS]["K_te"]
     assert edge.determined and 10 < edge.value < 40

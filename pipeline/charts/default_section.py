@@ -122,11 +122,11 @@ def scores_table(
         *names("Quantity", of, "used"),
         *numbers(("MAE", ""), ("RMSE", ""), ("max", "")),
         *names("unit"),
-        *numbers(("RMSE of its RMS", "%"), ("inside 90 % interval", "%")),
+        *numbers(("RMSE of its RMS", "%")),
     ]
     covered = any(s.coverage_90 is not None for s in scores)
-    if not covered:
-        heads.pop()
+    if covered:
+        heads += numbers(("inside 90 % interval", "%"), ("its half width over RMSE", ""))
     heads += [h for name in others for h in numbers(("MAE", ""), ("RMSE", ""), group=name)]
     heads += [Head(name="limits"), Head(name="verdict")]
     return Table(
@@ -158,7 +158,7 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         *(_error(getattr(s, name), s.spread.get(name)) for name in ("mae", "rmse", "max")),
         powers(unit_words(s.unit)),
         _error(s.relative_percent, s.spread.get("relative_percent")),
-        *([_error(*_percents(s.coverage_90, s.spread.get("coverage_90")))] if covered else []),
+        *(_interval(s) if covered else []),
         *errors,
         limits or "–",
         Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
@@ -169,6 +169,11 @@ def _error(value: float | None, spread: float | None = None) -> str:
     if value is None:
         return "–"
     return f"{number(value)} ± {number(spread, 2)}" if spread else number(value)
+
+
+def _interval(s: Score) -> tuple[str, str]:
+    shares = _percents(s.coverage_90, s.spread.get("coverage_90"))
+    return _error(*shares), _error(s.half_width_over_rmse)
 
 
 def _percents(*shares: float | None) -> list[float | None]:

@@ -58,6 +58,8 @@ class Score(Figures):
         Number of samples, where measurement and all predictors are known.
     coverage_90 : float or None
         Share of samples inside the 90 % prediction interval [1]; None without intervals.
+    half_width : float or None
+        Mean half width of that interval; the ideal one of normal errors is 1.64 RMSE.
     baselines : mapping of str to Figures
         The same errors of each baseline on the same samples.
     limits : mapping of str to float
@@ -83,6 +85,7 @@ class Score(Figures):
     role: Role
     n: int
     coverage_90: float | None = None
+    half_width: float | None = None
     baselines: Mapping[str, Figures] = field(default_factory=dict)
     limits: Mapping[str, float] = field(default_factory=dict)
     coverage_limits: tuple[float, float] | None = None
@@ -90,6 +93,11 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+
+    @property
+    def half_width_over_rmse(self) -> float | None:
+        """How wide the interval is for what the prediction errs by [1]: holding is not enough."""
+        return self.half_width / self.rmse if self.half_width and self.rmse else None
 
 
 @dataclass(frozen=True, kw_only=True)

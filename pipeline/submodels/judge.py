@@ -264,6 +264,7 @@ def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
         baselines={name: one for name, one in others.items() if one.mae is not None},
         limits=target.limits if group != ALL else {},
         rounding=_rounding(rows, target) if others else {},
+        half_width=rounded(float((rows["high"] - rows["low"]).astype(float).mean()) / 2),
         **_figures(rows, "predicted"),
     )
 
@@ -615,6 +616,7 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "rmse": score.rmse,
             "relative_percent": score.relative_percent,
             "coverage_90": score.coverage_90,
+            "half_width_over_rmse": rounded(score.half_width_over_rmse or np.nan),
             "spread_mae": score.spread.get("mae"),
             "spread_rmse": score.spread.get("rmse"),
             "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),

@@ -487,6 +487,21 @@ def test_an_interval_that_holds_too_little_or_too_much_fails(share: float) -> No
     assert metrics(found)["force"]["coverage_90"] == share
 
 
+@every_submodel
+def test_the_width_of_an_interval_is_held_against_the_error(name: str) -> None:
+    """An interval that holds everything may be of no use."""
+    found = judged(name, [TRAIN, A, B]).verdict
+    for one in (TRAIN, A, B):
+        (score,) = found.of("force", group=one.group)
+        frame = predictor(one).frame
+        assert score.half_width == pytest.approx((frame["high"] - frame["low"]).mean() / 2)
+        assert score.half_width_over_rmse == pytest.approx(score.half_width / score.rmse)
+    (total,) = found.of("force", group="all", role="held_out")
+    assert metrics(found)["force"]["half_width_over_rmse"] == pytest.approx(
+        total.half_width / total.rmse, rel=1e-5
+    )
+
+
 def test_an_interval_that_holds_what_it_should_passes_and_is_shown_with_its_limits() -> None:
     found = judged("x", [TRAIN, A, B], target=COVERED, predict=with_share_inside(0.9)).verdict
     assert found.status == "passed"

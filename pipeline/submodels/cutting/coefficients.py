@@ -51,7 +51,8 @@ def parameters(
     the fit whose edges are not sharp: the straight line of a sharp fit takes a part of a bend for
     runout.  What zeros, wear, gain and the law of the chip leave open of the mean forces is left
     open of the coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient
-    that only the mean forces determine is taken from them.
+    that only the mean forces determine is taken from them.  Through the means of two feeds any line
+    passes and nothing says which way is right: the intervals then hold those of the mean forces.
     """
     each = [cut.conditions for cut in fit.problem.cuts]
     values, law = fit.values[:6], np.full(6, np.inf)
@@ -60,6 +61,8 @@ def parameters(
         drawn = coefficient_draws(draws, each)
         values = not_sharp.coefficients
         law = half_of_draws(drawn, values)
+    if feeds(each) == 2:
+        law = np.maximum(law, _reach(means, values))
     rows = coefficients(
         values, law, float(np.mean([one.f_z for one in each])), widest,
         WAVEFORM,
@@ -69,6 +72,14 @@ def parameters(
         for one, mean in zip(rows, means, strict=True)
     ]
     return [*better, *runout(fit, uncertainty, not_sharp, widest), _helix(fit, uncertainty)]
+
+
+def _reach(means: Sequence[Estimate], values: Floats) -> Floats:
+    """Half intervals about ``values`` that hold those of the mean forces; shape (6,)."""
+    return np.array([
+        abs(one.value * scale - value) + one.half_width * scale if one.determined else 0.0
+        for one, value, scale in zip(means, values, SCALES, strict=True)
+    ])  # fmt: skip
 
 
 def coefficients(

@@ -44,7 +44,7 @@ from pipeline.submodels.spindle.fit import (
 from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
 from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.submodels.spindle.sensor import sensor_step
-from pipeline.submodels.spindle.structure import identify_spindle_network
+from pipeline.submodels.spindle.structure import FEWEST_DAYS, identify_spindle_network
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import NODES, load_forest, save_forest
 from pipeline.twin.spindle import (
@@ -360,10 +360,17 @@ def _undetermined(
     held_s, days = sum(held.values()), sum(seconds > 0 for seconds in held.values())
 
     def remedy(name: str) -> str:
-        if name in fit.unfollowed:
+        on = len({p.day for p in pieces if name in p.frame and (p.frame[name] > 0).any()})
+        if name in fit.unfollowed and on >= FEWEST_DAYS:
             return (
                 "no further recording helps: heat that comes with it is in the records, and none "
                 "of the networks reproduces it"
+            )
+        if name in fit.unfollowed:
+            return (
+                f"{REMEDY[name]}, an hour in all, on {FEWEST_DAYS - on} more days: heat that comes "
+                f"with it is in the records, and {on} of {len(held)} days do not say which network "
+                "reproduces it"
             )
         if name == "position_hold" and held_s >= HELD_S:
             return (

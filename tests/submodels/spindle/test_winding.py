@@ -1,5 +1,7 @@
 """A winding whose heat comes and goes within minutes, excited on one day of five."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,7 +71,10 @@ def test_a_source_that_is_on_is_not_asked_for_again() -> None:
     )  # fmt: skip
     assert "on another day" in _undetermined(lost, HELD, days)["position_hold"].remedy
     followed = type(fit)(**{**vars(lost), "unfollowed": ("position_hold",)})
-    assert _undetermined(followed, HELD, days)["position_hold"].remedy.startswith(
+    said = _undetermined(followed, HELD, days)["position_hold"].remedy
+    assert "held in position (C axis) for 20 minutes, an hour in all, on 2 more days" in said
+    thrice = [replace(one, day=f"{one.day}-{k}") for one in days for k in range(3)]
+    assert _undetermined(followed, HELD, thrice)["position_hold"].remedy.startswith(
         "no further recording"
     )
 
