@@ -84,6 +84,7 @@ def test_the_commands_that_compare_run(project: Path) -> None:
         run(project, *command.split())
 
 
+@pytest.mark.proof
 def test_two_values_of_a_setting_are_shown_side_by_side(project: Path) -> None:
     found = commands("## Two values of one setting")
     soft, strict, show, plots = found
