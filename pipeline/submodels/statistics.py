@@ -193,11 +193,13 @@ LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
 
-def gains(simple: NDArray[np.float64], rich: NDArray[np.float64], level: float = LEVEL) -> bool:
+def gains(
+    simple: NDArray[np.float64], rich: NDArray[np.float64], level: float = LEVEL, fewest: int = 3
+) -> bool:
     """Whether ``rich`` has significantly lower squared errors than ``simple``, day by day.
 
     A paired one-sided t-test over days: samples within a day hang together, days hardly do.  With
-    fewer than three days nothing is significant and the simpler model stays.
+    fewer than ``fewest`` days nothing is significant and the simpler model stays.
 
     Parameters
     ----------
@@ -205,10 +207,12 @@ def gains(simple: NDArray[np.float64], rich: NDArray[np.float64], level: float =
         Mean squared errors of the same days, none of them learnt from.
     level : float
         Chance of keeping a richer model that is no better [1].
+    fewest : int
+        Days that a decision asks for, two or more; of two, both have to gain nearly the same.
     """
     from scipy.special import stdtrit
 
-    if len(simple) < 3 or np.allclose(simple, rich):
+    if len(simple) < fewest or np.allclose(simple, rich):
         return False
     gain, many = simple - rich, len(simple)
     needed = stdtrit(many - 1, 1 - level) * gain.std(ddof=1) / np.sqrt(many)

@@ -248,14 +248,16 @@ class Choice:
         """Whether ``rich`` is better in the hours of a rare source, and over all of them too.
 
         The logarithms of the squared errors are compared: few hours with large errors differ far
-        from normally.
+        from normally.  Two are enough where both gain alike: no more may ever have been recorded.
         """
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
             return False
         rare = [self.hours.excited[:, i] for i in np.flatnonzero(self.rare)]
         logs = [np.log(one.hours + self.noise) for one in (simple, rich)]
-        return any(gains(logs[0][known & one], logs[1][known & one], self.level) for one in rare)
+        return any(
+            gains(logs[0][known & one], logs[1][known & one], self.level, fewest=2) for one in rare
+        )
 
     def score(self, error: LeftOut) -> float:
         """Mean squared error that networks are ranked by [K^2]."""

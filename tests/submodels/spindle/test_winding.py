@@ -49,6 +49,33 @@ def test_the_winding_and_its_source_are_found(
     assert held >= held_least
 
 
+@pytest.mark.parametrize(
+    ("minutes", "in_winding", "seeds", "least"),
+    [
+        (3.0, 0.0, 1, 1),
+        *(
+            pytest.param(minutes, in_winding, 100, 90, marks=pytest.mark.proof)
+            for minutes in (3.0, 10.0) for in_winding in (0.0, 1.0)
+        ),
+    ],
+)  # fmt: skip
+def test_two_hours_of_twenty_tell_the_source_or_the_remedy_is_true(
+    minutes: float, in_winding: float, seeds: int, least: int
+) -> None:
+    """Held for 13 minutes in two hours of one day; on more days it would be told."""
+    truth = winding_of(minutes, friction_in_winding=in_winding)
+    told = held = 0
+    for seed in range(seeds):
+        days = winding_days(truth, seed, hours=4.0, twice=True)
+        fit, _ = identify_spindle_network(days, HELD, QUICK)
+        open_ = _undetermined(fit, HELD, days).get("position_hold")
+        told += open_ is None or "on 2 more days" in open_.remedy
+        low, high = fit.intervals["position_hold"]
+        held += low <= truth.hold_K_s <= high
+    assert told >= least
+    assert held >= 0.85 * seeds
+
+
 def test_one_node_does_not_say_that_the_source_is_nothing() -> None:
     """One node of hours cannot follow it; its residuals do, and the interval holds the truth."""
     truth = winding_of(3.0, friction_in_winding=0.0)

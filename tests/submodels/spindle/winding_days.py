@@ -5,6 +5,7 @@ it is heated by the motor that holds its position, the housing by its bearings a
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -63,12 +64,18 @@ def _phases(rng: np.random.Generator, seconds: int, held: bool) -> np.ndarray:
 
 
 def winding_day(
-    truth: Winding, seed: int, number: int, *, held: bool, hours: float = 8.0
+    truth: Winding, seed: int, number: int, *, held: bool, hours: float = 8.0, twice: bool = False
 ) -> StateSegment:
-    """One day as the fit sees it; the air differs by a degree from day to day."""
+    """One day as the fit sees it; the air differs by a degree from day to day.
+
+    ``twice``: it is held for 13 minutes in two of its hours alone, not again and again.
+    """
     rng = np.random.default_rng([seed, number])
     seconds = int(hours * 3600)
-    speed, hold = _phases(rng, seconds, held)
+    speed, hold = _phases(rng, seconds, held and not twice)
+    if held and twice:
+        for start in (int(0.3 * seconds), int(0.65 * seconds)):
+            hold[start : start + 780], speed[start : start + 780] = 1.0, 0.0
     air = truth.air + rng.normal(0, 0.5)
     winding = housing = air
     seen = np.empty(seconds)
@@ -98,6 +105,8 @@ def _stretch(
     return StateSegment(day=day, frame=frame, step=STEP, bridged=0)
 
 
-def winding_days(truth: Winding, seed: int, days: int = 5, held: int = 2) -> list[StateSegment]:
+def winding_days(
+    truth: Winding, seed: int, days: int = 5, held: int = 2, **how: Any
+) -> list[StateSegment]:
     """Days of a seed, the spindle held on day number ``held`` only."""
-    return [winding_day(truth, seed, n, held=n == held) for n in range(days)]
+    return [winding_day(truth, seed, n, held=n == held, **how) for n in range(days)]
