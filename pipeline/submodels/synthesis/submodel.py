@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, SourceFile
-from pipeline.schema.store import write_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_records import WearRecords
@@ -234,11 +234,11 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
 
     def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
         """Losses of discriminator and generator, and the judge's error, over the training."""
-        served = load_synthesis(folder)
-        history = served.gan.history
+        steps = read_json(folder / "generator.json", GeneratorFile).document["history"]
+        looks = read_json(folder / "model.json", SynthesisModel).looks
         return {
-            "discriminator": history[:, 1].tolist(), "generator": history[:, 2].tolist(),
-            "judge": [one.mae for one in served.file.looks],
+            "discriminator": [one[1] for one in steps], "generator": [one[2] for one in steps],
+            "judge": [one.mae for one in looks],
         }  # fmt: skip
 
     def page(self, shown: Shown[SynthesisModel]) -> Any:
