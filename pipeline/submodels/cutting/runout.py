@@ -7,8 +7,10 @@ revolution tell them apart: runout shifts where a tooth begins to cut, growth be
 begins.  So runout is that of a fit of its own, in which the edge's force grows with the chip, the
 cutting force has a size effect and each tooth its own edge.  Its interval holds the spread of fits
 without some of the recordings, and the difference to a growth of another form, along a straight
-line, since nobody knows the form.  Two recordings count, with Student's factor, for the harmonics
-of one recording err alike.
+line, since nobody knows the form.  Edges that are worn or ground unlike explain a force once a turn
+as unlike radii do: where a fit of edges alike does not predict recordings left out much worse, the
+interval holds its runout too.  Two recordings count, with Student's factor, for the harmonics of
+one recording err alike.
 
 Where the recordings do not tell, the greatest runout that they allow is said: that of an edge whose
 force is there at once, with its interval.
@@ -25,10 +27,12 @@ from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape, named_range
 from pipeline.submodels.cutting.selection import (
+    RIVAL,
     FitUncertainty,
     Fold,
     fit_uncertainty,
     fitted_line,
+    left_out_error,
     left_out_fits,
     straight_line,
 )
@@ -74,12 +78,15 @@ class RoundedFit:
         Fits without some of the recordings, in the order of the selection's.
     factor : ndarray, shape (6,)
         Of the deviations of its law's constants over those of the fit alone [1].
+    alike : Fit or None
+        Of teeth with edges alike, where recordings left out do not tell that from ``fit``.
     """
 
     fit: Fit
     uncertainty: FitUncertainty
     folds: Sequence[Fold]
     factor: Floats
+    alike: Fit | None = None
 
     @property
     def coefficients(self) -> Floats:
@@ -140,7 +147,21 @@ def rounded_fit(fit: Fit, most: int) -> RoundedFit:
     folds = left_out_fits(whole, most)
     found = fit_uncertainty(whole, folds, [other], fewest=FEWEST)
     factor = fit_uncertainty(whole, folds, [other]).factor
-    return RoundedFit(fit=whole, uncertainty=found, folds=folds, factor=factor)
+    return RoundedFit(
+        fit=whole, uncertainty=found, folds=folds, factor=factor,
+        alike=_alike(whole, folds, most) if terms.teeth else None,
+    )  # fmt: skip
+
+
+def _alike(fit: Fit, folds: Sequence[Fold], most: int) -> Fit | None:
+    """The fit whose teeth have edges alike; None where it predicts much worse."""
+    problem = fit.problem
+    terms = replace(problem.terms, teeth=False)
+    found = fit_waveform(problem.tool, problem.cuts, terms, start=fit)
+    if not folds:
+        return found
+    worse = left_out_error(problem.cuts, left_out_fits(found, most))
+    return found if worse <= RIVAL * left_out_error(problem.cuts, folds) else None
 
 
 def runout(
@@ -163,7 +184,7 @@ def runout(
     if flutes == 1:
         return [_one_tooth("runout", "um"), _one_tooth("runout_angle", "deg")]
     at_once = _offset(fit, uncertainty)
-    rounded = _offset(not_sharp.fit, not_sharp.uncertainty)
+    rounded = _offset(not_sharp.fit, not_sharp.uncertainty, not_sharp.alike)
     growth = not_sharp.fit.problem.chip(not_sharp.fit.x).growth
     f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
     determined = rounded.half <= widest * max(rounded.size, RUNOUT * f_z)
@@ -174,10 +195,13 @@ def runout(
     )
     most = max(at_once.size + at_once.half, rounded.size) / UM
     reason = (
-        f"it is at most {most:.2g} um: rounded edges look like a part of it, and in slots edges of "
+        f"it is at most {most:.2g} um: rounded edges look like a part of it, and edges of "
         "different teeth do"
     )
-    remedy = "measure it with a dial gauge, or record partial immersions and three feeds or more"
+    remedy = (
+        "measure it with a dial gauge, or record partial immersions and three feeds or more, one "
+        f"below {2e-3 * most:.2g} mm a tooth, at which a tooth that stands back does not cut"
+    )
     angle_determined = flutes > 2 and rounded.half_across <= ANGLE_DEG * DEGREE * rounded.size
     no_angle = "two teeth do not tell it" if flutes == 2 else "the runout is too small to have one"
     pitch = 2 * np.pi / flutes
@@ -205,15 +229,23 @@ def _one_tooth(name: str, unit: str) -> Estimate:
     )  # fmt: skip
 
 
-def _offset(fit: Fit, uncertainty: FitUncertainty) -> _Offset:
-    geometry = fit.problem.geometry(fit.x)
-    offset = complex(geometry.along, geometry.across)
+def _offset(fit: Fit, uncertainty: FitUncertainty, alike: Fit | None = None) -> _Offset:
+    """Offset of a fit, whose interval also holds that of ``alike``."""
+    offset = _complex_offset(fit)
     size = abs(offset)
     outward = offset / size if size > 0 else 1.0 + 0.0j
     half, across = (
         uncertainty.half_width(_slope(uncertainty.names, to)) for to in (outward, 1j * outward)
     )
+    if alike is not None:
+        off = (_complex_offset(alike) - offset) / outward
+        half, across = max(half, abs(off.real)), max(across, abs(off.imag))
     return _Offset(size=size, angle=float(np.angle(offset)), half=half, half_across=across)
+
+
+def _complex_offset(fit: Fit) -> complex:
+    geometry = fit.problem.geometry(fit.x)
+    return complex(geometry.along, geometry.across)
 
 
 def _slope(names: Sequence[str], to: complex) -> Floats:

@@ -128,7 +128,11 @@ def select_model(
 
 def residual_helps(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], gain: float) -> bool:
     """Whether a waveform residual saves that share of the error on recordings left out."""
-    return bool(folds) and _error(cuts, folds, True) < (1 - gain) * _error(cuts, folds, False)
+    if not folds:
+        return False
+    return left_out_error(cuts, folds, with_residual=True) < (1 - gain) * left_out_error(
+        cuts, folds
+    )
 
 
 def _names(terms: Terms) -> tuple[str, ...]:
@@ -166,7 +170,7 @@ class _Comparison:
 
     def _value(self, fit: Fit) -> float:
         if len(self.cuts) > 1:
-            value = _error(self.cuts, self.folds(fit), False)
+            value = left_out_error(self.cuts, self.folds(fit))
         else:
             unknowns = len(fit.x) + fit.problem.linear
             value = 2 * fit.unlikely + unknowns * float(np.log(len(fit.solved.residuals)))
@@ -193,7 +197,9 @@ def _left_out_in_turn(count: int, most: int) -> list[list[int]]:
     return [list(range(k, count, folds)) for k in range(folds)]
 
 
-def _error(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], with_residual: bool) -> float:
+def left_out_error(
+    cuts: Sequence[CutHarmonics], folds: Sequence[Fold], *, with_residual: bool = False
+) -> float:
     """RMS error on the recordings left out, as a share of their RMS force."""
     error = power = 0.0
     for fold in folds:

@@ -12,6 +12,7 @@ from pipeline.submodels.cutting.coefficients import mean_regression, modes, para
 from pipeline.submodels.cutting.identify import identify_cutting_force
 from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup, Dynamometer
+from tests.submodels.cutting import recorded
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
 
@@ -98,6 +99,29 @@ def test_a_runout_that_is_not_determined_has_a_bound_and_what_to_record():
     assert not runout.determined and runout.parameter.value is None
     assert float(runout.reason.split("at most ")[1].split(" um")[0]) >= 3.0
     assert "dial gauge" in runout.remedy
+
+
+def test_unlike_edges_are_not_a_small_runout_where_the_waveform_tells_them_badly(monkeypatch):
+    """A force at turns that no term explains: radii alike and edges alike leave as much over."""
+    truth = Truth(flutes=4, runout=0.0, worn=(1.0, 1.6, 1.2, 0.9))
+    sharp = determined_by(truth, SLOTS)[0]["runout"]
+    assert sharp.determined and sharp.half_width < 0.2
+
+    def rippled(truth, test, phase):
+        force = clean(truth, test, phase)
+        turn = 2 * np.pi * 1.002 * test[0] / 60 * np.arange(len(force)) / recorded.RATE
+        ripple = [np.sin(5 * turn + phase), np.cos(7 * turn), np.sin(2 * turn + 2 * phase)]
+        return force + 10.0 * np.stack(ripple, axis=1)
+
+    clean = recorded.clean
+    monkeypatch.setattr(recorded, "clean", rippled)
+    found = identify_cutting_force(recordings(truth, SLOTS), known_of(truth), SETTINGS)
+    runout = parameters(
+        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
+    )[6]
+    assert not runout.determined and runout.half_width > 2.0
+    assert "edges of different teeth" in runout.reason
+    assert "mm a tooth, at which a tooth that stands back does not cut" in runout.remedy
 
 
 def test_two_teeth_do_not_tell_the_angle_of_a_runout():
