@@ -22,7 +22,7 @@ NAME_NO_RECORDINGS = {"identity", "records", "roles", "shop"}
 TIMED, FROZEN = "timed", "frozen"
 
 
-def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
+def index(manifest: Path, settings: Path, golden: Path, index: Path, machine: Path) -> None:
     """Write a hash for each section of a machine, of the recordings that its texts name.
 
     Parameters
@@ -36,6 +36,8 @@ def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
     index : Path
         JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen`` of
         the machine's frozen sets and whatever the records disagree with them in.
+    machine : Path
+        Beside the machine's models, with its name: a machine without a sub-model has that folder.
     """
     files = Records(manifest=manifest).files
     sections = json.loads(settings.read_text())
@@ -50,6 +52,7 @@ def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
     found[TIMED] = _hash(file for file in files.items() if file[1].get("last"))
     found[FROZEN] = _digest([content, *(changes(one, files) for one in frozen)])
     write_json(found, index)
+    write_json({"machine": settings.stem}, machine)
 
 
 def _hash(files: Iterable[tuple[str, Mapping[str, Any]]]) -> str:

@@ -33,7 +33,8 @@ FILES: dict[str, dict[str, Any]] = {
 def hashes(root: Path, files: dict[str, dict[str, Any]]) -> dict[str, str]:
     (root / "manifest.json").write_text(json.dumps({"files": files}))
     (root / "mill.json").write_text(json.dumps(SECTIONS))
-    index(root / "manifest.json", root / "mill.json", root / "golden", root / "index.json")
+    index(root / "manifest.json", root / "mill.json", root / "golden", root / "index.json",
+          root / "models/mill/machine.json")  # fmt: skip
     found: dict[str, str] = json.loads((root / "index.json").read_text())
     return found
 
