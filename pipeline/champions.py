@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from pipeline.submodels.promotion import Contest
 
 DATA = Path("data")
+NO_SUBMODEL = "none in this fleet: its page says what to record"
 FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
 
 
@@ -163,9 +164,9 @@ def fill_champion(
 
 
 def newest_bundle(models: Path, names: Sequence[str]) -> Bundle | None:
-    """The bundle in ``data/models/<machine>``; None while it is half built."""
+    """The bundle in ``data/models/<machine>``; None without one, and while it is half built."""
     try:
-        return bundle_of(models, models.name, names)
+        return bundle_of(models, models.name, names) if names else None
     except StoreError:
         return None
 
@@ -379,9 +380,13 @@ def status(machine: str, root: Path = Path()) -> list[dict[str, str]]:
 
     Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` (verdict of the newest model),
     ``champion`` (verdict of the one that serves), ``serving`` (version of the champion) and
-    ``challenger`` (version of the newest bundle where it is another).
+    ``challenger`` (version of the newest bundle where it is another).  One row says where a machine
+    has no sub-model.
     """
     names = _names(machine, root)
+    if not names:
+        keys = ("origin", "sub-model", "latest", "champion", "serving", "challenger")
+        return [{"machine": machine, **dict.fromkeys(keys, "-"), "latest": NO_SUBMODEL}]
     champion = _refilled(machine, names, root)
     numbers = {v.bundle: v.version for v in reversed(versions(machine, root))}
     serves = stored_bundle(root / DATA / "champion" / machine, machine)

@@ -13,6 +13,7 @@ from typing import Any, get_args, get_type_hints
 from unittest import mock
 
 import pandas as pd
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
@@ -488,6 +489,46 @@ def test_a_sealed_set_stands_beside_the_golden_one(ingested: Path) -> None:
     assert sets_of(ingested) == GoldenSets(machine=MACHINE, golden=golden, sealed=sealed)
     assert frozen(ingested, "--files", TRACES[0]) != golden  # frozen anew, the sealed one stays
     assert sets_of(ingested).sealed == sealed
+
+
+def test_a_part_of_a_table_is_frozen_by_the_values_of_its_columns(ingested: Path) -> None:
+    folder = ingested / f"data/signals/{MACHINE}"
+    (folder / "traces").mkdir()
+    pq.write_table(pa.table({"tool": ["T3", "T3", "T4"], "F": [1.0, 2.0, 3.0]}),
+                   folder / "traces/cuts.parquet")  # fmt: skip
+    manifest = json.loads((folder / "manifest.json").read_text())
+    table = {"sha256": "0" * 64, "last": None, "output": "traces/cuts.parquet"}
+    manifest["files"]["cuts.csv"] = table
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    found = frozen(ingested, "--files", "cuts.csv#tool=T3")
+    assert found.files == (SourceFile(file="cuts.csv#tool=T3", sha256="0" * 64),)
+    both = ("--sealed", "--files", "cuts.csv")  # it holds the golden rows
+    assert "is in the golden set" in refused(ingested, "golden", MACHINE, *both)
+    assert frozen(ingested, "--sealed", "--files", "cuts.csv#tool=T4").files
+    assert "no raw file" in refused(ingested, "golden", MACHINE, "--files", "cuts.csv#tool=T5")
+    assert "no column" in refused(ingested, "golden", MACHINE, "--files", "cuts.csv#tol=T3")
+
+
+def test_a_log_that_is_named_beside_the_days_counts_as_a_whole(ingested: Path) -> None:
+    days = ("--first", MONDAY, "--last", MONDAY)
+    assert frozen(ingested, *days, "--files", "agent/1*", "--files", "servo/*").whole == ()
+    assert frozen(ingested, *days, "--files", "agent/2*").whole == ("agent/2.txt",)
+
+
+def test_a_committed_set_is_replaced_after_a_question(ingested: Path) -> None:
+    week = ("--first", MONDAY, "--last", "2026-01-11")
+    frozen(ingested, *week)
+    frozen(ingested, "--files", TRACES[0])  # not committed: no question
+    git = ("git", "-C", str(ingested), "-c", "user.name=a", "-c", "user.email=a@b.c")
+    for words in (("init", "-q"), ("add", "-f", "data/golden"), ("commit", "-qm", "frozen")):
+        subprocess.run([*git, *words], check=True)
+    before = sets_of(ingested)
+    said = refused(ingested, "golden", MACHINE, *week)
+    assert f"data/golden/{MACHINE}.json is committed" in said and "give --again" in said
+    assert sets_of(ingested) == before
+    frozen(ingested, "--files", TRACES[0])  # the same set
+    frozen(ingested, "--sealed", *week)  # none takes its place
+    assert frozen(ingested, "--again", "--files", TRACES[1]) != before.golden
 
 
 @pytest.mark.parametrize(

@@ -76,7 +76,7 @@ def test_the_page_makes_a_sub_model_that_is_identified_and_judged(project: Path)
     run("compose", "conf", "params.yaml", "data/settings")
     reads = ["data/signals/mill01/manifest.json", "data/clean/mill01"]
     folder = project / "data/models/mill01/winding"
-    run("identify_winding@mill01", *reads, str(folder))
+    run("identify_winding@mill01", *reads, str(folder), "data/golden")
     run("judge_winding@mill01", *reads, str(folder), "data/golden", "metrics.json", "plots")
     found = read_json(folder / "verdict.json", Verdict)
     assert (found.status, found.judged_role) == ("passed", "held_out")

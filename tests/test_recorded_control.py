@@ -61,7 +61,7 @@ def build(folder: Path) -> None:
         run("compose", "conf", "params.yaml", "data/settings")
         signals, raw = "data/signals/hurco", "data/raw/hurco"
         run("ingest@hurco", raw, signals)
-        run("identify_control@hurco", signals, raw, MODEL)
+        run("identify_control@hurco", signals, raw, MODEL, "data/golden")
         run("judge_control@hurco", signals, raw, MODEL, "data/golden",
             "data/metrics/hurco_control.json", "data/plots/hurco_control")  # fmt: skip
 

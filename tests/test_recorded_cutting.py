@@ -42,7 +42,7 @@ def documents(tmp_path_factory):
         signals, models = f"data/signals/{MACHINE}", f"data/models/{MACHINE}"
         run(f"ingest@{MACHINE}", f"data/raw/{MACHINE}", signals)
         raw, folder = f"data/raw/{MACHINE}", f"{models}/cutting"
-        run(f"identify_cutting@{MACHINE}", signals, raw, folder)
+        run(f"identify_cutting@{MACHINE}", signals, raw, folder, "data/golden")
         run(
             f"judge_cutting@{MACHINE}", signals, raw, folder, "data/golden",
             f"data/metrics/{MACHINE}_cutting.json", f"data/plots/{MACHINE}_cutting",

@@ -45,7 +45,7 @@ def documents(tmp_path_factory):
         for machine in MACHINES:
             signals, model = f"data/signals/{machine}", f"data/models/{machine}/drive"
             run(f"ingest@{machine}", f"data/raw/{machine}", signals)
-            run(f"identify_drive@{machine}", signals, model)
+            run(f"identify_drive@{machine}", signals, model, "data/golden")
             found[machine] = read_json(Path(model) / "model.json", DriveModel)
     return found
 

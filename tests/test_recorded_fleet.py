@@ -29,7 +29,7 @@ def build(project: Path) -> None:
         run("ingest@mazak01", "data/raw/mazak01", "data/signals/mazak01")
         run("clean@mazak01", "data/signals/mazak01", "data/clean/mazak01")
         reads = ("data/signals/mazak01/manifest.json", "data/clean/mazak01", MODEL)
-        run("identify_spindle@mazak01", *reads)
+        run("identify_spindle@mazak01", *reads, "data/golden")
         run(
             "judge_spindle@mazak01",
             *reads,

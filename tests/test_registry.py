@@ -36,7 +36,7 @@ from pipeline.schema.bundle import (
 )
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Status, Verdict
-from pipeline.submodels.contract import submodel
+from pipeline.submodels.contract import submodel, submodels
 from pipeline.twin.spindle import TARGET
 from tests.bundled_project import MACHINE, ROLES, hour, project, registered, spindle
 
@@ -229,7 +229,76 @@ def test_a_version_has_signature_example_units_and_pinned_requirements(root: Pat
     asked = (place / "requirements.txt").read_text().split()
     lock = (ROOT / "requirements.lock").read_text().split()
     assert all("==" in line and not line.startswith("kerf") for line in asked)
-    assert set(requirements(ROOT)) <= set(lock)
+    assert set(requirements(submodels(), ROOT)) <= set(lock)
+    names = {line.partition("==")[0] for line in asked} - {"mlflow"}
+    assert names == {one.partition("==")[0] for one in requirements(["spindle"], ROOT)}
+    assert "torch" not in names
+
+
+TORCH = {"deformation", "compensation", "wear", "synthesis"}
+ALONE = """
+import sys
+from importlib import import_module
+from importlib.metadata import packages_distributions, requires
+from pathlib import Path
+from re import match
+
+from pipeline.schema.imports import modules, reached
+
+
+def closure(names):
+    found, todo = set(), [one.lower() for one in names]
+    while todo:
+        name = todo.pop()
+        if name in found:
+            continue
+        found.add(name)
+        try:
+            lines = requires(name) or ()
+        except Exception:
+            continue
+        todo += [match(r"[\\w.-]+", one)[0].lower() for one in lines if "extra ==" not in one]
+    return {one.replace("_", "-") for one in found}
+
+
+submodel, allowed = sys.argv[1], closure(sys.argv[2:])
+whose = packages_distributions()
+
+
+class Refuse:
+    def find_spec(self, name, path=None, target=None):
+        of = {one.lower().replace("_", "-") for one in whose.get(name.partition(".")[0], ())}
+        if of and not of & (allowed | {"kerf-twin"}):
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+sys.meta_path.insert(0, Refuse())
+known = modules(Path(sys.modules["pipeline"].__file__).parent)
+for name in sorted(reached(known, [f"pipeline.submodels.{submodel}.submodel"], shown=True)):
+    import_module(name)
+"""
+
+
+def test_a_bundle_asks_for_what_the_code_of_its_sub_models_imports() -> None:
+    found = {name: {one.partition("==")[0] for one in requirements([name], ROOT)}
+             for name in submodels()}  # fmt: skip
+    assert {name for name, asked in found.items() if "torch" in asked} == TORCH
+    assert all({"numpy", "pandas", "scipy", "cattrs"} <= asked for asked in found.values())
+    assert not any("trimesh" in asked for asked in found.values())  # an extra, done without
+
+
+def test_the_code_of_a_bundle_is_imported_with_its_requirements_alone() -> None:
+    asked = [one.partition("==")[0] for one in requirements(["synthesis"], ROOT)]
+
+    def said(names: list[str]) -> str:
+        words = [sys.executable, "-c", ALONE, "synthesis", *names]
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        return subprocess.run(
+            words, capture_output=True, text=True, check=False, env=environment
+        ).stderr
+
+    assert said(asked) == ""
+    assert "No module named 'torch" in said([one for one in asked if one != "torch"])
 
 
 def test_a_moved_project_predicts_what_the_bundle_predicts(root: Path, made: Path) -> None:

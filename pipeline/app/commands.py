@@ -3,6 +3,7 @@
 Each imports its work when it runs, so that `kerf --help` starts at once.
 """
 
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -126,18 +127,27 @@ def golden(
     first: Annotated[str | None, typer.Option(help="First day of logs, YYYY-MM-DD.")] = None,
     last: Annotated[str | None, typer.Option(help="Last day of logs, YYYY-MM-DD.")] = None,
     files: Annotated[
-        list[str] | None, typer.Option(help="Pattern of further raw files; may be repeated.")
+        list[str] | None,
+        typer.Option(help="Pattern of further raw files, or of parts of tables; may be repeated."),
     ] = None,
     sealed: Annotated[
         bool, typer.Option(help="Freeze the sealed set, which promotion alone looks at.")
+    ] = False,
+    again: Annotated[
+        bool, typer.Option("--again", help="In the place of a committed set, without a question.")
     ] = False,
     json: kerf.Json = False,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
     from pipeline.app.fleet import freeze_set, learnt_and_frozen
 
+    def asked(question: str) -> bool:
+        return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
+
     with one_sentence():
-        frozen = freeze_set(machine, first=first, last=last, files=files or (), sealed=sealed)
+        frozen = freeze_set(
+            machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
+        )
         warning = learnt_and_frozen(machine, frozen)
     if warning:
         typer.echo(f"kerf: {warning}", err=True)

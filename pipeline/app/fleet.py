@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from pipeline.app.lines import many
 from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.cache import content_key, keep, kept
@@ -278,6 +279,7 @@ def freeze_set(
     last: str | None = None,
     files: Sequence[str] = (),
     sealed: bool = False,
+    again: Callable[[str], bool] = lambda question: False,
 ) -> FrozenSet:
     """Freeze raw files of ``machine`` as its golden set, or as the sealed set beside it.
 
@@ -289,15 +291,18 @@ def freeze_set(
         Days of the plant that count in logs, ``YYYY-MM-DD``, both included; every file that
         reaches into them.
     files : sequence of str
-        Patterns of further files, which have no clock.
+        Patterns of further files, whole whether they have a clock or not, and of parts of tables,
+        ``<file>#<column>=<value>``.
     sealed : bool
         Whether it is the set that promotion alone looks at.
+    again : callable
+        Asked whether another set may take the place of one that is committed.
 
     Raises
     ------
     ValueError
         When a day is no date, nothing is named, the records were not ingested, a pattern fits no
-        file, or a file is in the other set already.
+        file, a file is in the other set already, or a committed set is to stay.
     """
     mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
     zone = str(mapping.get("time_zone", UTC))
@@ -306,6 +311,7 @@ def freeze_set(
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
     known = _document(manifest)["files"]
+    from pipeline.signals.parts import share_rows
     from pipeline.submodels.cases import files_of_days, sources
 
     there = _days_there(machine, known, zone)
@@ -319,27 +325,67 @@ def freeze_set(
                 f"{machine} has no record from {days.first} to {days.last}: name other days, or "
                 f"put the files of these into data/raw/{machine} and run `dvc repro`; {listed}"
             )
+    whole: set[str] = set()
     for pattern in files:
-        fitting = {name for name in known if fnmatchcase(name, pattern)}
+        fitting = _fitting(machine, known, pattern)
         if not fitting:
             raise ValueError(f"{machine} has no raw file {pattern!r}: `kerf golden` names files "
-                             "below its folder in data/raw, with * for any letters")  # fmt: skip
-        names |= fitting
+                             "below its folder in data/raw, with * for any letters, and parts of "
+                             "tables as <file>#<column>=<value>")  # fmt: skip
+        whole |= fitting
+    clocked = {one for one in whole - names if days and known.get(one, {}).get("last")}
+    names |= whole
     if not names:
         raise ValueError("name what to freeze: --first and --last of a week, or --files")
     path = DATA / "golden" / f"{machine}.json"
     sets = read_golden(path) or GoldenSets(machine=machine)
     other = sets.golden if sealed else sets.sealed
-    both = sorted(names & {one.file for one in (other.files if other else ())})
+    taken = [one.file for one in (other.files if other else ())]
+    both = sorted(name for name in names if any(share_rows(name, one) for one in taken))
     if both:
         raise ValueError(
             f"{both[0]} is in the {'golden' if sealed else 'sealed'} set of {machine} already: a "
             "file is in one of them"
         )
-    frozen = FrozenSet(files=sources(known, sorted(names)), days=days, time_zone=zone)
+    frozen = FrozenSet(
+        files=sources(known, sorted(names)), days=days, time_zone=zone, whole=tuple(sorted(clocked))
+    )
+    _ask_before(machine, sets.sealed if sealed else sets.golden, frozen, path, again)
     changed = replace(sets, sealed=frozen) if sealed else replace(sets, golden=frozen)
     write_golden(changed, path)
     return frozen
+
+
+def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:
+    """Raw files that fit a pattern, or the parts of tables that it names by their columns."""
+    from pipeline.signals.parts import parts_of, selection
+
+    file, values = selection(pattern)
+    fitting = {name for name in known if fnmatchcase(name, file)}
+    if not values:
+        return fitting
+    signals = DATA / "signals" / machine
+    tables = {name: str(known[name].get("output") or "") for name in fitting}
+    return {
+        part.name(name)
+        for name, output in tables.items() if output.endswith(".parquet")
+        for part in parts_of(signals / output, list(values), "--files")
+        if all(fnmatchcase(part.values[column], value) for column, value in values.items())
+    }  # fmt: skip
+
+
+def _ask_before(
+    machine: str, there: FrozenSet | None, frozen: FrozenSet, path: Path,
+    again: Callable[[str], bool],
+) -> None:  # fmt: skip
+    """Raise ValueError where a committed set would be replaced and the answer is no."""
+    from pipeline.registry.provenance import git
+
+    if there is None or there == frozen or not git("ls-tree", "HEAD", "--", str(path)):
+        return
+    said = f"{path} is committed, and verdicts rest on what it freezes of {machine}"
+    if not again(f"{said}: freeze {many(len(frozen.files), 'file')} in its place?"):
+        raise ValueError(f"{said}: it stays; give --again to freeze another set in its place")
 
 
 def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:

@@ -11,25 +11,29 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.schema.bundle import VERDICT, Bundle
+from pipeline.schema.imports import libraries, modules
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 
 CHAMPIONS = Path("champions.json")
 LOCK = Path("requirements.lock")
-NEEDED = ("cattrs", "joblib", "numba", "numpy", "pandas", "pyarrow", "pyyaml", "scikit-learn",
-          "scipy", "threadpoolctl")  # fmt: skip
-"""Distributions that a prediction imports; a version pins them."""
 
 
-def requirements(root: Path = Path()) -> list[str]:
-    """Distributions that a prediction needs, pinned as in requirements.lock.
+def requirements(submodels: Iterable[str], root: Path = Path()) -> list[str]:
+    """Distributions that the code of some sub-models imports, pinned as in requirements.lock.
 
     One that the lock does not name is pinned to what is installed.
     """
+    package = Path(__file__).parents[1]
+    entries = [f"{package.name}.submodels.{name}.submodel" for name in submodels]
+    whose = importlib.metadata.packages_distributions()
+    needed = {whose[one][0].lower() for one in libraries(modules(package), entries)}
     lock = root / LOCK
     lines = lock.read_text().splitlines() if lock.exists() else []
     pinned = dict(line.split("==", 1) for line in lines if re.match(r"[\w.-]+==", line))
-    return [f"{name}=={pinned.get(name) or importlib.metadata.version(name)}" for name in NEEDED]
+    return [
+        f"{name}=={pinned.get(name) or importlib.metadata.version(name)}" for name in sorted(needed)
+    ]
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

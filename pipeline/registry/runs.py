@@ -130,7 +130,7 @@ def _log_pyfunc(
             code_paths=[str(code)],
             signature=signature,
             input_example=_without_zone(submodel(first).example(folder / first)),
-            pip_requirements=requirements(root),
+            pip_requirements=requirements(bundle.submodels, root),
             mlflow_model=mlflow.models.Model(
                 artifact_path=logged.artifact_location, run_id=run.run_id,
                 model_uuid=logged.model_id, model_id=logged.model_id, metadata={"units": units},

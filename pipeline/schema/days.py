@@ -18,6 +18,14 @@ QUARTER = 15 * 60 * 10**9
 """Midnight of every clock of today lies at a whole quarter of an hour in UTC [ns]."""
 
 
+def is_day(text: str) -> bool:
+    """Whether a text is a day, ``YYYY-MM-DD``."""
+    try:
+        return date.fromisoformat(text).isoformat() == text
+    except ValueError:
+        return False
+
+
 def check_zone(name: str) -> None:
     """Raise ValueError for a time zone that is not in the IANA database."""
     known = available_timezones()

@@ -7,9 +7,9 @@ agent's log on its days.
 
 import hashlib
 from dataclasses import dataclass
-from datetime import date
 from pathlib import Path
 
+from pipeline.schema.days import is_day
 from pipeline.schema.model import SourceFile
 from pipeline.schema.store import read_json, write_json
 
@@ -24,11 +24,7 @@ class Days:
     def __post_init__(self) -> None:
         for name in ("first", "last"):
             day = getattr(self, name)
-            try:
-                proper = date.fromisoformat(day).isoformat() == day
-            except ValueError:
-                proper = False
-            if not proper:
+            if not is_day(day):
                 raise ValueError(f"the {name} day {day!r} is no day YYYY-MM-DD")
         if self.last < self.first:
             raise ValueError(f"the last day {self.last} is before the first, {self.first}")
@@ -44,16 +40,20 @@ class FrozenSet:
     Parameters
     ----------
     files : tuple of SourceFile
-        Path below ``data/raw/<machine>`` and SHA-256 of the bytes.
+        Path below ``data/raw/<machine>`` and SHA-256 of the bytes; of a part of a table,
+        ``<file>#<column>=<value>``, those of the table.
     days : Days or None
         None where no file has a clock.
     time_zone : str
         Of the plant, whose days they are.
+    whole : tuple of str
+        Those of ``files`` that were named beside the days: all of their days count.
     """
 
     files: tuple[SourceFile, ...]
     days: Days | None = None
     time_zone: str = "UTC"
+    whole: tuple[str, ...] = ()
 
     @property
     def sha256(self) -> str:

@@ -41,6 +41,29 @@ class TablePart:
         return f"{file}{PART}{named}"
 
 
+def selection(name: str) -> tuple[str, dict[str, str]]:
+    """Raw file of a recording or of a part of one, and the values of columns that it holds.
+
+    Examples
+    --------
+    >>> selection("cuts.csv#tool=T3,cut=1 (part 2)")
+    ('cuts.csv', {'tool': 'T3', 'cut': '1'})
+    >>> selection("trace #1.csv")
+    ('trace #1.csv', {})
+    """
+    file, _, part = name.partition(PART)
+    words = [one.partition("=") for one in part.partition(" (part ")[0].split(",")]
+    values = {column: value for column, sign, value in words if sign}
+    return (file, values) if values else (name, {})
+
+
+def share_rows(one: str, other: str) -> bool:
+    """Whether two recordings, or parts of them, may hold the same rows of one file."""
+    (file, values), (another, others) = selection(one), selection(other)
+    same = all(others[column] == value for column, value in values.items() if column in others)
+    return file == another and same
+
+
 def parts_of(path: Path, columns: Sequence[str], section: str) -> list[TablePart]:
     """Parts of a table of the ingest, in the order of their first rows.
 

@@ -71,7 +71,7 @@ def load_stage(name: str) -> Entry:
 
 
 def _of_submodel(verb: str, which: str) -> Entry:
-    """The shared stage of a sub-model: its records, its folder; three more paths to judge it."""
+    """The shared stage of a sub-model: its records, its folder, what is frozen; two to judge it."""
     module = importlib.import_module("pipeline.stages.identify")
     one = submodel(which)
     settings = one.fitting if verb == "identify" else one.judging
@@ -81,7 +81,7 @@ def _of_submodel(verb: str, which: str) -> Entry:
         others = paths[len(one.reads) :]
         getattr(module, verb)(one, reads, *others, settings=settings(**loaded))
 
-    more = ["folder"] if verb == "identify" else ["folder", "golden", "metrics", "plots"]
+    more = ["folder", "golden"] + ([] if verb == "identify" else ["metrics", "plots"])
     return Entry(
         modules=("pipeline.stages.identify", f"pipeline.submodels.{which}.submodel"),
         paths=[*one.reads, *more],

@@ -4,11 +4,14 @@ from pathlib import Path
 
 from pipeline.champions import keep_serving
 from pipeline.fleet import Fleet
+from pipeline.schema.bundle import MODEL
 from pipeline.schema.store import write_json
 
 
 def champion(models: Path, champions: Path, champion: Path, *, fleet: Fleet) -> None:
     """Register what the store lacks; fill ``data/champion/<machine>`` with what serves.
+
+    Of a machine without a sub-model that is nothing.
 
     A store that is lost later, or another server, is filled by ``kerf status`` or ``promote``.
 
@@ -29,7 +32,9 @@ def champion(models: Path, champions: Path, champion: Path, *, fleet: Fleet) -> 
         When the bundle that champions.json names lies nowhere.
     """
     names = fleet.submodels_of(models.name)
-    keep_serving(models.name, names, champions.parent)
-    for name in fleet.submodels:  # so that a stage may depend on a sub-model that a machine lacks
-        if name not in names:
+    if names:
+        keep_serving(models.name, names, champions.parent)
+    champion.mkdir(parents=True, exist_ok=True)
+    for name in fleet.submodels:  # so that a stage may depend on a sub-model that does not serve
+        if not (champion / name / MODEL).exists():
             write_json({"submodel": name, "records": False}, champion / name / "none.json")

@@ -5,20 +5,27 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.schema.bundle import SERVED, served
-from pipeline.schema.golden import read_golden
+from pipeline.schema.golden import GoldenSets, read_golden
 from pipeline.schema.plots import write_plots
 from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import read_json, write_json
-from pipeline.submodels.cases import Records
+from pipeline.submodels.cases import Records, held_back
 from pipeline.submodels.contract import SubModel
 from pipeline.submodels.judge import judge as judged_on
 from pipeline.submodels.judge import metrics as key_figures
 
 
 def identify(
-    submodel: SubModel[Any, Any, Any], reads: Mapping[str, Path], folder: Path, *, settings: Any
+    submodel: SubModel[Any, Any, Any],
+    reads: Mapping[str, Path],
+    folder: Path,
+    golden: Path | None = None,
+    *,
+    settings: Any,
 ) -> None:
     """Fit the sub-model on its training cases; write ``model.json`` into ``folder``.
+
+    Nothing that is frozen in the machine's golden or sealed set is among these.
 
     Parameters
     ----------
@@ -28,10 +35,13 @@ def identify(
         Folders of the machine's records that it reads.
     folder : Path
         ``data/models/<machine>/<sub-model>``.
+    golden : Path, optional
+        Folder of the frozen sets, one file a machine; without it nothing is frozen.
     settings : object
         Of its ``fitting`` type.
     """
-    cases = submodel.cases(Records(**reads), settings)
+    sets = _frozen(golden, settings)
+    cases = held_back(submodel.cases(Records(**reads), settings, sets), sets)
     folder.mkdir(parents=True, exist_ok=True)
     write_json(submodel.fit(cases, settings, folder), folder / "model.json")
 
@@ -62,7 +72,7 @@ def judge(
         Of its ``judging`` type.
     """
     records = Records(**reads)
-    sets = read_golden(golden / f"{settings.identity.name}.json")
+    sets = _frozen(golden, settings)
     model = read_json(folder / "model.json", submodel.model)
     found = judged_on(
         model,
@@ -79,3 +89,7 @@ def judge(
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
     write_json(figures, metrics)
     write_plots(found.verdict, found.predictions, plots)
+
+
+def _frozen(golden: Path | None, settings: Any) -> GoldenSets | None:
+    return None if golden is None else read_golden(golden / f"{settings.identity.name}.json")

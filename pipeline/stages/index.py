@@ -6,6 +6,7 @@ machine's log fits nothing again that reads servo traces.
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import asdict
 from fnmatch import fnmatchcase
 from hashlib import sha256
 from pathlib import Path
@@ -21,7 +22,7 @@ NAME_NO_RECORDINGS = {"identity", "records", "roles", "shop"}
 TIMED, FROZEN = "timed", "frozen"
 
 
-def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
+def index(manifest: Path, settings: Path, golden: Path, index: Path, machine: Path) -> None:
     """Write a hash for each section of a machine, of the recordings that its texts name.
 
     Parameters
@@ -34,7 +35,9 @@ def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
         Folder of the frozen sets.
     index : Path
         JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen`` of
-        whatever the frozen sets and the records disagree in.
+        the machine's frozen sets and whatever the records disagree with them in.
+    machine : Path
+        Beside the machine's models, with its name: a machine without a sub-model has that folder.
     """
     files = Records(manifest=manifest).files
     sections = json.loads(settings.read_text())
@@ -45,9 +48,11 @@ def index(manifest: Path, settings: Path, golden: Path, index: Path) -> None:
     }
     sets = read_golden(golden / settings.name)
     frozen = [] if sets is None else [one for one in (sets.golden, sets.sealed) if one is not None]
+    content = None if sets is None else asdict(sets)
     found[TIMED] = _hash(file for file in files.items() if file[1].get("last"))
-    found[FROZEN] = _digest([changes(one, files) for one in frozen])
+    found[FROZEN] = _digest([content, *(changes(one, files) for one in frozen)])
     write_json(found, index)
+    write_json({"machine": settings.stem}, machine)
 
 
 def _hash(files: Iterable[tuple[str, Mapping[str, Any]]]) -> str:

@@ -17,6 +17,7 @@ from pipeline.optimisation.document import (
 from pipeline.optimisation.job import Supplies, machine_models, part_job, part_program
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings, Parts
+from pipeline.schema.bundle import MODEL
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.submodels.wear.machine_wear import machine_wear
@@ -40,8 +41,15 @@ def optimise(
     catalogue: CuttingCatalogue,
     optimisation: OptimisationSettings,
 ) -> None:
-    """Optimise the parts of a machine with its ``models``; programs and documents, and metrics."""
-    controls = read_controls(models / "control/model.json")
+    """Optimise the parts of a machine with its ``models``; programs and documents, and metrics.
+
+    None where the bundle that serves has no control.
+    """
+    written.mkdir(parents=True, exist_ok=True)
+    if not (models / "control" / MODEL).exists():
+        write_json({}, metrics)
+        return
+    controls = read_controls(models / "control" / MODEL)
     known = machine_models(models, control_of_unit(controls, control_records.default_unit))
     supplies = Supplies(tools=tool, materials=material, rates=cost, cutting_data=catalogue)
     wear = ToolWear(machine=machine_wear(models), rule=optimisation.wear)

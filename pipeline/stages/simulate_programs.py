@@ -18,7 +18,13 @@ def simulate_programs(
     setup: Setup,
     control_records: ControlRecords,
 ) -> None:
-    """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
+    """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each.
+
+    None where the bundle that serves has no control.
+    """
+    programs.mkdir(parents=True, exist_ok=True)
+    if not model.exists():
+        return
     stored = read_json(model, ControlModelFile)
     control = control_of_unit(stored.control, control_records.default_unit)
     files = control_records.shown(raw)

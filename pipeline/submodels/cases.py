@@ -6,15 +6,16 @@ by the frozen sets in ``data/golden/<machine>.json``.
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
-from pipeline.schema.days import day_of_text
+from pipeline.schema.days import day_of_text, is_day
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
 from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.parts import selection, share_rows
 
 ENDS = ("first", "last")
 """Times of a raw file in the ingest's manifest: of its first and its last record."""
@@ -133,8 +134,8 @@ def role_of(
     """Role of a case that was recorded in ``files``, and on ``day`` where they have a clock.
 
     A frozen set goes before training: a record that is in both is judged by, and the overlap is
-    found by the hash of its bytes.  A case belongs to a frozen set when one of its files does and
-    its day, if it has one, is among the days that count.
+    found by the hash of its bytes.  A case belongs to a frozen set when its day is among the days
+    that count, or one of its files, or of its parts of files, was frozen as a whole.
     """
     if sets is not None:
         if _in_set(files, sets.sealed, day):
@@ -151,15 +152,60 @@ def role_of(
 def _in_set(files: Sequence[str], frozen: FrozenSet | None, day: str) -> bool:
     if frozen is None:
         return False
+    names = [one.file for one in frozen.files]
     if day and frozen.days is not None:
-        return day in frozen.days
-    names = {one.file for one in frozen.files}
-    return not day and any(file in names for file in files)
+        if day in frozen.days:
+            return True
+        names = list(frozen.whole)
+    parted = {file for name in files if (file := selection(name)[0]) != name}
+    own = [name for name in files if name not in parted]
+    return any(share_rows(name, other) for name in own for other in names)
+
+
+def learnt_from(frozen: FrozenSet, case: Training) -> tuple[SourceFile, SourceFile] | None:
+    """A frozen file and the file of a case with the same bytes; None where there is none.
+
+    Days of a log beside those that count are no such case of it.
+    """
+    hashes = {one.sha256: one for one in frozen.files}
+    for file in case.files:
+        one = hashes.get(file.sha256)
+        if one is None or (
+            one.file == file.file
+            and one.file not in frozen.whole
+            and frozen.days is not None
+            and is_day(case.case)
+            and case.case not in frozen.days
+        ):
+            continue
+        return one, file
+    return None
+
+
+def held_back(cases: Cases, sets: GoldenSets | None) -> Cases:
+    """Cases without those of training whose bytes are frozen, under whatever name."""
+    kept, left = [], []
+    for case in cases.cases:
+        found = None
+        if sets is not None and case.role == "training":
+            found = next(
+                (pair for one in (sets.golden, sets.sealed) if one is not None
+                 if (pair := learnt_from(one, case.training)) is not None), None,
+            )  # fmt: skip
+        if found is None:
+            kept.append(case)
+            continue
+        frozen, file = found
+        reason = f"{file.file} has the same bytes as {frozen.file}, which is frozen: record another"
+        left.append(LeftOut(case=case.name, reason=reason))
+    return replace(cases, cases=tuple(kept), left_out=(*cases.left_out, *left))
 
 
 def sources(files: Mapping[str, Mapping[str, Any]], names: Iterable[str]) -> tuple[SourceFile, ...]:
-    """Raw files by name, with the hashes that the manifest has of their bytes."""
-    return tuple(SourceFile(file=name, sha256=str(files[name]["sha256"])) for name in names)
+    """Raw files, or parts of them, by name, with the hashes that the manifest has of the files."""
+    return tuple(
+        SourceFile(file=name, sha256=str(files[selection(name)[0]]["sha256"])) for name in names
+    )
 
 
 def files_of_day(files: Mapping[str, Mapping[str, Any]], day: str, zone: str) -> list[str]:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats
-from pipeline.schema.days import day_of_text
+from pipeline.schema.days import day_of_text, is_day
 from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Model
 from pipeline.schema.outside import outside_conditions, widening
@@ -29,7 +29,8 @@ from pipeline.schema.verdict import (
     Status,
     Verdict,
 )
-from pipeline.submodels.cases import Case, Cases
+from pipeline.signals.parts import selection
+from pipeline.submodels.cases import Case, Cases, learnt_from
 from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.rounding import grid_step, left_open
 from pipeline.submodels.statistics import spread_of
@@ -467,14 +468,23 @@ def _interval(values: Floats) -> tuple[float, float] | None:
 
 def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:
     """Cases to judge by whose raw bytes the model was fitted on, under whatever name."""
-    fitted = model.training_files
-    return [
-        f"{case.name}: {one.file} has the same bytes as {fitted[one.sha256]}, which the model was "
-        "fitted on"
-        for case in cases
-        for one in case.files
-        if one.sha256 in fitted
-    ]
+    fitted: dict[str, list[tuple[str, str]]] = {}
+    for trained in model.trained_on:
+        for one in trained.files:
+            fitted.setdefault(one.sha256, []).append((trained.case, one.file))
+    found = []
+    for case in cases:
+        for one in case.files:
+            seen = [
+                file for name, file in fitted.get(one.sha256, ())
+                if not (file == one.file and name != case.name and is_day(name))
+            ]  # fmt: skip
+            if seen:  # another day of the same log is none
+                found.append(
+                    f"{case.name}: {one.file} has the same bytes as {seen[0]}, which the model "
+                    "was fitted on"
+                )
+    return found
 
 
 def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[str]:
@@ -500,16 +510,15 @@ def set_reasons(
     found = []
     if sets.machine != model.machine:
         found.append(f"the golden set is one of {sets.machine}, not of {model.machine}")
-    fitted = model.training_files
     for what, frozen in (("golden", sets.golden), ("sealed", sets.sealed)):
         if frozen is None:
             continue
         found += changes(frozen, files, what)
+        seen = dict(p for one in model.trained_on if (p := learnt_from(frozen, one)) is not None)
         found += [
-            f"{one.file} of the {what} set has the same bytes as {fitted[one.sha256]}, which the "
-            "model was fitted on"
-            for one in frozen.files
-            if one.sha256 in fitted
+            f"{one.file} of the {what} set has the same bytes as {file.file}, which the model was "
+            "fitted on"
+            for one, file in seen.items()
         ]
     return found
 
@@ -524,7 +533,7 @@ def changes(
     """
     found = []
     for one in frozen.files:
-        entry = files.get(one.file)
+        entry = files.get(selection(one.file)[0])
         if entry is None:
             found.append(f"{one.file} of the {what} set is not among the records")
         elif entry["sha256"] != one.sha256:

@@ -68,7 +68,7 @@ def test_the_command_gives_the_stage_its_paths(name: str) -> None:
     known |= paths(stage.get("plots", []))
     known |= set(parameters(stage))
     if INDEX in parameters(stage):  # by their hashes, not as a whole
-        known |= {"data/raw/${item}", "data/signals/${item}"}
+        known |= {"data/raw/${item}", "data/signals/${item}", "data/golden"}
     for path in given:
         parents = {p.as_posix() for p in Path(path).parents} | {path}
         inside = any(k == path or k.startswith(path + "/") for k in known)
@@ -106,6 +106,36 @@ def test_the_recordings_that_a_stage_depends_on_are_those_of_its_sections(name: 
     whole = {"data/raw/${item}", "data/signals/${item}"} & set(stage["cmd"].split())
     if whole - paths(stage.get("deps", [])) - paths(stage["outs"]):
         assert named, f"{name} reads recordings, and no hash says which"
+
+
+@pytest.mark.parametrize("name", [name for name in DVC if name.startswith(("identify_", "judge_"))])
+def test_a_fit_and_its_verdict_depend_on_what_is_frozen_of_their_machine(name: str) -> None:
+    stage = definition(name)
+    assert FROZEN in parameters(stage)[INDEX]
+    assert "data/golden" in stage["cmd"].split()
+    assert "data/golden" not in paths(stage.get("deps", [])), "a set of another machine"
+
+
+FOR_ALL = ("ingest", "clean", "index", "champion")
+"""Stages of every machine, whatever it has records for."""
+
+
+@pytest.mark.parametrize("one", FOR_ALL)
+def test_a_stage_of_every_machine_depends_on_nothing_that_only_some_have(one: str) -> None:
+    """DVC refuses a dependency that no stage writes."""
+    always = {path for one in FOR_ALL for path in paths(definition(one)["outs"])}
+    always |= {"data/raw/${item}", "data/settings/machine/${item}.json"}
+    for dep in paths(definition(one).get("deps", [])):
+        held = any(dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
+                   for out in always)  # fmt: skip
+        assert held or "${item}" not in dep, f"{one} depends on {dep}"
+
+
+@pytest.mark.parametrize("name", [name for name in DVC if name not in FOR_ALL])
+def test_what_serves_is_depended_on_by_its_folder_which_says_where_there_is_none(name: str) -> None:
+    for dep in paths(definition(name).get("deps", [])):
+        if dep.startswith("data/champion/${item}/"):
+            assert dep.count("/") == 3, f"{name}: {dep} is a file of a model that may not serve"
 
 
 def by_hand(values: dict[str, Any], pattern: str) -> list[str]:

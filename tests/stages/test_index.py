@@ -33,7 +33,8 @@ FILES: dict[str, dict[str, Any]] = {
 def hashes(root: Path, files: dict[str, dict[str, Any]]) -> dict[str, str]:
     (root / "manifest.json").write_text(json.dumps({"files": files}))
     (root / "mill.json").write_text(json.dumps(SECTIONS))
-    index(root / "manifest.json", root / "mill.json", root / "golden", root / "index.json")
+    index(root / "manifest.json", root / "mill.json", root / "golden", root / "index.json",
+          root / "models/mill/machine.json")  # fmt: skip
     found: dict[str, str] = json.loads((root / "index.json").read_text())
     return found
 
@@ -72,6 +73,11 @@ def test_a_frozen_set_is_held_against_the_records(tmp_path: Path) -> None:
     assert whole != none
     late = {"sha256": "f", "last": "2026-01-06T17:00:00Z"}  # reaches into the frozen days
     assert hashes(tmp_path, {**FILES, "agent/2026-01-06.txt": late})[FROZEN] != whole
+    write_golden(GoldenSets(machine="mill", golden=FrozenSet(files=files[:1], days=days)),
+                 tmp_path / "golden/mill.json")  # fmt: skip
+    assert hashes(tmp_path, FILES)[FROZEN] not in (none, whole)  # another set
+    write_golden(sets, tmp_path / "golden/mill.json")
+    write_golden(sets, tmp_path / "golden/lathe.json")  # another machine's
     later = {"sha256": "f", "last": "2026-01-07T17:00:00Z"}
     assert hashes(tmp_path, {**FILES, "agent/2026-01-07.txt": later})[FROZEN] == whole
 
@@ -113,7 +119,8 @@ def test_a_fit_reads_no_recordings_but_those_of_its_hash(
         if files[one]["output"]:
             (alone / signals / files[one]["output"]).unlink()
     stage = load_stage(f"identify_{name}")
-    places = {"raw": raw, "signals": signals, "drive": "data/none", "folder": "model"}
+    places = {"raw": raw, "signals": signals, "drive": "data/none", "folder": "model",
+              "golden": "data/golden"}  # fmt: skip
     for folder in (recorded, alone):
         with inside(folder):
             run(f"identify_{name}@{MACHINE}", *(places[one] for one in stage.paths))

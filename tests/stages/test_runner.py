@@ -3,11 +3,20 @@
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 import yaml
 
+from pipeline.champions import NO_SUBMODEL, status
+from pipeline.fleet import Fleet
+from pipeline.schema.golden import FrozenSet, GoldenSets, write_golden
+from pipeline.schema.model import Model, SourceFile
 from pipeline.stages.__main__ import load_stage, run
+from pipeline.stages.champion import champion
+from pipeline.stages.identify import identify
+from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -100,3 +109,60 @@ def test_a_stage_gets_paths_and_sections(here: Path) -> None:
     stage = load_stage("clean")
     assert stage.paths == ["signals", "clean"]
     assert [t.__name__ for t in stage.sections.values()] == ["CleanMachine", "CleanSettings"]
+
+
+def test_a_fit_is_given_no_case_that_is_frozen(tmp_path: Path) -> None:
+    """Of any sub-model: it is told what is frozen, and a copy under another name is left out."""
+    frozen = SourceFile(file="a.csv", sha256="1")
+    write_golden(
+        GoldenSets(machine="mill", golden=FrozenSet(files=(frozen,))), tmp_path / "golden/mill.json"
+    )
+    seen: list[Cases] = []
+
+    class Fake:
+        def cases(self, records: Records, settings: Any, sets: GoldenSets | None = None) -> Cases:
+            return Cases(cases=tuple(
+                Case(name=name, group=name, role=role_of([name], settings.roles, sets),
+                     files=(SourceFile(file=name, sha256=digest),), load=lambda: None)
+                for name, digest in (("a.csv", "1"), ("b.csv", "2"), ("copy.csv", "1"))
+            ))  # fmt: skip
+
+        def fit(self, cases: Cases, settings: Any, folder: Path) -> Model:
+            seen.append(cases)
+            trained = tuple(one.training for one in cases.of("training"))
+            return Model(
+                submodel="fake", machine="mill", origin="simulated", parameters={},
+                trained_on=trained,
+            )  # fmt: skip
+
+    settings = SimpleNamespace(
+        identity=SimpleNamespace(name="mill"), roles=Roles(training=("*.csv",))
+    )
+    identify(Fake(), {}, tmp_path / "model", tmp_path / "golden", settings=settings)  # type: ignore[arg-type]
+    assert [one.name for one in seen[0].of("training")] == ["b.csv"]
+    assert [one.case for one in seen[0].left_out] == ["copy.csv"]
+
+
+def test_a_machine_without_a_sub_model_has_its_folders_and_no_champion(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a fleet of others too: what depends on a sub-model finds that there is none."""
+    monkeypatch.chdir(tmp_path)
+    fleet = Fleet(name="two", machines=("bare", "mill"), submodels={"control": ("mill",)})
+    models, serves = Path("data/models/bare"), Path("data/champion/bare")
+    champion(models, Path("champions.json"), serves, fleet=fleet)
+    assert [one.name for one in serves.iterdir()] == ["control"]
+    assert not Path("mlflow.db").exists()
+    alone = Fleet(name="bare", machines=("bare",))
+    champion(models, Path("champions.json"), Path("data/champion/alone"), fleet=alone)
+    assert Path("data/champion/alone").is_dir()
+    simulate = load_stage("simulate_programs").call
+    programs = Path("data/programs/bare")
+    simulate(Path("raw"), serves / "control/model.json", programs,
+             identity=None, setup=None, control_records=None)  # fmt: skip
+    assert list(programs.iterdir()) == []
+    (tmp_path / "params.yaml").write_text(
+        yaml.safe_dump({"fleet": {"name": "bare", "machines": ["bare"]}})
+    )
+    (row,) = status("bare")
+    assert (row["machine"], row["latest"]) == ("bare", NO_SUBMODEL)

@@ -18,7 +18,7 @@ from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, OutsideConditions, Verdict
-from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, role_of
+from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
 from pipeline.submodels.contract import Prediction, Target, submodels
 from pipeline.submodels.judge import (
     figures,
@@ -353,6 +353,59 @@ def test_a_golden_file_that_was_fitted_on_is_named(name: str) -> None:
     found = judged(name, [TRAIN, A], sets=GoldenSets(machine="mill", golden=frozen)).verdict
     assert found.status == "failed"
     assert "train.csv of the golden set has the same bytes as train.csv" in found.reasons[0]
+
+
+def frozen_set(*names: str, days: Days | None = None, whole: tuple[str, ...] = ()) -> GoldenSets:
+    files = tuple(SourceFile(file=one, sha256=sha(one.removesuffix(".csv"))) for one in names)
+    return GoldenSets(machine="mill", golden=FrozenSet(files=files, days=days, whole=whole))
+
+
+MONDAY = Days(first="2026-01-19", last="2026-01-19")
+
+
+@pytest.mark.parametrize(
+    ("files", "sets", "day", "role"),
+    [
+        (["a.csv"], frozen_set("a.csv"), "", "golden"),
+        (["a.csv"], frozen_set("a.csv"), "2026-01-19", "golden"),  # by name, though it has a day
+        (["a.csv"], frozen_set("a.csv", days=MONDAY), "2026-01-20", "training"),
+        (["a.csv"], frozen_set("a.csv", days=MONDAY, whole=("a.csv",)), "2026-01-20", "golden"),
+        (["b.csv"], frozen_set("a.csv", days=MONDAY), "2026-01-19", "golden"),
+        (["a.csv#tool=T3", "a.csv"], frozen_set("a.csv"), "", "golden"),
+        (["a.csv#tool=T3", "a.csv"], frozen_set("a.csv#tool=T3"), "", "golden"),
+        (["a.csv#tool=T3 (part 2)", "a.csv"], frozen_set("a.csv#tool=T3"), "", "golden"),
+        (["a.csv#tool=T3,cut=1", "a.csv"], frozen_set("a.csv#tool=T3"), "", "golden"),
+        (["a.csv#tool=T31", "a.csv"], frozen_set("a.csv#tool=T3"), "", "training"),
+        (["a.csv"], frozen_set("a.csv#tool=T3"), "", "golden"),  # it holds frozen rows
+        (["b.csv#tool=T3", "b.csv"], frozen_set("a.csv#tool=T3"), "", "training"),
+    ],
+)  # fmt: skip
+def test_nothing_that_is_frozen_is_for_training(
+    files: list[str], sets: GoldenSets, day: str, role: str
+) -> None:
+    assert role_of(files, Roles(training=("*.csv*",)), sets, day) == role
+
+
+def test_a_training_case_with_frozen_bytes_is_left_out_of_the_fit() -> None:
+    cases = Cases(cases=(TRAIN, case("copy", "training", bytes_of="a"), replace(A, role="golden")))
+    kept = held_back(cases, frozen_set("a.csv"))
+    assert [one.name for one in kept.cases] == ["train", "a"]
+    (left,) = kept.left_out
+    assert left.case == "copy"
+    assert left.reason == ("copy.csv has the same bytes as a.csv, which is frozen: record another")
+    assert held_back(cases, None) == cases
+
+
+def test_other_days_of_one_log_are_learnt_from_beside_its_golden_day() -> None:
+    log = (SourceFile(file="log.csv", sha256=sha("log")),)
+    learnt = replace(case("2026-01-20", "training"), files=log)
+    judged_day = replace(case("2026-01-19", "golden"), files=log)
+    sets = frozen_set("log.csv", days=MONDAY)
+    cases = Cases(cases=(learnt, judged_day))
+    assert held_back(cases, sets).cases == cases.cases
+    assert judged("spindle", [learnt, judged_day], sets=sets).verdict.status == "passed"
+    whole = frozen_set("log.csv", days=MONDAY, whole=("log.csv",))
+    assert [one.name for one in held_back(cases, whole).cases] == ["2026-01-19"]
 
 
 def test_another_machines_golden_set_is_refused() -> None:

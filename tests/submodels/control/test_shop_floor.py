@@ -39,7 +39,7 @@ def project(tmp_path_factory) -> Path:
         ]
         store(folder, values)
         run(f"ingest@{MACHINE}", "raw", "signals")
-        run(f"identify_control@{MACHINE}", "signals", "raw", "control")
+        run(f"identify_control@{MACHINE}", "signals", "raw", "control", "golden")
         run(f"judge_control@{MACHINE}", "signals", "raw", "control", "golden", "metrics.json",
             "plots")  # fmt: skip
     return folder

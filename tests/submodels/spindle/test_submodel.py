@@ -215,6 +215,22 @@ def test_a_golden_week_decides_and_one_that_was_fitted_on_fails(made) -> None:
     assert "2026-01-07.txt of the golden set has the same bytes as" in found.reasons[0]
 
 
+def test_no_frozen_day_is_learnt_from(made) -> None:
+    """Neither one that is frozen by its date nor one whose file is."""
+    records, settings = made[0], Fitting(
+        identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_fit=QUICK, residual_forest=FOREST,
+        spindle_interval=IntervalSettings(folds=3),
+    )  # fmt: skip
+    learnt = [one.name for one in SUBMODEL.cases(records, settings).of("training")]
+    assert learnt == DAYS[:3]
+    files = sources(records.files, ["2026-01-06.txt"])
+    for days in (None, Days(first="2026-01-06", last="2026-01-06")):
+        sets = GoldenSets(machine="mill", golden=FrozenSet(files=files, days=days))
+        found = SUBMODEL.cases(records, settings, sets)
+        assert [one.name for one in found.of("training")] == ["2026-01-05", "2026-01-07"]
+        assert [one.name for one in found.of("golden")] == ["2026-01-06"]
+
+
 def test_held_inputs_do_not_make_a_working_day(tmp_path: Path, made) -> None:
     records = records_of(tmp_path / "clean", (4, 4, 4, 2, 0.5, 2))
     path = tmp_path / "clean/state/2026-01-19.parquet"
