@@ -6,6 +6,7 @@ free text).
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -115,27 +116,52 @@ class DeviceModel:
         return len(self.devices) > 1
 
     def item_name(self, item: DataItem) -> str:
-        """What ``data_item`` is in the observations: the item's name, or its id when it has none.
-
-        With several devices the name alone may stand for two items: ``device:name``.
+        """What ``data_item`` is in the observations: ``own_name``, with several devices after
+        ``device:``, as the name alone may then stand for two items.
         """
-        name = item.name or item.id
+        name = self.own_name(item)
         return f"{item.device}:{name}" if self.several else name
 
+    def own_name(self, item: DataItem) -> str:
+        """Its name; its id where it has none, or shares it with another item of its device."""
+        shared = self._named[item.device, item.name] > 1
+        return item.id if shared else item.name or item.id
+
     def find(self, key: str) -> DataItem | None:
-        """The item called ``key``: by its name in observations, its name, its id or its source."""
-        return next((index[key] for index in self._indices if key in index), None)
+        """The one item called ``key``; None where there is none, or there are several."""
+        called = self.called(key)
+        return called[0] if len(called) == 1 else None
+
+    def called(self, key: str) -> tuple[DataItem, ...]:
+        """Items called ``key``: by name in observations, name, id or source, or ``device:key``."""
+        found = next((index[key] for index in self._indices if key in index), ())
+        device, colon, own = key.partition(":")
+        if found or not colon:
+            return found
+        labels = {d.label for d in self.devices if d.is_called(device)}
+        return tuple(i for i in self.called(own) if i.device in labels)
 
     def by_id(self, item_id: str) -> DataItem | None:
         """The item whose id is ``item_id``; ids are unique in a document."""
-        return self._indices[2].get(item_id)
+        return next(iter(self._indices[2].get(item_id, ())), None)
 
     @cached_property
-    def _indices(self) -> tuple[dict[str, DataItem], ...]:
-        """Items by name in observations, name, id and source; of one key the first item counts."""
+    def _named(self) -> Counter[tuple[str | None, str | None]]:
+        """How many items of a device share a name."""
+        return Counter((i.device, i.name) for i in self.items if i.name)
+
+    @cached_property
+    def _indices(self) -> tuple[dict[str, tuple[DataItem, ...]], ...]:
+        """Items by name in observations, by name, by id and by source."""
         keys: list[Callable[[DataItem], str | None]] = [self.item_name]
         keys += [attrgetter(name) for name in ("name", "id", "source")]
-        return tuple({k: i for i in reversed(self.items) if (k := key(i))} for key in keys)
+        indices: list[dict[str, tuple[DataItem, ...]]] = []
+        for key in keys:
+            indices.append({})
+            for item in self.items:
+                if k := key(item):
+                    indices[-1][k] = (*indices[-1].get(k, ()), item)
+        return tuple(indices)
 
 
 def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:

@@ -17,9 +17,9 @@ from pipeline.signals.shdr.lines import (
     LONGEST,
     TOO_LONG,
     Segment,
+    counted_ns,
     fields_of,
     json_of,
-    milliseconds_ns,
 )
 from pipeline.signals.shdr.record_forms import (
     FORMS,
@@ -114,9 +114,10 @@ class LineReader:
             return self.previous, "the line has no time and none stands before it"
         time = iso_ns(stamp)
         if time is None:
-            time = milliseconds_ns(stamp)
-            attributes["time"] = "milliseconds"
-        return time, f"{stamp[:40]!r} is no time from 1678 to 2261"
+            time, attributes["time"] = counted_ns(stamp)
+        return time, (
+            f"{stamp[:40]!r} is no time: ISO 8601 from 1678 to 2261, or s, ms, us or ns since 1970"
+        )
 
     def _records(
         self, line: int, time: int, fields: list[str], attributes: dict[str, object], sequence: int
@@ -152,6 +153,8 @@ class LineReader:
         if not rest:
             raise RefusedError(f"item {key[:40]!r} has no value", 0)
         plan = self.items.plan(key)
+        if plan.shape == "refused":
+            raise RefusedError(plan.why, undeclared(rest, alone=alone).used)
         if plan.shape != "any":
             return plan.name, FORMS[plan.shape](plan, rest)
         return plan.name, undeclared(rest, alone=alone)

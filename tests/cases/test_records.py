@@ -1,0 +1,186 @@
+"""Records from outside: small logs and tables of kinds that were once stored wrongly or refused."""
+
+from pathlib import Path
+
+import nptdms
+import numpy as np
+import pytest
+
+from pipeline.signals.formats import (
+    Batch,
+    ColumnSource,
+    RecordSource,
+    Rejection,
+    TableLayout,
+    Trace,
+    UnreadableFile,
+)
+from pipeline.signals.mtconnect import xml_document
+from pipeline.signals.shdr import log
+from pipeline.signals.tables import columnar
+
+ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
+
+
+def device(label: str, *items: tuple[str, str, str, str]) -> str:
+    inside = "".join(
+        ITEM.format(id=i, name=n, category=c, type=t) for i, n, c, t in items
+    )  # fmt: skip
+    return (
+        f'<Device id="{label}_d" name="{label}" uuid="{label}_u"><DataItems>{inside}'
+        "</DataItems></Device>"
+    )
+
+
+def position(label: str) -> str:
+    return device(label, (f"{label}_x", "Xact", "SAMPLE", "POSITION"))
+
+
+TWO_PATHS = device(
+    "M1", ("p1_ex", "execution", "EVENT", "EXECUTION"), ("p2_ex", "execution", "EVENT", "EXECUTION")
+)
+
+
+def devices(folder: Path, *inside: str) -> Path:
+    path = folder / "Devices.xml"
+    path.write_text(f"<MTConnectDevices><Devices>{''.join(inside)}</Devices></MTConnectDevices>")
+    return path
+
+
+def logged(folder: Path, text: str, **options: str) -> tuple[dict[str, list[float]], list[str]]:
+    """Numbers by item and reasons of rejection; both ways through a log agree."""
+    path = folder / "log.txt"
+    path.write_text(text)
+    source = RecordSource(format="shdr", files="*.txt", devices="Devices.xml", **options)  # type: ignore[arg-type]
+    ways = [said(list(way(path, source, folder))) for way in (log.read_reference, log.read_fast)]
+    assert ways[0] == ways[1]
+    return ways[0][0], [rejection.reason for rejection in ways[0][1]]
+
+
+def said(batches: list[Batch]) -> tuple[dict[str, list[float]], list[Rejection]]:
+    found: dict[str, list[float]] = {}
+    for batch in batches:
+        for row in batch.observations.to_pylist():
+            found.setdefault(row["data_item"], []).append(row["number"] or row["text"])
+    return found, [rejection for batch in batches for rejection in batch.rejected]
+
+
+PREFIXED = """2026-06-11T00:00:00Z|M1:Xact|1
+2026-06-11T00:00:01Z|M2:Xact|200
+2026-06-11T00:00:02Z|M9:Xact|900
+"""
+
+
+def test_b01_a_prefix_names_the_device(tmp_path: Path) -> None:
+    devices(tmp_path, position("M1"))
+    values, reasons = logged(tmp_path, PREFIXED)
+    assert values == {"Xact": [1.0]}
+    assert [name in r for name, r in zip(("'M2'", "'M9'"), reasons, strict=True)] == [True, True]
+
+
+def test_b01_each_device_of_the_document_keeps_its_own(tmp_path: Path) -> None:
+    devices(tmp_path, position("M1"), position("M2"))
+    values, reasons = logged(tmp_path, PREFIXED + "2026-06-11T00:00:03Z|M2_u:Xact|201\n")
+    assert values == {"M1:Xact": [1.0], "M2:Xact": [200.0, 201.0]}
+    assert ["'M9'" in r for r in reasons] == [True]
+    chosen, reasons = logged(tmp_path, PREFIXED, device="M2")
+    assert (chosen, len(reasons)) == ({"Xact": [200.0]}, 2)
+
+
+def test_b01_a_name_that_several_items_share_is_refused(tmp_path: Path) -> None:
+    devices(tmp_path, position("M1"), position("M2"))
+    values, reasons = logged(tmp_path, "2026-06-11T00:00:00Z|Xact|1\n2026-06-11T00:00:00Z|M1_x|2\n")
+    assert values == {"M1:Xact": [2.0]}
+    assert "write the id (M1:M1_x, M2:M2_x)" in reasons[0]
+
+
+STREAMS = """<MTConnectStreams><Header instanceId="1"/><Streams><DeviceStream name="M1" uuid="M1_u">
+<ComponentStream component="Path" componentId="p"><Events>{}</Events></ComponentStream>
+</DeviceStream></Streams></MTConnectStreams>"""
+EXECUTION = (
+    '<Execution dataItemId="{}" name="execution" sequence="{}" '
+    'timestamp="2026-06-11T00:00:00Z">{}</Execution>'
+)
+
+
+@pytest.mark.parametrize("document", [None, "Devices.xml"])
+def test_b01_two_paths_keep_their_execution_apart(tmp_path: Path, document: str | None) -> None:
+    devices(tmp_path, TWO_PATHS)
+    path = tmp_path / "streams.xml"
+    events = EXECUTION.format("p1_ex", 1, "ACTIVE") + EXECUTION.format("p2_ex", 2, "READY")
+    path.write_text(STREAMS.format(events))
+    source = RecordSource(format="mtconnect_xml", files="*.xml", devices=document)
+    values, rejected = said(list(xml_document.read(path, source, tmp_path)))
+    first = "p1_ex" if document else "execution"
+    assert (values, rejected) == ({first: ["ACTIVE"], "p2_ex": ["READY"]}, [])
+
+
+START = np.datetime64("2026-01-05T10:00:00", "us")
+
+
+def tdms(folder: Path, **channels: tuple[list[float], dict[str, object]]) -> Trace:
+    with nptdms.TdmsWriter(folder / "x.tdms") as writer:
+        writer.write_segment([
+            nptdms.ChannelObject("G", name, np.array(values), properties=facts)
+            for name, (values, facts) in channels.items()
+        ])  # fmt: skip
+    columns = {name.lower(): ColumnSource(column=name, unit="N") for name in channels}
+    layout = TableLayout(columns=columns, group="G")
+    source = RecordSource(format="tdms", files="*.tdms", table=layout)
+    return columnar.read_tdms(folder / "x.tdms", source, folder)
+
+
+def waveform(later_s: float = 0.0, **more: object) -> dict[str, object]:
+    start = START + np.timedelta64(round(later_s * 1e6), "us")
+    return {"wf_increment": 1.0, "wf_start_time": start, "wf_start_offset": 0.0} | more
+
+
+@pytest.mark.parametrize("later", [waveform(3.0), waveform(2.75, wf_start_offset=0.25)])
+def test_b03_channels_stand_at_their_own_start(tmp_path: Path, later: dict[str, object]) -> None:
+    found = tdms(tmp_path, Fx=([0, 1, 2, 3, 4], waveform()), Fy=([10, 11, 12, 13, 14], later))
+    frame = found.table.to_pandas()
+    assert str(frame["time"][0]) == "2026-01-05 10:00:00+00:00"
+    assert frame["fx"].tolist()[:5] == [0, 1, 2, 3, 4]
+    assert frame["fy"].tolist()[3:] == [10, 11, 12, 13, 14]
+    assert frame["fy"][:3].isna().all() and frame["fx"][5:].isna().all()
+
+
+@pytest.mark.parametrize(
+    ("facts", "reason"),
+    [
+        (waveform(60.0), "have no time in common"),
+        ({"wf_increment": 1.0, "wf_start_offset": 1.0}, "have no time in common"),
+        (waveform() | {"NI_Scale[0]_Scale_Type": "Reciprocal", "NI_Number_Of_Scales": 1},
+         "'G/Fy' has the scale 'Reciprocal'"),
+        (waveform(wf_xunit_string="Hz"), "a waveform over 'Hz', not over time"),
+    ],
+)  # fmt: skip
+def test_b03_what_a_channel_says_of_itself_is_read_or_refused(
+    tmp_path: Path, facts: dict[str, object], reason: str
+) -> None:
+    with pytest.raises(UnreadableFile, match=reason):
+        tdms(tmp_path, Fx=([0, 1, 2], waveform()), Fy=([10, 11, 12], facts))
+
+
+@pytest.mark.parametrize(
+    ("stamp", "expected"),
+    [
+        ("1758033785.250", "2025-09-16T14:43:05.250"),
+        ("1758033785", "2025-09-16T14:43:05"),
+        ("1758033785250", "2025-09-16T14:43:05.250"),
+        ("1758033785250000", "2025-09-16T14:43:05.250"),
+        ("1758033785250000123", "2025-09-16T14:43:05.250000123"),
+        ("17580337852500000", None),
+    ],
+)
+def test_b05_the_unit_of_a_time_is_checked(
+    tmp_path: Path, stamp: str, expected: str | None
+) -> None:
+    path = tmp_path / "log.txt"
+    path.write_text(f"2025-09-16T14:43:05Z|Xact|0\n{stamp}|Xact|1\n")
+    source = RecordSource(format="shdr", files="*.txt")
+    batches = list(log.read(path, source, tmp_path))
+    times = [str(t) for b in batches for t in b.observations["time"].to_numpy()[1:]]
+    rejected = [r.reason for b in batches for r in b.rejected]
+    assert times == ([str(np.datetime64(expected, "ns"))] if expected else [])
+    assert [stamp in r for r in rejected] == ([] if expected else [True])
