@@ -17,7 +17,7 @@ from pipeline.signals.formats import (
 )
 from pipeline.signals.mtconnect import xml_document
 from pipeline.signals.shdr import log
-from pipeline.signals.tables import columnar
+from pipeline.signals.tables import columnar, csv_table
 
 ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
 
@@ -184,3 +184,45 @@ def test_b05_the_unit_of_a_time_is_checked(
     rejected = [r.reason for b in batches for r in b.rejected]
     assert times == ([str(np.datetime64(expected, "ns"))] if expected else [])
     assert [stamp in r for r in rejected] == ([] if expected else [True])
+
+
+def table(folder: Path, text: str, **options: object) -> Trace:
+    """Trace of ``t``, ``Fx`` and whatever follows in a text table."""
+    (folder / "x.csv").write_text(text)
+    layout = {"columns": {"fx": ColumnSource(column="Fx", unit="N")}, "time": "t"} | options
+    source = RecordSource(format="csv", files="*.csv", table=TableLayout(**layout))  # type: ignore[arg-type]
+    return csv_table.read(folder / "x.csv", source, folder)
+
+
+def fixed(first: int, last: int) -> str:
+    return "".join(f"{k / 10:.3f},{k * 1.5:.3f}\n" for k in range(first, last))
+
+
+@pytest.mark.parametrize("ragged", ["reject", "fill"])
+@pytest.mark.parametrize(
+    ("broken", "lines"),
+    [("6.000,9", [62]), ("6.000,90.", [62]), ("6.000,90.0", [62]), ("6.0\n00,90.000", [62, 63]),
+     ("6.000,90.0006.100,91.500", [62]), ("6.000,90.000", [])],
+)  # fmt: skip
+def test_numbers_of_broken_lines_are_not_kept(
+    tmp_path: Path, broken: str, lines: list[int], ragged: str
+) -> None:
+    text = f"t,Fx\n{fixed(0, 60)}{broken}\n{fixed(70, 90)}"
+    found = table(tmp_path, text, ragged=ragged)
+    assert [r.line for r in found.rejected] == lines
+    assert found.table["t"].to_pylist()[60] == (7.0 if lines else 6.0)
+    assert found.read == found.kept + len(lines)
+
+
+def test_a_writer_that_leaves_zeros_away_breaks_no_line(tmp_path: Path) -> None:
+    rows = "".join(f"{k / 1000:g},{k * 1.37:.6g}\n" for k in range(500))
+    assert not table(tmp_path, "t,Fx\n" + rows).rejected
+
+
+@pytest.mark.parametrize("cut", ["M1:Xact|12.", "M1:Xa"])
+def test_a_line_of_a_log_that_lost_its_end_keeps_nothing(tmp_path: Path, cut: str) -> None:
+    devices(tmp_path, position("M1"))
+    text = f"2026-06-11T00:00:00Z|M1:Xact|1\n2026-06-11T00:00:01Z|{cut}"
+    values, reasons = logged(tmp_path, text + "2026-06-11T00:00:02Z|Yact|3\n")
+    assert values == {"Xact": [1.0]}
+    assert reasons == ["the line breaks off, and the next one follows without a break"]

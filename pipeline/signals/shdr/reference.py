@@ -5,6 +5,7 @@ Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes aro
 out and counted (``nulBytes``); within a line they make it unreadable.
 """
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -35,6 +36,10 @@ ASSET = "asset"
 EARLIEST = -(2**63) + 1
 MOST_FIELDS = 6
 """Fields that a record of a data item looks at: five of a condition, and whether more follow."""
+
+
+_GLUED = re.compile(r"\S\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[^|\s]*$", re.ASCII)
+"""A field that has lost its end and is followed by the time of another line."""
 
 
 class Row(NamedTuple):
@@ -97,6 +102,10 @@ class LineReader:
         if time is None or not fields or fields == [""]:
             reason = reason if time is None else "no item follows the time"
             return refused(number, reason, bare)
+        if any(map(_GLUED.search, fields[:-1])):
+            return refused(
+                number, "the line breaks off, and the next one follows without a break", bare
+            )
         self.previous, self.formed = time, True
         if body is not None:
             fields[-1] = decoded(body.rstrip().rpartition(b"\n")[0].strip(), attributes)

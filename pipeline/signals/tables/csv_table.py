@@ -45,6 +45,7 @@ _MARKS = (
 )
 _HEAD = 4096  # bytes in which a text file holds no zero
 _SAMPLE = 200  # lines that tell a delimiter when nothing else does
+_CUT_SAMPLE = 1000  # rows that tell the decimals of each column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,10 +288,14 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     dialect = dialect_of(lines, layout)
     needed = columns_to_read(layout, dialect.names)
     columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
-    cut = _cut(lines, dialect)
-    if cut and len(numbers) and numbers[-1] == cut.line:
-        columns = {name: cells.slice(0, len(numbers) - 1) for name, cells in columns.items()}
-        numbers, rejected = numbers[:-1], [*rejected, cut]
+    broken = _broken(lines, dialect, numbers, rejected, layout.decimal)
+    if cut := _cut(lines, dialect):
+        broken[len(lines)] = cut
+    if broken:
+        keep = ~np.isin(numbers, list(broken))
+        rejected = [*rejected, *(broken[int(number)] for number in numbers[~keep])]
+        columns = {name: cells.filter(pa.array(keep)) for name, cells in columns.items()}
+        numbers = numbers[keep]
     raw = RawTable(
         columns=dict(columns),
         lines=numbers,
@@ -430,3 +435,69 @@ def _shape(line: str, dialect: Dialect) -> tuple[int, int]:
     """How many characters of decimals and of an exponent end a line."""
     match = _SHAPE.search(line.rsplit(dialect.delimiter, 1)[-1])
     return (len(match[1] or ""), len(match[2] or "")) if match else (0, 0)
+
+
+_FIXED_CELLS = 60
+"""Cells with one count of decimals that show a writer of fixed decimals; of one that leaves zeros
+away each tenth cell is shorter."""
+_DIGITS = re.compile(r"(?<![^\s,;|])[-+]?\d+([.,]\d*)?$")
+_RARE = 0.01
+"""Share of rows that may be broken; more are the writer's habit [1]."""
+
+
+def _broken(
+    lines: Lines, dialect: Dialect, numbers: Ints, rejected: Sequence[Rejection], mark: str
+) -> dict[int, Rejection]:
+    """Rows by line whose record was cut: a last number without its digits, or in two lines."""
+    sample = [lines[int(k) - 1] for k in numbers[:: 1 + len(numbers) // _CUT_SAMPLE]]
+    rows = [cells_of(line, dialect.delimiter) for line in sample]
+    width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
+    fixed = _fixed(rows, dialect)
+    if not any(fixed):  # any number may be a whole one
+        return {}
+    short = _shortened(lines, dialect, numbers, fixed, width, mark)
+    ragged = [r.line for r in rejected if r.line and _DIGITS.search(r.excerpt)]
+    ends = [n for n in (*short, *ragged) if len(cells_of(lines[n - 1], dialect.delimiter)) < width]
+    found = dict.fromkeys(short, "its last number is shorter than all others of its column")
+    if len(ends) <= max(2, _RARE * len(numbers)):
+        for number in ends:
+            pair = [cells_of(lines[k], dialect.delimiter)
+                    for k in range(number - 1, min(number + 1, len(lines)))]  # fmt: skip
+            if sum(map(len, pair)) in (width, width + 1):
+                found[number + 1] = f"its record began in line {number}"
+    return {number: Rejection(line=number, reason=f"the row is broken: {why}",
+                              excerpt=lines[number - 1][:EXCERPT])
+            for number, why in found.items() if number <= len(lines)}  # fmt: skip
+
+
+def _fixed(rows: list[list[str]], dialect: Dialect) -> list[tuple[int, int] | None]:
+    """Form of the numbers of each column, None where they have no fixed decimals."""
+    shapes = [Counter(_shape(row[k], dialect) for row in rows if k < len(row))
+              for k in range(len(dialect.names))]  # fmt: skip
+    usual = [of.most_common(1)[0] if of else ((0, 0), 0) for of in shapes]
+    fixed = [shape if shape[0] > 1 and of.total() - n <= max(2, _RARE * of.total()) else None
+             for (shape, n), of in zip(usual, shapes, strict=True)]  # fmt: skip
+    cells = sum(n for (_, n), shape in zip(usual, fixed, strict=True) if shape)
+    return fixed if cells >= _FIXED_CELLS else [None] * len(fixed)
+
+
+def _shortened(
+    lines: Lines, dialect: Dialect, numbers: Ints, fixed: Sequence[tuple[int, int] | None],
+    width: int, mark: str,
+) -> list[int]:  # fmt: skip
+    """Lines of rows whose last number has fewer digits than a column of fixed decimals has."""
+    form = fixed[width - 1] if width else None
+    if not form:
+        return []
+    body = np.frombuffer(lines.body, np.uint8)
+    place = np.clip(lines.ends[numbers - 1] - sum(form), 0, len(body) - 1)
+    odd = numbers[body[place] != ord(mark)].tolist()
+    if len(odd) > max(2, _RARE * len(numbers)):
+        return []
+    short = []
+    for number in odd:
+        row = cells_of(lines[number - 1], dialect.delimiter)
+        own = fixed[len(row) - 1] if row else None
+        if own and _DIGITS.match(row[-1]) and sum(_shape(row[-1], dialect)) < sum(own):
+            short.append(number)
+    return short
