@@ -272,22 +272,26 @@ def format_of(path: Path) -> Format:
     text = _ascii(head).lstrip()
     if _is_xml(text):
         return "mtconnect_xml"
-    if text.startswith((b"{", b"[")):
+    if _JSON.match(text) and not _LOGGED.search(text):
         return "mtconnect_json"
     name = path.name.removesuffix(".gz").lower()
     return "csv" if name.endswith((".csv", ".tsv")) else "shdr"
 
 
-_LOGGED = re.compile(rb"^\s*\d{4}-\d\d-\d\dT[^|<\n]*\|", re.MULTILINE)
+_LOGGED = re.compile(rb"^[ \t]*(?:\d{4}-\d\d-\d\dT[^|<\n]*|\d+(?:\.\d*)?)\|", re.MULTILINE)
 """The beginning of a line of a log: its time and a bar."""
+
+_JSON = re.compile(rb"[{\[]\s*(?:[{\[\]}\"]|$)")
+"""The beginning of an object or of a list of objects."""
 
 
 def _is_xml(text: bytes) -> bool:
     """Whether a text is a document; a log may begin with the rest of one."""
-    if b"<MTConnect" in text or text.startswith(b"<?xml"):
+    if text.startswith((b"<MTConnect", b"<?xml")):
         return True
-    if text.startswith(b"<"):
-        return not _LOGGED.search(text)
+    before, document, _ = text.partition(b"<MTConnect")
+    if document or text.startswith(b"<"):
+        return not _LOGGED.search(before)
     return text.startswith(b"--") and b"<" in text
 
 

@@ -5,7 +5,11 @@ from pathlib import Path
 import nptdms
 import numpy as np
 import pytest
+import yaml
 
+from pipeline.app.fleet import use_fleet
+from pipeline.app.machine import machine_text, propose
+from pipeline.registry.store import client_of, experiment_of, versions
 from pipeline.signals.formats import (
     Batch,
     ColumnSource,
@@ -14,6 +18,7 @@ from pipeline.signals.formats import (
     TableLayout,
     Trace,
     UnreadableFile,
+    format_of,
 )
 from pipeline.signals.mtconnect import xml_document
 from pipeline.signals.shdr import log
@@ -226,3 +231,84 @@ def test_a_line_of_a_log_that_lost_its_end_keeps_nothing(tmp_path: Path, cut: st
     values, reasons = logged(tmp_path, text + "2026-06-11T00:00:02Z|Yact|3\n")
     assert values == {"Xact": [1.0]}
     assert reasons == ["the line breaks off, and the next one follows without a break"]
+
+
+AGENT = """<Agent id="a" name="Agent" uuid="ua"><DataItems>
+<DataItem id="a_av" name="agent_avail" category="EVENT" type="AVAILABILITY"/></DataItems></Agent>"""
+
+
+@pytest.mark.parametrize("with_log", [True, False])
+def test_c01_an_agents_own_device_is_no_machine(tmp_path: Path, with_log: bool) -> None:
+    document = devices(tmp_path, AGENT, position("M1"))
+    streams = tmp_path / "s.xml"
+    sample = (
+        '<Position dataItemId="M1_x" name="Xact" sequence="1" timestamp="2026-06-11T00:00:00Z">1'
+        "</Position>"
+    )
+    streams.write_text(
+        STREAMS.format("").replace("<Events>", f"<Samples>{sample}</Samples><Events>")
+    )
+    found = propose("z", document, [streams] if with_log else [], None, tmp_path / "raw")
+    assert found.device == "M1"
+    assert list(found.series) == (["Xact"] if with_log else [])
+
+
+@pytest.mark.parametrize("folder", ["logs [2026]", "100 % ?", "a*b"])
+def test_c02_names_of_folders_are_no_patterns(tmp_path: Path, folder: str) -> None:
+    raw = tmp_path / "raw"
+    (raw / folder).mkdir(parents=True)
+    (raw / folder / "day.txt").write_text("2026-06-11T00:00:00Z|Xact|1\n")
+    document = devices(tmp_path, position("M1"))
+    found = propose("z", document, [raw / folder / "day.txt"], None, raw)
+    pattern = yaml.safe_load(machine_text(found))["records"][0]["files"]
+    assert [p.name for p in raw.glob(pattern)] == ["day.txt"]
+    assert list(found.series) == ["Xact"]
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "form"),
+    [
+        ("a.txt", "[capture started]\n2026-06-11T00:00:00Z|Xact|1\n", "shdr"),
+        ("a.txt", '{"capture": 1}\n1758033785.250|Xact|1\n', "shdr"),
+        ("a.txt", "2026-06-11T00:00:00Z|@ASSET@|1|T|<MTConnectAssets/>\n", "shdr"),
+        ("a.csv", "[s];[N]\n0;1\n", "csv"),
+        ("a.txt", '[\n {"MTConnectStreams": {}}]', "mtconnect_json"),
+        ("a.txt", "--mark\nContent-type: text/xml\n\n<MTConnectStreams/>", "mtconnect_xml"),
+    ],
+)
+def test_c03_a_form_is_not_told_from_one_character(
+    tmp_path: Path, name: str, text: str, form: str
+) -> None:
+    (tmp_path / name).write_text(text)
+    assert format_of(tmp_path / name) == form
+
+
+@pytest.mark.slow  # MLflow makes a database
+@pytest.mark.parametrize("folder", ["my%20project", "a b?c#", "a b"])
+def test_c04a_a_project_may_stand_in_any_folder(
+    tmp_path: Path, folder: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    root = tmp_path / folder
+    root.mkdir()
+    client = client_of(root)
+    place = client.get_experiment_by_name(experiment_of(client, root)).artifact_location
+    assert [path.name for path in tmp_path.iterdir()] == [folder]
+    assert place == (root / "mlartifacts").as_uri()
+    assert versions("mill01", root) == []
+
+
+@pytest.mark.parametrize("more", ["", "submodels: {spindle: [y]}\n"])
+def test_a_short_fleet_is_whole_for_dvc(
+    tmp_path: Path, more: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pipeline.app.fleet.CONF", tmp_path)
+    monkeypatch.setattr("pipeline.app.fleet.DATA", tmp_path / "data")
+    monkeypatch.setattr("pipeline.app.fleet._composed", lambda override: {})
+    (tmp_path / "fleet").mkdir()
+    (tmp_path / "fleet/short.yaml").write_text(f"name: short\nmachines: [y]\n{more}")
+    use_fleet("short")
+    whole = yaml.safe_load((tmp_path / "fleet/active.yaml").read_text())
+    full = yaml.safe_load(Path("conf/fleet/simulated.yaml").read_text())
+    assert set(full) <= set(whole) and set(full["submodels"]) == set(whole["submodels"])
+    assert whole["submodels"]["spindle"] == (["y"] if more else [])

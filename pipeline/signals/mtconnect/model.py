@@ -91,12 +91,16 @@ class DataItem:
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """How a device is called; ``label`` is the first of the others that no other device has."""
+    """How a device is called; ``label`` is the first of the others that no other device has.
+
+    ``is_agent`` tells an agent's own device, which is no machine (MTConnect 1.7 on).
+    """
 
     label: str
     name: str | None
     uuid: str | None
     id: str | None
+    is_agent: bool = False
 
     def is_called(self, called: str) -> bool:
         """Whether ``called`` is its name, uuid or id."""
@@ -164,14 +168,16 @@ class DeviceModel:
         return tuple(indices)
 
 
-def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:
+def device_of(
+    attributes: dict[str, str], others: Iterable[Device], *, is_agent: bool = False
+) -> Device:
     """A device from the attributes of its element, distinguished from ``others`` by its label."""
     name, uuid, own_id = attributes.get("name"), attributes.get("uuid"), attributes.get("id")
     taken = {d.label for d in others}
     words = [w for w in (name, uuid, own_id) if w]
     free = [w for w in words if w not in taken]
     label = (free or words or ["?"])[0]
-    return Device(label=label, name=name, uuid=uuid, id=own_id)
+    return Device(label=label, name=name, uuid=uuid, id=own_id, is_agent=is_agent)
 
 
 def data_item(attributes: dict[str, str], **where: str | None) -> DataItem:
