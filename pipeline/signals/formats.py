@@ -300,7 +300,16 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\xfd7zXZ\0", "packed with xz: unpack it"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd: unpack it"),
     (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save it as CSV"),
-    (b"%PDF", "a PDF"),
+    (b"%PDF", "a PDF: save its table as CSV"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of old Office: save it as CSV"),
+    (b"7z\xbc\xaf", "packed with 7z: unpack it"),
+    (b"Rar!", "packed with RAR: unpack it"),
+    (b"SQLite format 3", "a database of SQLite: write its table as CSV"),
+    (
+        b"RIFF",
+        "a WAV recording, of counts without a unit: write it as CSV, HDF5 or Parquet in its "
+        "unit, and give the layout's rate",
+    ),
     (b"\x89PNG", "a picture"),
 )
 _HEX = re.compile(rb"(?:[0-9a-fA-F]{4,8}:?\s+)(?:[0-9a-fA-F]{2,4}\s+){4,}")
@@ -310,11 +319,15 @@ _BLOCK = re.compile(
 )
 
 
+def foreign(head: bytes) -> str:
+    """What a file is that no reader reads, by its first bytes; ``""`` where they do not say it."""
+    return next((kind for magic, kind in _OTHERS if head.startswith(magic)), "")
+
+
 def looks_like(head: bytes) -> str:
     """What a file is that is no log, from its first bytes; ``""`` where nothing says it."""
-    for magic, kind in _OTHERS:
-        if head.startswith(magic):
-            return kind
+    if kind := foreign(head):
+        return kind
     lines = [one.strip() for one in head.splitlines()[:50] if one.strip()]
     if lines and sum(bool(_HEX.match(one)) for one in lines) > len(lines) / 2:
         return "a hex dump: read the file that it was made of"

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import nptdms
 import numpy as np
+import pyarrow as pa
 import pytest
 import yaml
 
@@ -22,7 +23,7 @@ from pipeline.signals.formats import (
 )
 from pipeline.signals.mtconnect import xml_document
 from pipeline.signals.shdr import log
-from pipeline.signals.tables import columnar, csv_table
+from pipeline.signals.tables import cells, columnar, csv_table
 
 ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
 
@@ -312,3 +313,110 @@ def test_a_short_fleet_is_whole_for_dvc(
     full = yaml.safe_load(Path("conf/fleet/simulated.yaml").read_text())
     assert set(full) <= set(whole) and set(full["submodels"]) == set(whole["submodels"])
     assert whole["submodels"]["spindle"] == (["y"] if more else [])
+
+
+BERLIN = {"time_unit": "iso", "time_zone": "Europe/Berlin"}
+
+
+def times(found: Trace) -> list[str]:
+    return [str(at)[:16] for at in found.table["time"].to_numpy()]
+
+
+def test_d11_the_setting_that_reads_a_time_is_named(tmp_path: Path) -> None:
+    text = "t,Fx\n27.03.2025 14:55:00,1\n28.03.2025 14:55:00,2\n"
+    with pytest.raises(UnreadableFile, match=r"give the layout's time_format, for example '%d"):
+        table(tmp_path, text, **BERLIN)
+    found = table(tmp_path, text, **BERLIN, time_format="%d.%m.%Y %H:%M:%S")
+    assert times(found) == ["2025-03-27T13:55", "2025-03-28T13:55"]
+
+
+def night(*clock: str) -> str:
+    return "t,Fx\n" + "".join(f"2025-10-26 {at},{n}\n" for n, at in enumerate(clock))
+
+
+@pytest.mark.parametrize(
+    ("clock", "utc"),
+    [
+        (("01:30:00", "02:30:00", "02:30:00", "03:30:00"), ["23:30", "00:30", "01:30", "02:30"]),
+        (("02:20:00", "02:40:00", "02:00:00", "02:20:00"), ["00:20", "00:40", "01:00", "01:20"]),
+        (("01:30:00", "02:30:00", "03:30:00"), ["23:30", "02:30"]),
+        (("02:30:00", "02:30:00", "02:30:01", "03:30:00"), ["02:30"]),
+    ],
+)
+def test_d12_the_order_tells_the_repeated_hour(
+    tmp_path: Path, clock: tuple[str, ...], utc: list[str]
+) -> None:
+    found = table(tmp_path, night(*clock), **BERLIN)
+    assert [at[11:] for at in times(found)] == utc
+    assert all("is two instants of Europe/Berlin" in r.reason for r in found.rejected)
+
+
+def test_d12_in_a_column_of_timestamps_too() -> None:
+    wall = pa.array(np.array(["2025-10-26T02:30", "2025-10-26T02:00"], "M8[ns]"))
+    time, bad = cells.instants(wall, TableLayout(time_zone="Europe/Berlin"))
+    assert np.diff(time).tolist() == [1800 * 10**9] and not bad.any()
+
+
+LABVIEW = """LabVIEW Measurement\t
+Separator\tTab
+***End_of_Header***\t
+\t
+Channels\t1\t\t
+***End_of_Header***\t\t
+X_Value\tFx\tComment
+0.0\t1.5
+0.1\t2.5
+"""
+
+
+def test_d14_short_rows_name_their_setting(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableFile, match="set ragged: fill in the layout"):
+        table(tmp_path, LABVIEW, time="X_Value")
+    assert table(tmp_path, LABVIEW, time="X_Value", ragged="fill").kept == 2
+
+
+@pytest.mark.parametrize("delimiter", ["auto", " "])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "   t           Fx\n   0.000     1.500\n   0.100    11.600\n",
+        "made by DAQ 7\n\nt  Fx  wall temp\n0.000  1.500  20\n0.100  11.600  21\n",
+        "t Fx\n0.000 1.500\n0.100\t11.600\n",
+    ],
+)
+def test_e09_columns_may_stand_in_blanks(tmp_path: Path, text: str, delimiter: str) -> None:
+    found = table(tmp_path, text, delimiter=delimiter)
+    assert found.table["t"].to_pylist() == [0.0, 0.1]
+    assert found.table["fx"].to_pylist() == [1.5, 11.6]
+
+
+def test_american_times_are_read(tmp_path: Path) -> None:
+    text = "t;Fx\n12/2/2009 2:42:25 PM;1\n12/13/2009 12:00:01.5 AM;2\n"
+    found = table(tmp_path, text, time_unit="iso")
+    assert [str(at)[:21] for at in found.table["time"].to_numpy()] == [
+        "2009-12-02T14:42:25.0", "2009-12-13T00:00:01.5",
+    ]  # fmt: skip
+    with pytest.raises(UnreadableFile, match="time_format"):  # days stand first
+        table(tmp_path, "t;Fx\n13/2/2009 2:42:25 PM;1\n", time_unit="iso")
+
+
+@pytest.mark.parametrize(
+    ("cell", "decimal", "value"),
+    [
+        ("1,234.5", ".", 1234.5), ("1,234,567", ".", 1234567.0), ("-12'345.5", ".", -12345.5),
+        ("1.234,5", ",", 1234.5), ("1 234,5", ",", 1234.5), ("1,234", ".", None),
+        ("1.234", ",", None), ("12,34.5", ".", None),
+    ],
+)  # fmt: skip
+def test_marks_of_thousands(tmp_path: Path, cell: str, decimal: str, value: float | None) -> None:
+    found = table(tmp_path, f"t;Fx\n0;1\n1;{cell}\n", decimal=decimal, delimiter=";")
+    assert found.table["fx"].to_pylist() == ([1.0] if value is None else [1.0, value])
+
+
+def test_a_wav_recording_is_named_with_its_remedy(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
+    source = RecordSource(format="csv", files="*", table=TableLayout(rest=True, rate=1e4))
+    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+        csv_table.read(tmp_path / "x.csv", source, tmp_path)
+    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+        list(log.read(tmp_path / "x.csv", RecordSource(format="shdr", files="*"), tmp_path))

@@ -10,7 +10,8 @@ import re
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from pipeline.signals.formats import (
     TableLayout,
     Trace,
     UnreadableFile,
+    foreign,
 )
 from pipeline.signals.tables.table import (
     RawTable,
@@ -94,6 +96,8 @@ def text_of(data: bytes, encoding: str) -> bytes:
     """
     if data.startswith(b"\x1f\x8b"):
         data = _unpacked(data)
+    if kind := foreign(data):
+        raise UnreadableFile(f"the file is {kind}")
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), encoding)
     try:
         text = data.decode(encoding)
@@ -284,8 +288,7 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     """
     layout = layout_of(source)
     body = text_of(path.read_bytes(), layout.encoding)
-    lines = Lines(body)
-    dialect = dialect_of(lines, layout)
+    lines, dialect = _laid_out(body, layout)
     needed = columns_to_read(layout, dialect.names)
     columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
     broken = _broken(lines, dialect, numbers, rejected, layout.decimal)
@@ -306,6 +309,37 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
         excerpt=lambda row: lines[int(numbers[row]) - 1],
     )
     return assemble(raw, layout)
+
+
+def _laid_out(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
+    """Lines and dialect of a table; columns in blanks, as Fortran writes them, become tabs."""
+    if layout.delimiter == " ":
+        return _in_blanks(body, layout)
+    lines = Lines(body)
+    try:
+        dialect = dialect_of(lines, layout)
+    except UnreadableFile:
+        with suppress(UnreadableFile):
+            if layout.delimiter == "auto":
+                return _in_blanks(body, layout)
+        raise
+    if layout.delimiter == "auto" and len(dialect.names) == 1:
+        with suppress(UnreadableFile):
+            return _in_blanks(body, layout)
+    return lines, dialect
+
+
+def _in_blanks(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
+    """Lines and dialect of a table whose columns stand in blanks; a name may hold single ones."""
+    bare = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
+    for gap in (rb"[ \t]+", rb"[ \t]{2,}"):
+        lines = Lines(re.sub(gap, b"\t", bare))
+        with suppress(UnreadableFile):
+            dialect = dialect_of(lines, replace(layout, delimiter="\t"))
+            row = lines[dialect.first] if dialect.first < len(lines) else ""
+            if len(dialect.names) == len(cells_of(row, "\t")) > 1:
+                return lines, dialect
+    raise UnreadableFile("no line of names has as many words as the rows: give the layout's names")
 
 
 def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> Rows:
@@ -415,6 +449,8 @@ def _open_quotes(lines: Lines, first: int) -> bool:
 
 def _ragged(line: int, text: str, width: int, dialect: Dialect) -> Rejection:
     reason = f"the row has {width} cells, the table has {len(dialect.names)} columns"
+    if width < len(dialect.names):
+        reason += ": set ragged: fill in the layout where the last cells may be missing"
     return Rejection(line=line, reason=reason, excerpt=text[:EXCERPT])
 
 
