@@ -217,11 +217,23 @@ def use_fleet(name: str) -> Fleet:
     for some in ("truth", "programs", "parts", "trials"):  # empty where no machine has any
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
-    active, text = folder / "active.yaml", (folder / f"{name}.yaml").read_text()
+    active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml", written)
     if active.is_symlink() or not active.exists() or active.read_text() != text:
         with replacing(active, follow=False) as part:
             part.write_text(text)
     return chosen
+
+
+def _whole(path: Path, written: dict[str, Any]) -> str:
+    """Text of a fleet's file, with the lists that it leaves out, as dvc.yaml names each of them."""
+    from pipeline.submodels.contract import submodels
+
+    lists = {one: () for one in submodels()} | dict(written.get("submodels") or {})
+    empty: dict[str, Any] = {"simulated": [], "drives_under": {}, "optimised": [], "trials": []}
+    whole = {**empty, **written, "submodels": {one: list(some) for one, some in lists.items()}}
+    if whole == written:
+        return path.read_text()
+    return f"# {path.name}, with what it leaves out.\n{yaml.safe_dump(whole, sort_keys=False)}"
 
 
 def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:

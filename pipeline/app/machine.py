@@ -1,5 +1,6 @@
 """A machine's file in conf/machine/, proposed from its Devices document and its logs."""
 
+import glob
 import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -146,7 +147,8 @@ def _groups(raw: Path, records: Sequence[Path]) -> tuple[tuple[str, str], ...]:
                 "machine's file (docs/data.md)"
             )
         below = path.relative_to(raw)
-        found.append((form, (below.parent / f"*{path.suffix}").as_posix()))
+        folder = "".join(f"{glob.escape(part)}/" for part in below.parent.parts)
+        found.append((form, f"{folder}*{glob.escape(path.suffix)}"))
     return tuple(dict.fromkeys(found))
 
 
@@ -163,17 +165,20 @@ def _read(
 
 
 def _meant(every: DeviceModel, names: set[str]) -> str:
-    """The one device that describes most of the items in the logs.
+    """The one device that describes most of the items in the logs; never an agent's own.
 
     Raises
     ------
     ValueError
-        When no log is given, or two devices describe as many of its items.
+        When two devices describe as many items, as without a log.
     """
+    machines = [one for one in every.devices if not one.is_agent] or list(every.devices)
+    if len(machines) == 1:
+        return machines[0].label
     shares = {}
-    for one in every.devices:
+    for one in machines:
         known = chosen(every, one.label)
-        shares[one.label] = sum(known.find(n) is not None for n in names)
+        shares[one.label] = sum(bool(known.called(n)) for n in names)
     order = sorted(shares, key=lambda label: -shares[label])
     if not names or shares[order[0]] == shares[order[1]]:
         there = ", ".join(f"{n} ({shares[n]} of {len(names)} items)" if names else n for n in order)

@@ -4,7 +4,7 @@ import hashlib
 import os
 import sqlite3
 from collections.abc import Mapping
-from contextlib import closing
+from contextlib import closing, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -130,13 +130,19 @@ def client_of(root: Path) -> "MlflowClient":
     for noisy in ("mlflow", "alembic"):
         logging.getLogger(noisy).setLevel(logging.ERROR)
     named = os.environ.get("MLFLOW_TRACKING_URI")
-    uri = named or f"sqlite:///{(root / DATABASE).resolve()}"
+    place = str((root / DATABASE).resolve())
+    escaped = quote(place) if set(place) & set("%?#") else place  # of an address (RFC 3986)
+    uri = named or f"sqlite:///{escaped}"
     mlflow.set_tracking_uri(uri)
     if not named:  # MLflow has put it there, where the next project would take it for a server
         os.environ.pop("MLFLOW_TRACKING_URI", None)
     try:
         client = mlflow.MlflowClient()
         client.get_experiment_by_name(EXPERIMENT)
+        if not named and escaped != place:
+            client.search_registered_models(max_results=1)  # opens the other store too
+            with suppress(OSError):  # MLflow makes a folder of the name that is still escaped
+                os.removedirs(Path(escaped).parent)
     except (mlflow.MlflowException, SQLAlchemyError) as error:
         said = (str(error).splitlines() or [""])[0]
         raise ValueError(f"the registry {uri} cannot be opened: {said}") from error

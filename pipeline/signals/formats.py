@@ -272,22 +272,26 @@ def format_of(path: Path) -> Format:
     text = _ascii(head).lstrip()
     if _is_xml(text):
         return "mtconnect_xml"
-    if text.startswith((b"{", b"[")):
+    if _JSON.match(text) and not _LOGGED.search(text):
         return "mtconnect_json"
     name = path.name.removesuffix(".gz").lower()
     return "csv" if name.endswith((".csv", ".tsv")) else "shdr"
 
 
-_LOGGED = re.compile(rb"^\s*\d{4}-\d\d-\d\dT[^|<\n]*\|", re.MULTILINE)
+_LOGGED = re.compile(rb"^[ \t]*(?:\d{4}-\d\d-\d\dT[^|<\n]*|\d+(?:\.\d*)?)\|", re.MULTILINE)
 """The beginning of a line of a log: its time and a bar."""
+
+_JSON = re.compile(rb"[{\[]\s*(?:[{\[\]}\"]|$)")
+"""The beginning of an object or of a list of objects."""
 
 
 def _is_xml(text: bytes) -> bool:
     """Whether a text is a document; a log may begin with the rest of one."""
-    if b"<MTConnect" in text or text.startswith(b"<?xml"):
+    if text.startswith((b"<MTConnect", b"<?xml")):
         return True
-    if text.startswith(b"<"):
-        return not _LOGGED.search(text)
+    before, document, _ = text.partition(b"<MTConnect")
+    if document or text.startswith(b"<"):
+        return not _LOGGED.search(before)
     return text.startswith(b"--") and b"<" in text
 
 
@@ -296,7 +300,16 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"\xfd7zXZ\0", "packed with xz: unpack it"),
     (b"\x28\xb5\x2f\xfd", "packed with zstd: unpack it"),
     (b"PK\x03\x04", "a zip archive or a spreadsheet: unpack it, or save it as CSV"),
-    (b"%PDF", "a PDF"),
+    (b"%PDF", "a PDF: save its table as CSV"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of old Office: save it as CSV"),
+    (b"7z\xbc\xaf", "packed with 7z: unpack it"),
+    (b"Rar!", "packed with RAR: unpack it"),
+    (b"SQLite format 3", "a database of SQLite: write its table as CSV"),
+    (
+        b"RIFF",
+        "a WAV recording, of counts without a unit: write it as CSV, HDF5 or Parquet in its "
+        "unit, and give the layout's rate",
+    ),
     (b"\x89PNG", "a picture"),
 )
 _HEX = re.compile(rb"(?:[0-9a-fA-F]{4,8}:?\s+)(?:[0-9a-fA-F]{2,4}\s+){4,}")
@@ -306,11 +319,15 @@ _BLOCK = re.compile(
 )
 
 
+def foreign(head: bytes) -> str:
+    """What a file is that no reader reads, by its first bytes; ``""`` where they do not say it."""
+    return next((kind for magic, kind in _OTHERS if head.startswith(magic)), "")
+
+
 def looks_like(head: bytes) -> str:
     """What a file is that is no log, from its first bytes; ``""`` where nothing says it."""
-    for magic, kind in _OTHERS:
-        if head.startswith(magic):
-            return kind
+    if kind := foreign(head):
+        return kind
     lines = [one.strip() for one in head.splitlines()[:50] if one.strip()]
     if lines and sum(bool(_HEX.match(one)) for one in lines) > len(lines) / 2:
         return "a hex dump: read the file that it was made of"

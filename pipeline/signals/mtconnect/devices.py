@@ -48,7 +48,7 @@ class _Reader(XmlEvents):
         if tag != "fragment" and parent in ("", "fragment"):
             self.roots.append(tag)
         if parent == "Devices" or (tag == "Device" and parent in ("", "fragment")):
-            self.devices.append(device_of(attributes, self.devices))
+            self.devices.append(device_of(attributes, self.devices, is_agent=tag == "Agent"))
         if tag == "DataItem" and self._item is None:
             self._item, self._source = attributes, None
         elif tag == "Source" and self._item is not None:
@@ -229,8 +229,12 @@ def model_of_json(text: bytes) -> DeviceModel:
         raise UnreadableFile("no device is declared in this JSON document")
     known: list[Device] = []
     items: list[DataItem] = []
+    group = part(part(tree, "MTConnectDevices") or tree, "Devices")
+    some = group if isinstance(group, list) else [group]
+    agents = [agent for one in some for agent in bodies(part(one, "Agent"))]
     for device in devices:
-        known.append(device_of(attributes_in(device), known))
+        is_agent = part(device, "type") == "Agent" or device in agents
+        known.append(device_of(attributes_in(device), known, is_agent=is_agent))
         items += items_of(device, known[-1].label)
     return DeviceModel(items=tuple(items), devices=tuple(known))
 

@@ -6,6 +6,7 @@ free text).
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -90,12 +91,16 @@ class DataItem:
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """How a device is called; ``label`` is the first of the others that no other device has."""
+    """How a device is called; ``label`` is the first of the others that no other device has.
+
+    ``is_agent`` tells an agent's own device, which is no machine (MTConnect 1.7 on).
+    """
 
     label: str
     name: str | None
     uuid: str | None
     id: str | None
+    is_agent: bool = False
 
     def is_called(self, called: str) -> bool:
         """Whether ``called`` is its name, uuid or id."""
@@ -115,37 +120,64 @@ class DeviceModel:
         return len(self.devices) > 1
 
     def item_name(self, item: DataItem) -> str:
-        """What ``data_item`` is in the observations: the item's name, or its id when it has none.
-
-        With several devices the name alone may stand for two items: ``device:name``.
+        """What ``data_item`` is in the observations: ``own_name``, with several devices after
+        ``device:``, as the name alone may then stand for two items.
         """
-        name = item.name or item.id
+        name = self.own_name(item)
         return f"{item.device}:{name}" if self.several else name
 
+    def own_name(self, item: DataItem) -> str:
+        """Its name; its id where it has none, or shares it with another item of its device."""
+        shared = self._named[item.device, item.name] > 1
+        return item.id if shared else item.name or item.id
+
     def find(self, key: str) -> DataItem | None:
-        """The item called ``key``: by its name in observations, its name, its id or its source."""
-        return next((index[key] for index in self._indices if key in index), None)
+        """The one item called ``key``; None where there is none, or there are several."""
+        called = self.called(key)
+        return called[0] if len(called) == 1 else None
+
+    def called(self, key: str) -> tuple[DataItem, ...]:
+        """Items called ``key``: by name in observations, name, id or source, or ``device:key``."""
+        found = next((index[key] for index in self._indices if key in index), ())
+        device, colon, own = key.partition(":")
+        if found or not colon:
+            return found
+        labels = {d.label for d in self.devices if d.is_called(device)}
+        return tuple(i for i in self.called(own) if i.device in labels)
 
     def by_id(self, item_id: str) -> DataItem | None:
         """The item whose id is ``item_id``; ids are unique in a document."""
-        return self._indices[2].get(item_id)
+        return next(iter(self._indices[2].get(item_id, ())), None)
 
     @cached_property
-    def _indices(self) -> tuple[dict[str, DataItem], ...]:
-        """Items by name in observations, name, id and source; of one key the first item counts."""
+    def _named(self) -> Counter[tuple[str | None, str | None]]:
+        """How many items of a device share a name."""
+        return Counter((i.device, i.name) for i in self.items if i.name)
+
+    @cached_property
+    def _indices(self) -> tuple[dict[str, tuple[DataItem, ...]], ...]:
+        """Items by name in observations, by name, by id and by source."""
         keys: list[Callable[[DataItem], str | None]] = [self.item_name]
         keys += [attrgetter(name) for name in ("name", "id", "source")]
-        return tuple({k: i for i in reversed(self.items) if (k := key(i))} for key in keys)
+        indices: list[dict[str, tuple[DataItem, ...]]] = []
+        for key in keys:
+            indices.append({})
+            for item in self.items:
+                if k := key(item):
+                    indices[-1][k] = (*indices[-1].get(k, ()), item)
+        return tuple(indices)
 
 
-def device_of(attributes: dict[str, str], others: Iterable[Device]) -> Device:
+def device_of(
+    attributes: dict[str, str], others: Iterable[Device], *, is_agent: bool = False
+) -> Device:
     """A device from the attributes of its element, distinguished from ``others`` by its label."""
     name, uuid, own_id = attributes.get("name"), attributes.get("uuid"), attributes.get("id")
     taken = {d.label for d in others}
     words = [w for w in (name, uuid, own_id) if w]
     free = [w for w in words if w not in taken]
     label = (free or words or ["?"])[0]
-    return Device(label=label, name=name, uuid=uuid, id=own_id)
+    return Device(label=label, name=name, uuid=uuid, id=own_id, is_agent=is_agent)
 
 
 def data_item(attributes: dict[str, str], **where: str | None) -> DataItem:

@@ -62,20 +62,37 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Naming:
-    """How items are named: by the device model where it knows them, else by their own words."""
+    """How items are named: by the device model where it knows them, else by their own words.
+
+    ``seen`` holds the id that each name of a device had first, of items that no model knows.
+    """
 
     model: DeviceModel | None
     several: bool
+    seen: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def item(self, item_id: str | None) -> DataItem | None:
         """Declaration of an item in the model."""
         return self.model.by_id(item_id) if self.model and item_id else None
 
-    def label(self, device: str, item: DataItem | None, name: str) -> str:
-        """``data_item`` of an observation that ``device`` made."""
-        if item:
-            name = item.name or item.id
+    def label(self, device: str, item: DataItem | None, name: str, item_id: str = "") -> str:
+        """``data_item`` of an observation that ``device`` made.
+
+        Raises
+        ------
+        MalformedError
+            When it is but a name that the Devices document has for several items.
+        """
+        if item and self.model:
+            name = self.model.own_name(item)
             device = item.device or device
+        elif called := self.model.called(name) if self.model else ():
+            if item_id or len(called) == 1:  # an id that the model lacks is another item
+                name = item_id or name
+            else:
+                raise MalformedError(f"{name!r} is the name of {len(called)} data items")
+        elif item_id and self.seen.setdefault((device, name), item_id) != item_id:
+            name = item_id
         return f"{device}:{name}" if self.several else name
 
 
@@ -121,7 +138,7 @@ def shape_of(
         key = _word(rest.pop(own, None)) or None
     rate = attributes.get("sampleRate")
     return Shape(
-        data_item=naming.label(device, item, name),
+        data_item=naming.label(device, item, name, item_id or ""),
         kind=kind,
         manner=manner,
         key=key,

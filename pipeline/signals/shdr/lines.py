@@ -198,7 +198,10 @@ BLANK = " \t\r"
 
 _QUOTED = re.compile(r'[ \t]*"((?:[^"\\|]|\\.|\\$|"(?![ \t\r]*(?:\||$)))*+)"[ \t\r]*(?=\||$)', re.S)
 _PLAIN = re.compile(r"(?:[^|\\]|\\\||\\(?!\|))*+", re.S)
-_MILLISECONDS = re.compile(r"[+-]?\d{1,15}(?:\.\d{0,9})?", re.ASCII)
+_COUNT = re.compile(r"[+-]?\d{1,19}(?:\.\d{0,9})?", re.ASCII)
+_UNITS = {"unix_s": 10**9, "unix_ms": 10**6, "unix_us": 10**3, "unix_ns": 1}
+_DATED = (631_152_000 * 10**9, 4_102_444_800 * 10**9)
+"""Nanoseconds since 1970 between which a count is a date: the years 1990 to 2099."""
 _KEY = re.compile(r"[^\s={}]+")
 _BRACE = re.compile(r"\\.|[{}]", re.S)
 
@@ -226,12 +229,21 @@ def fields_of(line: str) -> list[str]:
     return fields
 
 
-def milliseconds_ns(text: str) -> int | None:
-    """Nanoseconds of a counter of milliseconds, None when ``text`` is no such number."""
-    if not _MILLISECONDS.fullmatch(text):
-        return None
-    ns = int(Decimal(text) * 10**6)
-    return ns if abs(ns) < 2**63 else None
+def counted_ns(text: str) -> tuple[int | None, str]:
+    """Nanoseconds of a time that is a number, and its unit; None when it is no time.
+
+    A number that is a date from 1990 to 2099 in seconds, milliseconds, microseconds or nanoseconds
+    since 1970 is that date; at most one of the units makes it one.  A smaller number is
+    ``milliseconds`` of the adapter's own counter.
+    """
+    if not _COUNT.fullmatch(text):
+        return None, ""
+    count = Decimal(text)
+    for unit, factor in _UNITS.items():
+        if _DATED[0] <= (ns := int(count * factor)) < _DATED[1]:
+            return ns, unit
+    ns = int(count * 10**6)
+    return (ns, "milliseconds") if abs(ns) < _DATED[0] // 1000 else (None, "")
 
 
 def entries_of(text: str) -> list[tuple[str, str | None]]:

@@ -32,7 +32,7 @@ class ItemPlan(NamedTuple):
     """How the fields after one item's name are read.
 
     ``shape`` names the form; ``value * factor + offset`` is in the document's units; ``why`` says
-    what keeps values from being converted, ``rate`` [Hz] is that of a time series.
+    what keeps values from being kept, ``rate`` [Hz] is that of a time series.
     """
 
     name: str
@@ -67,9 +67,10 @@ class Items:
         model = self._load()
         if model is None:
             return ItemPlan(key)
-        item = model.find(key) or (model.find(key.partition(":")[2]) if ":" in key else None)
+        item = model.find(key)
         if item is None:
-            return ItemPlan(key)
+            why = _not_one(key, model)
+            return ItemPlan(key, shape="refused" if why else "any", why=why)
         plan = ItemPlan(model.item_name(item), *_form(item), rate=item.sample_rate or 0.0)
         native = self._source.values == "native" and plan.shape in ("sample", "position", "series")
         return _converted(plan, item) if native else plan
@@ -81,6 +82,22 @@ class Items:
             self._model = read_devices(self._root / self._source.devices, self._source.device)
         self._loaded = True
         return self._model
+
+
+def _not_one(key: str, model: "DeviceModel") -> str:
+    """Why a name that no item of the document bears alone is refused; ``""`` for an unknown one."""
+    called = model.called(key)
+    device, colon, _ = key.partition(":")
+    if called:
+        ids = ", ".join(i.id if not model.several else f"{i.device}:{i.id}" for i in called[:5])
+        return f"item {key[:40]!r} is the name of {len(called)} data items: write the id ({ids})"
+    if colon and not any(d.is_called(device) for d in model.devices):
+        there = ", ".join(d.label for d in model.devices)
+        return (
+            f"item {key[:40]!r} is of device {device[:40]!r}, this source reads {there}: give the "
+            "other device a source with its Devices document"
+        )
+    return ""
 
 
 def _form(item: "DataItem") -> tuple[str, str]:

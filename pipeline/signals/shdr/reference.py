@@ -5,6 +5,7 @@ Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes aro
 out and counted (``nulBytes``); within a line they make it unreadable.
 """
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,9 +18,9 @@ from pipeline.signals.shdr.lines import (
     LONGEST,
     TOO_LONG,
     Segment,
+    counted_ns,
     fields_of,
     json_of,
-    milliseconds_ns,
 )
 from pipeline.signals.shdr.record_forms import (
     FORMS,
@@ -35,6 +36,10 @@ ASSET = "asset"
 EARLIEST = -(2**63) + 1
 MOST_FIELDS = 6
 """Fields that a record of a data item looks at: five of a condition, and whether more follow."""
+
+
+_GLUED = re.compile(r"\S\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d[^|\s]*$", re.ASCII)
+"""A field that has lost its end and is followed by the time of another line."""
 
 
 class Row(NamedTuple):
@@ -97,6 +102,10 @@ class LineReader:
         if time is None or not fields or fields == [""]:
             reason = reason if time is None else "no item follows the time"
             return refused(number, reason, bare)
+        if any(map(_GLUED.search, fields[:-1])):
+            return refused(
+                number, "the line breaks off, and the next one follows without a break", bare
+            )
         self.previous, self.formed = time, True
         if body is not None:
             fields[-1] = decoded(body.rstrip().rpartition(b"\n")[0].strip(), attributes)
@@ -114,9 +123,10 @@ class LineReader:
             return self.previous, "the line has no time and none stands before it"
         time = iso_ns(stamp)
         if time is None:
-            time = milliseconds_ns(stamp)
-            attributes["time"] = "milliseconds"
-        return time, f"{stamp[:40]!r} is no time from 1678 to 2261"
+            time, attributes["time"] = counted_ns(stamp)
+        return time, (
+            f"{stamp[:40]!r} is no time: ISO 8601 from 1678 to 2261, or s, ms, us or ns since 1970"
+        )
 
     def _records(
         self, line: int, time: int, fields: list[str], attributes: dict[str, object], sequence: int
@@ -152,6 +162,8 @@ class LineReader:
         if not rest:
             raise RefusedError(f"item {key[:40]!r} has no value", 0)
         plan = self.items.plan(key)
+        if plan.shape == "refused":
+            raise RefusedError(plan.why, undeclared(rest, alone=alone).used)
         if plan.shape != "any":
             return plan.name, FORMS[plan.shape](plan, rest)
         return plan.name, undeclared(rest, alone=alone)

@@ -242,9 +242,18 @@ def _text(buf: Any, start: int, shape: int) -> Any:
     stop = at
     while stop > start and buf[stop - 1] == 32:
         stop -= 1
-    if c == 124 and shape == ANY and _is_level(buf, start, stop):
+    if c == 124 and ((shape == ANY and _is_level(buf, start, stop)) or _holds_time(buf, start, at)):
         return at, -1
     return stop, at + 1 + (c == 13)
+
+
+@compiled
+def _holds_time(buf: Any, start: int, stop: int) -> Any:
+    """Whether an ISO time may begin inside a text: the next line's, where a line lost its end."""
+    for i in range(start, stop - 17):
+        if buf[i] == 45 and buf[i + 3] == 45 and buf[i + 6] == 84 and buf[i + 9] == 58:
+            return True
+    return False
 
 
 @compiled

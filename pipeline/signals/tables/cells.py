@@ -7,6 +7,7 @@ integers, so that no nanosecond is lost to a float.
 """
 
 import re
+from datetime import datetime
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
@@ -30,6 +31,13 @@ NOTHING = (
 
 NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """A number in text, with a decimal point."""
+
+
+_GROUPED = (
+    r"^[+-]?[0-9]{1,3}(?:(?:['\x{a0}\x{202f} ][0-9]{3})+(?:\.[0-9]+)?|(?:,[0-9]{3})+\.[0-9]+"
+    r"|(?:,[0-9]{3}){2,})$"
+)
+"""Groups of three digits; a single comma may be a decimal mark and is no number."""
 
 
 def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
@@ -127,9 +135,11 @@ def _parsed(cells: pa.Array, decimal: str) -> tuple[pa.Array, Bools]:
     silent = pc.is_in(pc.utf8_lower(text), value_set=pa.array(NOTHING))
     nothing = pc.or_kleene(silent, pc.is_null(text))
     if decimal != ".":
-        # A point in a file with decimal commas would be a mark of thousands: no number we know.
-        text = pc.if_else(pc.match_substring(text, "."), "no number", text)
-        text = pc.replace_substring(text, decimal, ".")
+        # A point in a file with decimal commas is a mark of thousands.
+        text = pc.replace_substring(pc.replace_substring(text, ".", "\0"), decimal, ".")
+        text = pc.replace_substring(text, "\0", ",")
+    grouped = pc.match_substring_regex(text, _GROUPED).fill_null(False)
+    text = pc.if_else(grouped, pc.replace_substring_regex(text, "[,'\u00a0\u202f ]", ""), text)
     good = pc.match_substring_regex(text, NUMBER).fill_null(False)
     digits = pc.if_else(good, pc.utf8_ltrim(text, "+"), pa.scalar(None, pa.string()))
     known = pc.or_(good, nothing.fill_null(True)).to_numpy(zero_copy_only=False)
@@ -232,8 +242,12 @@ def _timestamps(cells: pa.Array, zone: str) -> Instants:
 
 
 def _iso(cells: pa.Array, zone: str) -> Instants:
-    """Dates and times as in ISO 8601, with ``/`` or ``.`` allowed in the date."""
-    parts = pc.extract_regex(pc.utf8_trim_whitespace(cells), _ISO)
+    """Dates and times as in ISO 8601, with ``/`` or ``.`` allowed in the date; and American ones.
+
+    ``12/2/2009 2:42:25 PM`` is the second of December, unless one of the column says otherwise.
+    """
+    cells = _from_american(pc.utf8_trim_whitespace(cells))
+    parts = pc.extract_regex(cells, _ISO)
     bad = parts.is_null().to_numpy(zero_copy_only=False).copy()
 
     def part(name: str) -> Ints:
@@ -257,6 +271,28 @@ def _iso(cells: pa.Array, zone: str) -> Instants:
     naive = pc.equal(zoned, "").to_numpy(zero_copy_only=False)
     local, lost = _localised(time, bad, zone)
     return np.where(naive, local, time), np.where(naive, lost, bad)
+
+
+_AMERICAN = (
+    r"^(?P<M>[0-9]{1,2})/(?P<D>[0-9]{1,2})/(?P<Y>[0-9]{4}),?[ ]+(?P<h>1[0-2]|0?[1-9])"
+    r"(?P<rest>:[0-9]{2}(?::[0-9]{2}(?:[.,:][0-9]+)?)?)[ \x{a0}\x{202f}]*(?P<p>[AaPp])[.]?[Mm][.]?$"
+)
+
+
+def _from_american(cells: pa.Array) -> pa.Array:
+    """Month/day/year and hours of AM and PM as ISO 8601; left as they are where a month is none."""
+    parts = pc.extract_regex(cells, _AMERICAN)
+    if parts.null_count == len(parts):
+        return cells
+    month, day, year, hour, rest, half = (pc.struct_field(parts, n) for n in
+                                          ("M", "D", "Y", "h", "rest", "p"))  # fmt: skip
+    if pc.max(pc.cast(month, pa.int64())).as_py() > 12:  # days stand first
+        return cells
+    hours = pc.if_else(pc.equal(hour.cast(pa.int64()), 12), 0, hour.cast(pa.int64()))
+    hours = pc.add(hours, pc.if_else(pc.equal(pc.utf8_lower(half), "p"), 12, 0)).cast(pa.string())
+    date = pc.binary_join_element_wise(year, month, day, "-")
+    iso = pc.binary_join_element_wise(date, pc.binary_join_element_wise(hours, rest, ""), " ")
+    return pc.coalesce(iso, cells)
 
 
 def _offsets(zoned: pa.Array) -> Ints:
@@ -286,7 +322,11 @@ def _formatted(cells: pa.Array, layout: TableLayout) -> Instants:
 
 
 def _localised(time: Ints, bad: Bools, zone: str) -> Instants:
-    """UTC of wall-clock times; the hours that a change of clocks repeats or skips are bad."""
+    """UTC of wall-clock times in the order of the file.
+
+    Times that a change of clocks skips are bad, and those that it repeats where the order does not
+    tell the first hour from the second.
+    """
     bad = bad | (np.abs(time) > _LONGEST * 10**9)
     time = np.where(bad, 0, time)
     if zone == "UTC":
@@ -300,9 +340,48 @@ def _localised(time: Ints, bad: Bools, zone: str) -> Instants:
             f"time_zone {zone!r} of the table's layout is not known: write it as in 'Europe/Berlin'"
         ) from error
     wall = pd.DatetimeIndex(time.astype("M8[ns]"))
-    utc = wall.tz_localize(zone, ambiguous="NaT", nonexistent="NaT").tz_convert("UTC")
+    utc = wall.tz_localize(zone, ambiguous="NaT", nonexistent="NaT")
+    if utc.isna().any():
+        first = wall.tz_localize(zone, ambiguous=np.ones(len(wall), bool), nonexistent="NaT")
+        missing = np.asarray(utc.isna())
+        second, known = _second_hour(time, missing & ~np.asarray(first.isna()))
+        decided = wall.tz_localize(zone, ambiguous=~second, nonexistent="NaT")
+        utc = pd.DatetimeIndex(decided.where(known | ~missing))
+    utc = utc.tz_convert("UTC")
     bad = bad | np.asarray(utc.isna())
     return np.where(bad, 0, utc.tz_localize(None).to_numpy().astype("M8[ns]").astype(np.int64)), bad
+
+
+_HOUR = 3600 * 10**9
+
+
+def _second_hour(wall: Ints, twice: Bools) -> tuple[Bools, Bools]:
+    """Which of the repeated wall-clock times [ns] are of the second hour, and which are decided.
+
+    The second hour begins where the clock goes back; in hourly records it stands still.
+    """
+    second, known = np.zeros(len(wall), bool), np.zeros(len(wall), bool)
+    hourly = len(wall) > 1 and np.median(np.diff(wall)) == _HOUR
+    rows = np.flatnonzero(twice)
+    for night in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1):
+        step = np.diff(wall[night])
+        back = np.flatnonzero((step < 0) | ((step == 0) & hourly))
+        if len(back) == 1:
+            second[night[back[0] + 1 :]] = known[night] = True
+    return second, known
+
+
+def clocks_said(wall: str, zone: str) -> str:
+    """What a change of clocks does to a wall-clock time of ISO 8601; ``""`` where there is none."""
+    try:
+        at = datetime.fromisoformat(wall).replace(tzinfo=ZoneInfo(zone))
+    except (ValueError, ZoneInfoNotFoundError):
+        return ""
+    early, late = at.utcoffset(), at.replace(fold=1).utcoffset()
+    if early is None or late is None or early == late:
+        return ""
+    what = "is two instants of" if early > late else "does not exist in"
+    return f"{what} {zone} time, as the clocks change: write UTC, or each time with its offset"
 
 
 def _counted(cells: pa.Array, unit: int, decimal: str) -> Instants:

@@ -16,7 +16,14 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.signals.formats import RecordSource, Rejection, TableLayout, Trace, UnreadableFile
-from pipeline.signals.tables.arrays import Array, ArrayCollector, NamedArray, raw_table
+from pipeline.signals.tables.arrays import (
+    Array,
+    ArrayCollector,
+    NamedArray,
+    in_group,
+    raw_table,
+)
+from pipeline.signals.tables.cells import NANOSECONDS
 from pipeline.signals.tables.table import (
     RawTable,
     assemble,
@@ -169,7 +176,8 @@ def read_tdms(path: Path, source: RecordSource, root: Path) -> Trace:
     source : RecordSource
         With the table's layout; its ``group`` is the group of the channels, else columns are
         ``group/channel``.  Without ``time`` and ``rate`` the channels' own ``wf_increment`` and
-        ``wf_start_time`` count; ``unit_string`` counts as the unit stated by the file.
+        ``wf_start_time`` count, and channels that begin later than others stand as much lower;
+        ``unit_string`` counts as the unit stated by the file.
     root : Path
         Folder of the machine's raw files; tables need nothing else from it.
 
@@ -196,43 +204,137 @@ def read_tdms(path: Path, source: RecordSource, root: Path) -> Trace:
 
 
 def _raw(file: Any, layout: TableLayout) -> RawTable:
-    found = ArrayCollector(group=layout.group, separator="/")
+    channels = {f"{group.name}/{one.name}": one for group in file.groups()
+                for one in group.channels()}  # fmt: skip
+    named = set(named_columns(layout))
+    short = {label: in_group(label, layout.group, "/") for label in channels}
     rates: set[float] = set()
-    starts: set[str] = set()
-    for group in file.groups():
-        for channel in group.channels():
-            facts = channel.properties
-            values = channel[:]
-            values = values.as_datetime64("ns") if hasattr(values, "as_datetime64") else values
-            values = np.asarray(values)
-            found.add(f"{group.name}/{channel.name}", values.shape, values.dtype,
-                      values.view, facts.get("unit_string"))  # fmt: skip
-            if layout.time is None and layout.group in (None, group.name):
-                _sampling(facts, rates, starts)
+    starts: dict[str, int | None] = {}
+    for label, channel in channels.items():
+        if short[label] is None:
+            continue
+        if layout.time is None:
+            rates |= _rate(label, channel.properties)
+        if layout.rest or short[label] in named:
+            _check_scales(label, (channel.properties, file[channel.group_name].properties,
+                                  file.properties))  # fmt: skip
+            starts[label] = _start(channel.properties)
     if layout.rate is None and len(rates) > 1:
         raise UnreadableFile(
             f"channels are sampled at {sorted(rates)} Hz: give the group of one rate in the layout"
         )
-    raw = raw_table(
-        found.found(),
-        layout,
-        rate=next(iter(rates), None),
-        start=min(starts) if starts else None,
-    )
+    rate = next(iter(rates), None)
+    values = {at: _samples(at, one) for at, one in channels.items() if short[at] is not None}
+    placed = _side_by_side({one: values[one] for one in starts}, starts, layout, rate)
+    found = ArrayCollector(group=layout.group, separator="/")
+    for label, array in (values | placed).items():
+        unit = channels[label].properties.get("unit_string")
+        found.add(label, array.shape, array.dtype, array.view, unit)
+    dated = [at for at in starts.values() if at is not None and at > _DATED]
+    start = f"{np.datetime64(min(dated), 'ns')}Z" if dated and layout.time is None else None
+    raw = raw_table(found.found(), layout, rate=rate, start=start)
     if not file.file_status.incomplete_final_segment:
         return raw
     reason = "the file ends inside its last segment: the samples from here on are lost"
     return replace(raw, rejected=[Rejection(line=len(raw.lines) + 1, reason=reason)])
 
 
-def _sampling(facts: Any, rates: set[float], starts: set[str]) -> None:
-    increment = facts.get("wf_increment")
-    if isinstance(increment, float) and increment > 0:
-        rates.add(float(f"{1 / increment:.12g}"))  # 1/0.0001 s is 10000 Hz, without float dust
-    start = facts.get("wf_start_time")
-    if start is not None and start.seconds > _SINCE_1904:
-        # 2^-64 s are a fraction of a nanosecond: rounded once, together with the offset.
-        nano = round(Fraction(start.second_fractions, 2**64) * 10**9)
-        nano += round(Fraction(facts.get("wf_start_offset", 0.0)) * 10**9)
-        instant = np.datetime64(start.seconds - _SINCE_1904, "s").astype("M8[ns]")
-        starts.add(f"{instant + np.timedelta64(nano, 'ns')}Z")
+def _samples(label: str, channel: Any) -> Array:
+    """Scaled values of a channel."""
+    try:
+        values = channel[:]
+    except (ValueError, KeyError, IndexError, TypeError) as error:
+        raise UnreadableFile(f"channel {label!r} cannot be scaled: {error!r:.200}") from error
+    return np.asarray(values.as_datetime64("ns") if hasattr(values, "as_datetime64") else values)
+
+
+_SCALES = frozenset(["Polynomial", "Linear", "RTD", "Strain", "Table", "Thermistor",
+                     "Thermocouple", "Add", "Subtract", "AdvancedAPI"])  # fmt: skip
+"""Scales that npTDMS applies; it leaves the values of others as they are."""
+
+
+def _check_scales(label: str, properties: tuple[Any, ...]) -> None:
+    """Refuse a channel whose scale, its own or its group's or the file's, would not be applied."""
+    for facts in properties:
+        kinds = {str(v) for k, v in facts.items() if k.endswith("_Scale_Type")} - _SCALES
+        if kinds and facts.get("NI_Scaling_Status") != "scaled":
+            raise UnreadableFile(
+                f"channel {label!r} has the scale {sorted(kinds)[0]!r}, which is not read: write "
+                "the file with its scaled values"
+            )
+
+
+def _rate(label: str, facts: Any) -> set[float]:
+    """Sampling rate [Hz] that a channel states, if it does."""
+    increment, unit = facts.get("wf_increment"), facts.get("wf_xunit_string") or "s"
+    if not isinstance(increment, int | float) or increment <= 0:
+        return set()
+    if unit not in NANOSECONDS:
+        raise UnreadableFile(
+            f"channel {label!r} is a waveform over {unit!r}, not over time: name another channel"
+        )
+    period = increment * NANOSECONDS[unit] / 10**9
+    return {float(f"{1 / period:.12g}")}  # 1/0.0001 s is 10000 Hz, without float dust
+
+
+_DATED = -_SINCE_1904 * 10**9 // 2
+"""Starts above are dates [ns since 1970], those below offsets from the format's zero."""
+
+
+def _start(facts: Any) -> int | None:
+    """Time of a channel's first sample [ns since 1970], by its start and offset; None without.
+
+    Without a date the offset counts from the format's zero, in 1904.
+    """
+    start, offset = facts.get("wf_start_time"), facts.get("wf_start_offset")
+    if start is None and not offset:
+        return None
+    # 2^-64 s are a fraction of a nanosecond: rounded once, together with the offset.
+    nano = round(Fraction(start.second_fractions, 2**64) * 10**9) if start else 0
+    seconds = start.seconds if start and start.seconds > _SINCE_1904 else 0
+    if not seconds and not offset:
+        return None
+    return (seconds - _SINCE_1904) * 10**9 + nano + round(Fraction(offset or 0.0) * 10**9)
+
+
+def _side_by_side(
+    values: dict[str, Array], starts: dict[str, int | None], layout: TableLayout, rate: float | None
+) -> dict[str, Array]:
+    """Channels from the earliest start to the latest end, with nothing where one has no sample.
+
+    A start between two samples of the earliest channel counts as at the nearer one.
+
+    Raises
+    ------
+    UnreadableFile
+        When channels begin at different times, and their places beside each other are not known.
+    """
+    rate = layout.rate or rate
+    known = {label: at for label, at in starts.items() if at is not None}
+    first, last = (f(known, key=known.__getitem__, default="") for f in (min, max))
+    span = (known[last] - known[first]) / 1e9 if known else 0.0
+    if not span or (rate and round(span * rate) == 0):
+        return {}
+    apart = f"channels {first!r} and {last!r} begin {span:g} s apart"
+    if layout.time is not None:
+        raise UnreadableFile(f"{apart}, and the layout names one time for both: leave time out")
+    if rate is None:
+        raise UnreadableFile(f"{apart} and state no wf_increment: give the layout's rate")
+    if len(known) < len(starts):
+        silent = next(label for label in starts if label not in known)
+        raise UnreadableFile(f"{apart}, and {silent!r} states no start: leave it out of the layout")
+    at = {label: round((known[label] - known[first]) / 1e9 * rate) for label in known}
+    ends = {label: at[label] + len(values[label]) for label in known}
+    if min(ends.values()) <= max(at.values()):
+        raise UnreadableFile(f"{apart} and have no time in common: write a file for each")
+    total = max(ends.values())
+    return {label: _padded(values[label], at[label], total) for label in known}
+
+
+def _padded(values: Array, before: int, total: int) -> Array:
+    """Values from place ``before`` on, nothing (NaN, NaT, an empty word) elsewhere."""
+    kind = values.dtype.kind
+    dtype = float if kind in "biu" else object if kind in "SUO" else values.dtype
+    whole = np.full(total, "" if dtype is object else "NaT" if kind in "Mm" else np.nan, dtype)
+    whole[before : before + len(values)] = values
+    return whole

@@ -10,7 +10,8 @@ import re
 import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from pipeline.signals.formats import (
     TableLayout,
     Trace,
     UnreadableFile,
+    foreign,
 )
 from pipeline.signals.tables.table import (
     RawTable,
@@ -45,6 +47,7 @@ _MARKS = (
 )
 _HEAD = 4096  # bytes in which a text file holds no zero
 _SAMPLE = 200  # lines that tell a delimiter when nothing else does
+_CUT_SAMPLE = 1000  # rows that tell the decimals of each column
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +96,8 @@ def text_of(data: bytes, encoding: str) -> bytes:
     """
     if data.startswith(b"\x1f\x8b"):
         data = _unpacked(data)
+    if kind := foreign(data):
+        raise UnreadableFile(f"the file is {kind}")
     encoding = next((name for mark, name in _MARKS if data.startswith(mark)), encoding)
     try:
         text = data.decode(encoding)
@@ -283,14 +288,17 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
     """
     layout = layout_of(source)
     body = text_of(path.read_bytes(), layout.encoding)
-    lines = Lines(body)
-    dialect = dialect_of(lines, layout)
+    lines, dialect = _laid_out(body, layout)
     needed = columns_to_read(layout, dialect.names)
     columns, numbers, rejected = rows_of(lines, dialect, needed, layout)
-    cut = _cut(lines, dialect)
-    if cut and len(numbers) and numbers[-1] == cut.line:
-        columns = {name: cells.slice(0, len(numbers) - 1) for name, cells in columns.items()}
-        numbers, rejected = numbers[:-1], [*rejected, cut]
+    broken = _broken(lines, dialect, numbers, rejected, layout.decimal)
+    if cut := _cut(lines, dialect):
+        broken[len(lines)] = cut
+    if broken:
+        keep = ~np.isin(numbers, list(broken))
+        rejected = [*rejected, *(broken[int(number)] for number in numbers[~keep])]
+        columns = {name: cells.filter(pa.array(keep)) for name, cells in columns.items()}
+        numbers = numbers[keep]
     raw = RawTable(
         columns=dict(columns),
         lines=numbers,
@@ -301,6 +309,37 @@ def read(path: Path, source: RecordSource, root: Path) -> Trace:
         excerpt=lambda row: lines[int(numbers[row]) - 1],
     )
     return assemble(raw, layout)
+
+
+def _laid_out(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
+    """Lines and dialect of a table; columns in blanks, as Fortran writes them, become tabs."""
+    if layout.delimiter == " ":
+        return _in_blanks(body, layout)
+    lines = Lines(body)
+    try:
+        dialect = dialect_of(lines, layout)
+    except UnreadableFile:
+        with suppress(UnreadableFile):
+            if layout.delimiter == "auto":
+                return _in_blanks(body, layout)
+        raise
+    if layout.delimiter == "auto" and len(dialect.names) == 1:
+        with suppress(UnreadableFile):
+            return _in_blanks(body, layout)
+    return lines, dialect
+
+
+def _in_blanks(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
+    """Lines and dialect of a table whose columns stand in blanks; a name may hold single ones."""
+    bare = re.sub(rb"(?m)^[ \t]+|[ \t]+$", b"", body)
+    for gap in (rb"[ \t]+", rb"[ \t]{2,}"):
+        lines = Lines(re.sub(gap, b"\t", bare))
+        with suppress(UnreadableFile):
+            dialect = dialect_of(lines, replace(layout, delimiter="\t"))
+            row = lines[dialect.first] if dialect.first < len(lines) else ""
+            if len(dialect.names) == len(cells_of(row, "\t")) > 1:
+                return lines, dialect
+    raise UnreadableFile("no line of names has as many words as the rows: give the layout's names")
 
 
 def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> Rows:
@@ -410,6 +449,8 @@ def _open_quotes(lines: Lines, first: int) -> bool:
 
 def _ragged(line: int, text: str, width: int, dialect: Dialect) -> Rejection:
     reason = f"the row has {width} cells, the table has {len(dialect.names)} columns"
+    if width < len(dialect.names):
+        reason += ": set ragged: fill in the layout where the last cells may be missing"
     return Rejection(line=line, reason=reason, excerpt=text[:EXCERPT])
 
 
@@ -430,3 +471,69 @@ def _shape(line: str, dialect: Dialect) -> tuple[int, int]:
     """How many characters of decimals and of an exponent end a line."""
     match = _SHAPE.search(line.rsplit(dialect.delimiter, 1)[-1])
     return (len(match[1] or ""), len(match[2] or "")) if match else (0, 0)
+
+
+_FIXED_CELLS = 60
+"""Cells with one count of decimals that show a writer of fixed decimals; of one that leaves zeros
+away each tenth cell is shorter."""
+_DIGITS = re.compile(r"(?<![^\s,;|])[-+]?\d+([.,]\d*)?$")
+_RARE = 0.01
+"""Share of rows that may be broken; more are the writer's habit [1]."""
+
+
+def _broken(
+    lines: Lines, dialect: Dialect, numbers: Ints, rejected: Sequence[Rejection], mark: str
+) -> dict[int, Rejection]:
+    """Rows by line whose record was cut: a last number without its digits, or in two lines."""
+    sample = [lines[int(k) - 1] for k in numbers[:: 1 + len(numbers) // _CUT_SAMPLE]]
+    rows = [cells_of(line, dialect.delimiter) for line in sample]
+    width = Counter(map(len, rows)).most_common(1)[0][0] if rows else 0
+    fixed = _fixed(rows, dialect)
+    if not any(fixed):  # any number may be a whole one
+        return {}
+    short = _shortened(lines, dialect, numbers, fixed, width, mark)
+    ragged = [r.line for r in rejected if r.line and _DIGITS.search(r.excerpt)]
+    ends = [n for n in (*short, *ragged) if len(cells_of(lines[n - 1], dialect.delimiter)) < width]
+    found = dict.fromkeys(short, "its last number is shorter than all others of its column")
+    if len(ends) <= max(2, _RARE * len(numbers)):
+        for number in ends:
+            pair = [cells_of(lines[k], dialect.delimiter)
+                    for k in range(number - 1, min(number + 1, len(lines)))]  # fmt: skip
+            if sum(map(len, pair)) in (width, width + 1):
+                found[number + 1] = f"its record began in line {number}"
+    return {number: Rejection(line=number, reason=f"the row is broken: {why}",
+                              excerpt=lines[number - 1][:EXCERPT])
+            for number, why in found.items() if number <= len(lines)}  # fmt: skip
+
+
+def _fixed(rows: list[list[str]], dialect: Dialect) -> list[tuple[int, int] | None]:
+    """Form of the numbers of each column, None where they have no fixed decimals."""
+    shapes = [Counter(_shape(row[k], dialect) for row in rows if k < len(row))
+              for k in range(len(dialect.names))]  # fmt: skip
+    usual = [of.most_common(1)[0] if of else ((0, 0), 0) for of in shapes]
+    fixed = [shape if shape[0] > 1 and of.total() - n <= max(2, _RARE * of.total()) else None
+             for (shape, n), of in zip(usual, shapes, strict=True)]  # fmt: skip
+    cells = sum(n for (_, n), shape in zip(usual, fixed, strict=True) if shape)
+    return fixed if cells >= _FIXED_CELLS else [None] * len(fixed)
+
+
+def _shortened(
+    lines: Lines, dialect: Dialect, numbers: Ints, fixed: Sequence[tuple[int, int] | None],
+    width: int, mark: str,
+) -> list[int]:  # fmt: skip
+    """Lines of rows whose last number has fewer digits than a column of fixed decimals has."""
+    form = fixed[width - 1] if width else None
+    if not form:
+        return []
+    body = np.frombuffer(lines.body, np.uint8)
+    place = np.clip(lines.ends[numbers - 1] - sum(form), 0, len(body) - 1)
+    odd = numbers[body[place] != ord(mark)].tolist()
+    if len(odd) > max(2, _RARE * len(numbers)):
+        return []
+    short = []
+    for number in odd:
+        row = cells_of(lines[number - 1], dialect.delimiter)
+        own = fixed[len(row) - 1] if row else None
+        if own and _DIGITS.match(row[-1]) and sum(_shape(row[-1], dialect)) < sum(own):
+            short.append(number)
+    return short

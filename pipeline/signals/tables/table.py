@@ -31,6 +31,7 @@ from pipeline.signals.tables.cells import (
     NANOSECONDS,
     TIME_UNITS,
     Cells,
+    clocks_said,
     instants,
     numbers,
     one_array,
@@ -382,17 +383,21 @@ def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[
     else:
         time, bad = instants(cells, layout)
         values, kind = pa.array(time).cast(instant.type), instant
+    for row in np.flatnonzero(bad):
+        wall = str(cells[int(row)].as_py())
+        if clocks := clocks_said(wall, layout.time_zone):
+            reasons.setdefault(int(row), f"time {layout.time!r} holds {wall!r}, which {clocks}")
     _note_bad(reasons, bad, cells, f"time {layout.time!r} holds {{}}: no {_expected(layout)}")
     return kind, values
 
 
 def _expected(layout: TableLayout) -> str:
-    """What a time cell should have been, for people."""
-    if layout.time_unit == "iso":
-        return f"instant of {layout.time_zone} time" + (
-            f" as {layout.time_format!r}" if layout.time_format else ""
-        )
-    return f"time in {layout.time_unit!r}"
+    """What a time cell should have been, for people, and the setting that may read it."""
+    if layout.time_unit != "iso":
+        return f"time in {layout.time_unit!r}: correct the layout's time_unit"
+    form = f"as {layout.time_format!r}: correct" if layout.time_format else "in ISO 8601: give"
+    example = "" if layout.time_format else ", for example '%d.%m.%Y %H:%M:%S'"
+    return f"instant of {layout.time_zone} time {form} the layout's time_format{example}"
 
 
 def _values(
@@ -422,7 +427,7 @@ def _rest(
 def _note_bad(reasons: dict[int, str], bad: Bools, cells: pa.Array, sentence: str) -> None:
     for row in np.flatnonzero(bad):
         value = cells[int(row)].as_py()
-        shown = "nothing" if value is None or value == "" else repr(value)[:EXCERPT]
+        shown = "nothing" if value is None or value == "" else repr(str(value))[:EXCERPT]
         reasons.setdefault(int(row), sentence.replace("{}", shown))
 
 
