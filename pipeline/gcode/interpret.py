@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +184,8 @@ class Interpreter:
 
     def _written(self, rows: Rows, origin: list[float]) -> Moves:
         run = self.run
-        return rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+        moves = rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+        return replace(moves, notices=run.notices)
 
     def _refuse_corner(self) -> None:
         """A corner that is open where no straight line follows."""

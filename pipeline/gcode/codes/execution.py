@@ -71,9 +71,17 @@ def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: s
             step = WORD_STEPS.get(letter)
             if step is not None:
                 block.actions.append((step, letter, 0, item))
+    if linuxcnc and "X" in words and _in_diameter(block, run):
+        words["X"] /= 2
     if run.setup.decimal == "increment" and run.state.dialect == FANUC:
         _scale_increments(block, run)
     return block
+
+
+def _in_diameter(block: Block, run: Run) -> bool:
+    """Whether X is a diameter (G7), whatever code of the block reads it."""
+    own = [code for _, kind, code, _ in block.actions if kind == "G" and code in (70, 80)]
+    return own[-1] == 70 if own else run.diameter
 
 
 def carry_out(block: Block, run: Run) -> None:
@@ -82,7 +90,7 @@ def carry_out(block: Block, run: Run) -> None:
     if len(actions) > 1:
         actions.sort(key=itemgetter(0))
     if run.dialect == "fanuc" and "S" in block.words:
-        _drop_speed_limit(block)
+        _drop_speed_limit(block, run)
     if 19 in block.m_codes:
         for letter in "RPQ":  # where the spindle is oriented: no motion of an axis
             block.take(letter)
@@ -103,11 +111,16 @@ def carry_out(block: Block, run: Run) -> None:
         _refuse_rest(block, run)
 
 
-def _drop_speed_limit(block: Block) -> None:
+def _drop_speed_limit(block: Block, run: Run) -> None:
     """G92 S and G50 S without an axis: the greatest speed under G96, for the control to keep."""
     limits = any(kind == "G" and code in SPEED_LIMITS for _, kind, code, _ in block.actions)
     if limits and AXES.keys().isdisjoint(block.words):
         block.take("S")
+        run.note(
+            block.line,
+            "S beside G50 or G92 is the greatest speed under G96, which is the control's to keep: "
+            "not followed",
+        )
         block.actions[:] = [one for one in block.actions if one[1:3] != ("G", 920)]
 
 
@@ -298,6 +311,8 @@ def _dwell(run: Run, block: Block, code: int, item: WordItem) -> None:
     given = [letter for letter in letters if letter in block.words]
     if not given:
         raise block.error(item, f"{item.text} does not say how long: add {letters[0]}")
+    if len(given) > 1:
+        raise block.error(item, f"{item.text} takes one of {', '.join(given)}: keep one of them")
     value = block.words.pop(given[0])
     if given[0] == "P":
         value = motion.seconds(run, block, value)
