@@ -293,6 +293,7 @@ class Run:
         self.rigid = self.diameter = self.probed = self.waited = False
         self.straight_next = False
         self.corner: Corner | None = None
+        self.feed_unit = self.state.unit
         self.notes: dict[str, list[int]] = {}
         self.remap()
 

@@ -91,6 +91,8 @@ def carry_out(block: Block, run: Run) -> None:
         actions.sort(key=itemgetter(0))
     if run.dialect == "fanuc" and "S" in block.words:
         _drop_speed_limit(block, run)
+    if "$" in block.words:
+        _spindle_number(block)
     if 19 in block.m_codes:
         for letter in "RPQ":  # where the spindle is oriented: no motion of an axis
             block.take(letter)
@@ -109,6 +111,17 @@ def carry_out(block: Block, run: Run) -> None:
         move(run, block)
     if block.words:
         _refuse_rest(block, run)
+
+
+def _spindle_number(block: Block) -> None:
+    """$ of LinuxCNC beside what a spindle does; a mill has spindle 0 (-1 is every one)."""
+    codes = {code for _, kind, code, _ in block.actions if kind == "G"}
+    if "S" in block.words or not SPINDLE_G.isdisjoint(codes) or {3, 4, 5, 19} & {*block.m_codes}:
+        block.whole("$", block.words.pop("$"), -1, 0)
+
+
+SPINDLE_G = frozenset((330, 331, 760, 960, 970))
+"""G codes of LinuxCNC that a spindle is named for."""
 
 
 def _drop_speed_limit(block: Block, run: Run) -> None:
@@ -237,7 +250,12 @@ def _plane(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def _units(run: Run, block: Block, code: int, item: WordItem) -> None:
-    run.state.unit = INCH if code in (200, 700) else 1.0
+    """G20, G21; G70 and G71 of a Siemens leave F in the control's unit, G700 and G710 do not."""
+    run.state.unit = INCH if code in (200, 700, 7000) else 1.0
+    if code in (700, 710):
+        run.feed_unit = INCH if run.setup.inch else 1.0
+    else:
+        run.feed_unit = run.state.unit
 
 
 def _distance(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -298,7 +316,8 @@ def _feed_word(run: Run, block: Block, item: WordItem) -> None:
         raise block.error(item, f"F is {value:g}: give 0 or more")
     block.feed_given = True
     inverse = run.state.feed_mode == FeedMode.INVERSE_TIME
-    run.state.feed = value if inverse else value * run.state.unit
+    unit = run.feed_unit if run.dialect == "siemens" else run.state.unit
+    run.state.feed = value if inverse else value * unit
 
 
 def _modifier(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -378,7 +397,7 @@ _MOTIONS: dict[int, Callable[[Run, Block, int, WordItem | None], None]] = {
     331: motion.tap_rigidly,
 }
 HANDLERS: dict[int, Handler] = {
-    **dict.fromkeys((200, 210, 700, 710), _units),
+    **dict.fromkeys((200, 210, 700, 710, 7000, 7100), _units),
     **dict.fromkeys(FEED_MODES, _feed_mode),
     **dict.fromkeys((960, 970), tools.spindle_mode),
     **dict.fromkeys((170, 180, 190), _plane),

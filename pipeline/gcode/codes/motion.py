@@ -110,9 +110,10 @@ def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     kind = Kind.RAPID if code == 0 else Kind.FEED if code == 10 else Kind.PROBE
     state = run.state
     run.probed = run.probed or kind == Kind.PROBE
-    if rotary_only and state.unit != 1.0 and state.feed_mode == FeedMode.PER_MINUTE:
+    unit = run.feed_unit if run.dialect == "siemens" else state.unit
+    if rotary_only and unit != 1.0 and state.feed_mode == FeedMode.PER_MINUTE:
         # F is degree/minute here and does not depend on the unit of length
-        linear, state.feed = state.feed, state.feed / state.unit
+        linear, state.feed = state.feed, state.feed / unit
         run.line_to(kind, block.line, end)
         state.feed = linear
     else:
