@@ -16,6 +16,7 @@ from pipeline.schema.files import replacing
 
 ROWS_AT_ONCE = 50_000
 """Rows that are held in memory as a table: a program of 50 MB has two million."""
+NOTHING = "{} holds no block that the control carries out: name a part program"
 G_CODES = [f"G{number}" for number in range(100)]
 
 
@@ -37,6 +38,7 @@ def moves_table(moves: Moves) -> pa.Table:
         "speed": moves.speed * np.where(moves.direction == 0, 0, 1),
         "tool": moves.tool,
         "length_mm": moves.length,
+        "dwell_s": _dwell(moves),
         "frame": _named([frame.name for frame in moves.frames], moves.frame),
         "file": _named([Path(file).name for file in moves.files], moves.file),
     }
@@ -46,6 +48,15 @@ def moves_table(moves: Moves) -> pa.Table:
             for name, column in table.items()
         }
     )
+
+
+def _dwell(moves: Moves) -> NDArray[np.float64]:
+    """Time that each row waits [s]; NaN where none does, or the spindle that counts it stands."""
+    waits = moves.kind == Kind.DWELL
+    in_turns = waits & (moves.code == 1)
+    speed = np.where(moves.speed > 0, moves.speed, np.nan)
+    seconds = np.where(in_turns, moves.value * 60 / speed, moves.value)
+    return np.where(waits, seconds, np.nan)
 
 
 def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> pa.Array:
@@ -67,7 +78,7 @@ def _column(values: NDArray[np.generic]) -> pa.Array:
     return pa.Array.from_buffers(kind, len(values), [known, pa.py_buffer(values)])
 
 
-def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float]:
+def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[str, ...]]:
     """Write moves as CSV, a row a move, packed where the end of the file's name says so (``.gz``).
 
     Parameters
@@ -79,10 +90,16 @@ def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float]:
 
     Returns
     -------
-    int, float
-        Number of moves, and length of their path [mm].
+    int, float, tuple of str
+        Number of moves, length of their path [mm], and notices to the user.
+
+    Raises
+    ------
+    ValueError
+        When there is no move at all.
     """
     count, length = 0, 0.0
+    notices: tuple[str, ...] = ()
     with replacing(out) as part, _opened(part, PACKED.get(out.suffix)) as file:
         for moves in parts:
             for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
@@ -91,7 +108,10 @@ def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float]:
                 csv.write_csv(moves_table(part_of), file, options)
                 count += len(part_of)
                 length += float(part_of.length.sum())
-    return count, length
+            notices = moves.notices
+        if count == 0:
+            raise ValueError(NOTHING.format(", ".join(moves.files)))
+    return count, length, notices
 
 
 def _opened(part: Path, packing: str | None) -> Any:

@@ -47,9 +47,9 @@ def interpret(
         notes = list(passed_over(program, setup))
         with share_bar("interpreting") as share, step(f"followed {program}") as found:
             parts = moves_in_parts(program, setup, share, ROWS_AT_ONCE)
-            count, length = write_moves(parts, file)
+            count, length, told = write_moves(parts, file)
             found.add(f"{count} moves, wrote {to.names(file)}")
-        for note in notes:
+        for note in (*notes, *told):
             to.say(note)
         to.say(f"{count} moves, {length:.3f} mm, wrote {to.names(file)}")
 

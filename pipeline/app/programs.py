@@ -191,8 +191,15 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
     """Words of a program that move nothing and are not followed, a line of text each."""
     if setup.dialect != "fanuc":
         return
-    check_program(path)
-    for word, places in output_lines(path.read_bytes()).items():
+    program = program_at(path)
+    blocks = [] if program.ends_blocks else program.remarked_blocks()
+    if blocks:
+        where = ", ".join(map(str, blocks[:5])) + " …" * (len(blocks) > 5)
+        yield (
+            f"{path.name}: what stands behind ; is a comment here and was left out (line {where}): "
+            "end each line of code with ; where it ends blocks"
+        )
+    for word, places in output_lines(program.data).items():
         where = ", ".join(map(str, places[:5])) + " …" * (len(places) > 5)
         yield (
             f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "

@@ -139,6 +139,7 @@ def simulate_lines(
 ) -> Iterator[str]:
     """What ``kerf simulate`` says of a program that was simulated."""
     yield from passed_over(request.program, simulated.on.setup)
+    yield from simulated.plan.path.moves.notices
     yield from simulated_lines(document, request.program)
     if "correction" in document:
         from pipeline.app.correction import correction_lines

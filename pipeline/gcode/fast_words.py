@@ -142,12 +142,11 @@ def combined(left: float, right: float, operator: float) -> float:
 @compiled
 def operand(data: Bytes, at: int, end: int, table: Table) -> tuple[int, float, float]:
     """End of the operand at ``at``, its value, and the bracket that it opens or -1."""
-    negative = False
-    while at < end and data[at] in (scanner.PLUS, scanner.MINUS):
-        negative = negative != (data[at] == scanner.MINUS)
+    negative = data[at] == scanner.MINUS
+    if negative or data[at] == scanner.PLUS:
         at = after_blanks(data, at + 1)
-    if at >= end:
-        return at, np.nan, -1.0
+    if at >= end or data[at] in (scanner.PLUS, scanner.MINUS):
+        return at, np.nan, -1.0  # two signs: some controls stop there
     c = data[at]
     if c == scanner.OPEN_BRACKET:
         return at + 1, np.nan, NEGATIVE_BRACKET if negative else BRACKET
@@ -250,6 +249,8 @@ def read_words(
                 return False
         elif what in (scanner.COMMENT, scanner.REMARK):
             if linuxcnc and _acts(data, begin, end):
+                return False
+            if not linuxcnc and what == scanner.REMARK and scanner.remarks_block(data, begin):
                 return False
         elif what not in (scanner.BLANK, scanner.LINE_END):
             return False

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,11 @@ from pipeline.gcode.calls import CallStack, Variables
 from pipeline.gcode.codes.execution import block_of, carry_out
 from pipeline.gcode.compensation import close_contour
 from pipeline.gcode.dialects.siemens import SiemensReader
-from pipeline.gcode.dialects.statement_parser import parse_statement, statement_from_tokens
+from pipeline.gcode.dialects.statement_parser import (
+    parse_blocks,
+    parse_statement,
+    statement_from_tokens,
+)
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.fast_lines import run_fast_lines
@@ -112,6 +117,8 @@ def _reader(program: Program, setup: Setup) -> Callable[[Program, int], Statemen
 
     def read(source: Program, line: int) -> Statement:
         plain = statement_from_tokens(source, line)
+        if plain is None and setup.dialect == "fanuc":
+            return parse_blocks(source, line)
         return plain or parse_statement(source.line(line), source.name, setup.dialect)
 
     return read
@@ -183,7 +190,8 @@ class Interpreter:
 
     def _written(self, rows: Rows, origin: list[float]) -> Moves:
         run = self.run
-        return rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+        moves = rows.moves(origin, tuple(run.files), tuple(run.frames), tuple(run.cutter_radii))
+        return replace(moves, notices=run.notices)
 
     def _refuse_corner(self) -> None:
         """A corner that is open where no straight line follows."""
@@ -217,6 +225,13 @@ class Interpreter:
         if statement.skip is None or statement.skip not in self.setup.block_skip:
             self._mark_executed(line, line + 1)
             self._execute(statement)
+            for block in statement.rest:
+                if self.ended:
+                    return
+                if self.calls.current is not level or level.line != line + 1:
+                    reason = "a call or jump stands before a block of its line: give each a line"
+                    raise GcodeError(self._file, line, 1, "block", reason)
+                self._execute(block)
 
     def _mark_executed(self, line: int, stop: int) -> None:
         if self.calls.current.source.program is self.program:

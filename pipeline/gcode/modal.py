@@ -157,7 +157,9 @@ class Group:
 
 GROUPS: dict[str, Group] = {
     "units": Group(codes=(200, 210), step=5, default=210),
-    "units of Siemens": Group(codes=(700, 710), step=5, default=710, dialects=SIEMENS_ONLY),
+    "units of Siemens": Group(
+        codes=(700, 710, 7000, 7100), step=5, default=710, dialects=SIEMENS_ONLY
+    ),
     "feed_mode": Group(codes=(930, 940, 950), step=10, default=940),
     "spindle_mode": Group(codes=(960, 970), step=25, default=970),
     "plane": Group(codes=(170, 180, 190), step=130, default=170),

@@ -156,6 +156,8 @@ class Moves:
         Work coordinate systems used.
     cutter_radii : tuple of CutterRadius
         Radii of each G41 and G42 that took one of a register, in their order.
+    notices : tuple of str
+        What the user is told of the program up to here: words not read, assumptions.
     """
 
     origin: npt.NDArray[np.float64]
@@ -180,6 +182,7 @@ class Moves:
     files: tuple[str, ...]
     frames: tuple[Frame, ...] = (Frame(),)
     cutter_radii: tuple[CutterRadius, ...] = ()
+    notices: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name, array in self.columns():
@@ -256,7 +259,7 @@ _WIDTHS = {"end": 6, "centre": 3}
 COLUMNS: dict[str, tuple[type[Any], int]] = {
     name: (get_args(get_args(hint)[1])[0], _WIDTHS.get(name, 0))
     for name, hint in get_type_hints(Moves).items()
-    if name not in ("origin", "files", "frames", "cutter_radii")
+    if name not in ("origin", "files", "frames", "cutter_radii", "notices")
 }
 """Name -> type, and the length of its second axis (0 where there is none)."""
 NO_CENTRE = (np.nan, np.nan, np.nan)

@@ -255,6 +255,15 @@ def output_lines(data: bytes) -> dict[str, list[int]]:
     return found
 
 
+_COMMENTS = re.compile(rb"\([^)]*\)")
+_BLOCK = re.compile(rb"(?i)[;/\s]*(?:[a-z]\s*[-+.\d#\[]|#|(?:IF|WHILE|GOTO|DO|END)\b)")
+
+
+def is_block(remark: bytes) -> bool:
+    """Whether what stands behind ``;`` begins as a block of code does, and not as a comment."""
+    return _BLOCK.match(_COMMENTS.sub(b" ", remark)) is not None
+
+
 class Program:
     """Bytes of a part program, and their tokens.
 
@@ -328,6 +337,24 @@ class Program:
             last = int(percents[0])
         return range(first, last)
 
+    def remarked_blocks(self) -> list[int]:
+        """Lines where a word follows ``;``, which is a block of a Fanuc or a comment."""
+        made = self.tokens
+        found = np.flatnonzero(made.kind == TokenKind.REMARK).tolist()
+        blocks = [o for o in found if is_block(self.data[made.start[o] : made.start[o + 1]])]
+        return [int(line) for line in self._line_of(np.array(blocks, dtype=np.intp))]
+
+    @cached_property
+    def ends_blocks(self) -> bool:
+        """Whether lines of code end in ``;``, as a Fanuc shows the end of a block."""
+        made = self.tokens
+        for one in np.flatnonzero(made.kind == TokenKind.REMARK)[:MOST_REMARKS].tolist():
+            before = {*made.kind[made.first[self._line_of(np.array(one)) - 1] : one].tolist()}
+            ends = self.data[made.start[one] : made.start[one + 1]].strip(BLANKS).endswith(b";")
+            if ends and not before <= {TokenKind.BLANK, TokenKind.REMARK}:
+                return True
+        return False
+
     @property
     def opening(self) -> int:
         """First line of the body that holds more than comments; the body's end where none does."""
@@ -369,6 +396,8 @@ _CONTENT[
 _CONTENT[TokenKind.VALUED] = 1
 _SILENT = np.zeros(len(TokenKind), dtype=np.bool_)
 _SILENT[[TokenKind.BLANK, TokenKind.COMMENT, TokenKind.REMARK, TokenKind.LINE_END]] = True
+MOST_REMARKS = 1000
+"""Remarks that are looked at for the end of a block."""
 AT_HEAD = 3
 """Tokens that may stand before the first word of a line: blanks, a block skip, blanks."""
 

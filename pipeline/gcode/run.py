@@ -293,6 +293,8 @@ class Run:
         self.rigid = self.diameter = self.probed = self.waited = False
         self.straight_next = False
         self.corner: Corner | None = None
+        self.feed_unit = self.state.unit
+        self.notes: dict[str, list[int]] = {}
         self.remap()
 
     def remap(self) -> None:
@@ -312,6 +314,20 @@ class Run:
     def point(self) -> list[float]:
         """Position in program coordinates [mm, deg]."""
         return self.transform.program(self.state.position)
+
+    def note(self, line: int, what: str) -> None:
+        """Keep a notice to the user about a line."""
+        lines = self.notes.setdefault(what, [])
+        if line not in lines[-1:]:
+            lines.append(line)
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """Notices so far, each with its lines."""
+        return tuple(
+            f"{what} (line {', '.join(map(str, lines[:5]))}{' …' * (len(lines) > 5)})"
+            for what, lines in self.notes.items()
+        )
 
     def register(self, number: int) -> Register:
         """Entry of the tool table, made when it is not there."""

@@ -20,14 +20,18 @@ PLUS, MINUS, STAR, POINT, COMMA = (ord(c) for c in "+-*.,")
 ZERO, NINE, LETTER_A, LETTER_Z = (ord(c) for c in "09AZ")
 LETTER_C, LETTER_O, LETTER_R = (ord(c) for c in "COR")
 AT, CARET, DOLLAR = (ord(c) for c in "@^$")
-BLANKS = b" \t\v\f\x00\x7f"
-"""Bytes ignored outside comments; NUL and DEL are the blank and the corrected rows of a tape."""
+BLANKS = b" \t\v\f\x00\x11\x12\x13\x14\x1a\x7f"
+"""Bytes ignored outside comments.
+
+NUL and DEL are the blank and the corrected rows of a tape, DC1 to DC4 start and stop its reader
+and punch, SUB ends a file of old systems.
+"""
 
 
 @compiled
 def is_blank(c: int) -> bool:
     """Whether a byte is one of :data:`BLANKS`."""
-    return c in (SPACE, 0, 9, 11, 12, 127)
+    return c in (SPACE, 0, 9, 11, 12, 17, 18, 19, 20, 26, 127)
 
 
 @compiled
@@ -87,6 +91,26 @@ def holds(data: Bytes, at: int, end: int, sign: int) -> bool:
     while at < end and data[at] != sign:
         at += 1
     return at < end
+
+
+MACRO_INITIALS = tuple(ord(c) for c in "DEGIW")
+"""First letters of DO, END, GOTO, IF and WHILE."""
+
+
+@compiled
+def remarks_block(data: Bytes, at: int) -> bool:
+    """Whether code may follow the ``;`` at ``at``: on a Fanuc it ends a block."""
+    at = after_blanks(data, at)
+    while at < len(data) and data[at] in (SEMICOLON, SLASH):
+        at = after_blanks(data, at + 1)
+    if at == len(data) or is_line_end(data[at]):
+        return False
+    if not is_letter(data[at]):
+        return data[at] in (OPEN, HASH)
+    first, at = data[at] & 0xDF, after_blanks(data, at + 1)
+    if at == len(data) or is_line_end(data[at]):
+        return False
+    return not is_letter(data[at]) or first in MACRO_INITIALS
 
 
 EXACT = 2**53

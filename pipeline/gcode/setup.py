@@ -75,6 +75,9 @@ class Setup(Ranged, section="setup"):
         parameter TOS (5006#6) is set; otherwise the coordinates shift.
     peck_clearance : float
         Gap that G83 keeps to the depth reached, and what G73 retracts by [mm].
+    tapping_retract : float or None
+        What peck tapping (G74 and G84 with Q of a Fanuc) retracts by after each peck [mm]
+        (parameters 5200#5 = 0 and 5213); None goes back to R (5200#5 = 1).
     plain_m_codes : tuple of int
         M codes of a Fanuc that may have a P since it calls nothing; any other with a P is refused,
         but for M97, M98, M99 and M198.
@@ -99,6 +102,7 @@ class Setup(Ranged, section="setup"):
     arc_tolerance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.05
     length_moves: bool = True
     peck_clearance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.254
+    tapping_retract: Annotated[float | None, Range(least=0.0, finite=False, unit="mm")] = None
     plain_m_codes: tuple[int, ...] = ()
     boring_shift: str = "-Y"
 

@@ -122,7 +122,10 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One parsed line: number in the file, N word, words and control in the order written."""
+    """One parsed line: number in the file, N word, words and control in the order written.
+
+    ``rest`` holds further blocks of the line, which are carried out after it.
+    """
 
     line: int
     skip: int | None
@@ -131,6 +134,7 @@ class Statement:
     assignments: tuple[Assignment, ...]
     control: Control | None
     comments: tuple[str, ...]
+    rest: tuple["Statement", ...] = ()
 
 
 ALIKE = 1e-12

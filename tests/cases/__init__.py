@@ -1,0 +1,1 @@
+"""Small cases from outside, each with its right value."""

@@ -118,7 +118,8 @@ def test_g28_goes_over_a_point_to_the_reference_by_the_axes_named():
     ]  # fmt: skip
     assert xyz("G0 X5\nG90 G28 X6 Y7", references=references) == [1, 2, 0]
     assert xyz("G30 P3 X0 Y0 Z0", references=references) == [9, 9, 9]
-    assert "names no axis" in refusal("G28")
+    assert points(follow("G0 X5 Z5\nG28", references=references))[-1] == [1, 2, 300]  # of a Haas
+    assert "G28 names no axis" in follow("G28", references=references).notices[0]
 
 
 def test_g68_rotates_about_a_point_and_g69_ends_it():

@@ -7,7 +7,7 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 5 "Functions to simplify progra
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pipeline.gcode.codes.motion import check_feed, programmed, seconds
+from pipeline.gcode.codes.motion import TAPPING, check_feed, programmed, seconds
 from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
 from pipeline.gcode.moves import INCREMENT, FeedMode, Kind
 from pipeline.gcode.offsets import IN_PLANE
@@ -87,6 +87,8 @@ class Hole:
         """Sideways by I J K, or by Q as the control is set: away from the wall, or back."""
         along = [self.words.get(letter, 0.0) for letter in "IJK"]
         along[self.normal] = 0.0
+        if any(along) and "Q" in self.words:
+            self.run.note(self.line, "I, J and K give the shift of the cycle: Q is not read")
         if not any(along):
             shift = self.run.setup.boring_shift
             q = self.words.get("Q", 0.0)
@@ -126,8 +128,14 @@ def _pecks(hole: Hole) -> list[float]:
 
 
 def _tapping(direction: int) -> Callable[[Hole, float], None]:
+    """G74 and G84; with Q of a Fanuc peck tapping, where the spindle reverses at each peck.
+
+    The tool goes back to R at the feed of the thread (parameter PCP, 5200#5, is 1), or by
+    ``setup.tapping_retract`` (PCP is 0, high-speed peck tapping).
+    """
+
     def tap(hole: Hole, level: float) -> None:
-        state = hole.run.state
+        state, linuxcnc = hole.run.state, hole.run.state.dialect == LINUXCNC
         mode, feed = state.feed_mode, state.feed
         kind = Kind.FEED
         if hole.run.rigid and state.speed > 0:
@@ -136,14 +144,18 @@ def _tapping(direction: int) -> Callable[[Hole, float], None]:
                 state.feed_mode, state.feed = FeedMode.PER_REVOLUTION, feed / state.speed
         if state.direction != direction:
             hole.spindle(direction)
-        hole.to(kind, hole.bottom)
-        if state.dialect == FANUC:
-            hole.dwell()
-        hole.spindle(-direction)
-        if state.dialect == LINUXCNC:
-            hole.dwell()
-        hole.to(kind, level if state.dialect == LINUXCNC else hole.plane_r)
-        hole.spindle(direction)
+        retract = hole.run.setup.tapping_retract
+        for depth in _pecks(hole) if hole.words.get("Q", 0.0) > 0 else [hole.bottom]:
+            hole.to(kind, depth)
+            last = depth == hole.bottom
+            if last and state.dialect == FANUC:
+                hole.dwell()
+            hole.spindle(-direction)
+            if linuxcnc:
+                hole.dwell()
+            full = level if linuxcnc else hole.plane_r
+            hole.to(kind, full if last or retract is None else min(depth + retract, full))
+            hole.spindle(direction)
         state.feed_mode, state.feed = mode, feed
         hole.rapid(level)
 
@@ -251,6 +263,16 @@ LINUXCNC_WORDS = {
     870: "IJK",
 }
 """Cycle -> words that LinuxCNC takes beside R and Z; a Fanuc keeps any."""
+FANUC_WORDS = {
+    **dict.fromkeys((730, 740, 830, 840), "QP"),
+    **dict.fromkeys((760, 870), "QPIJK"),
+    **dict.fromkeys((820, 880, 890), "P"),
+}
+"""Cycle -> words that a Fanuc reads in it beside R, Z and the count."""
+PECK_TAPPING = (
+    "{} with Q is peck tapping: the spindle reverses at each Q and the tool goes back to R, as "
+    "parameter 5200#5 (PCP) = 1 has it; give setup.tapping_retract where the control breaks chips"
+)
 MAX_REPEATS = 100_000
 
 
@@ -333,18 +355,37 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
     if depth is not None:
         base = 0.0 if state.absolute else cycle.words["R"]
         cycle.words["Z"] = base + depth * state.unit
+    _take_sticky(run, block, normal)
+    _check_depths(run, block)
+
+
+def _take_sticky(run: Run, block: Block, normal: int) -> None:
+    """Words that stay in force with the cycle; one that it does not read is named."""
+    state, cycle = run.state, run.cycle
     for letter in STICKY if state.dialect == FANUC else LINUXCNC_WORDS.get(cycle.code, ""):
         value = block.take(letter)
         if value is None:
             continue
         if letter == "Q":
             value = _peck(run, block, value)
+        if state.dialect == FANUC and not _reads(cycle.code, letter, normal):
+            kept = " and keeps it for a later cycle" * (letter in "QP")
+            run.note(block.line, f"{g_code(cycle.code)} does not read {letter}{kept}")
         dwell = letter == "P"
         cycle.words[letter] = seconds(run, block, value) if dwell else value * state.unit
+
+
+def _check_depths(run: Run, block: Block) -> None:
+    """Depth of cut and levels that make sense."""
+    state, cycle = run.state, run.cycle
     plane_r, bottom = cycle.words["R"], cycle.words["Z"]
-    if HOLE_CYCLES[cycle.code] is _pecking:
-        step = cycle.words.get("Q", 0.0)
-        if not step > 0 and "I" in cycle.words:
+    step = cycle.words.get("Q", 0.0)
+    taps = cycle.code in TAPPING and state.dialect == FANUC and step != 0
+    if taps and run.setup.tapping_retract is None:
+        run.note(block.line, PECK_TAPPING.format(g_code(cycle.code)))
+    if HOLE_CYCLES[cycle.code] is _pecking or taps:
+        smaller = not taps and "I" in (block.items if step > 0 else cycle.words)
+        if smaller and state.dialect == FANUC:
             raise block.error(
                 block.items.get("I") or block.any_item(),
                 "pecks that get smaller (I J K of a Haas) are not followed: post them with Q",
@@ -366,13 +407,19 @@ def _take_depths(run: Run, block: Block, fresh: bool) -> None:
         )
 
 
+def _reads(code: int, letter: str, normal: int) -> bool:
+    """Whether a Fanuc's cycle reads a word; nothing is shifted along the hole."""
+    along = letter in "IJK" and "IJK".index(letter) == normal
+    return letter in FANUC_WORDS.get(code, "") and not along
+
+
 def _peck(run: Run, block: Block, value: float) -> float:
     """Q of a peck or shift in the program's unit; without a point it may count increments."""
     setup, item = run.setup, block.items["Q"]
     bare = type(item.value) is Number and "." not in item.text
     if not bare or run.state.dialect != FANUC or setup.decimal == "increment":
         return value
-    if run.cycle.code not in (730, 760, 830, 870) or setup.peck_increments is False:
+    if run.cycle.code not in (730, 740, 760, 830, 840, 870) or setup.peck_increments is False:
         return value
     step = value * INCREMENT[run.state.unit != 1.0]
     if setup.peck_increments:

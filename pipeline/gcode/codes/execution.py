@@ -71,9 +71,17 @@ def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: s
             step = WORD_STEPS.get(letter)
             if step is not None:
                 block.actions.append((step, letter, 0, item))
+    if linuxcnc and "X" in words and _in_diameter(block, run):
+        words["X"] /= 2
     if run.setup.decimal == "increment" and run.state.dialect == FANUC:
         _scale_increments(block, run)
     return block
+
+
+def _in_diameter(block: Block, run: Run) -> bool:
+    """Whether X is a diameter (G7), whatever code of the block reads it."""
+    own = [code for _, kind, code, _ in block.actions if kind == "G" and code in (70, 80)]
+    return own[-1] == 70 if own else run.diameter
 
 
 def carry_out(block: Block, run: Run) -> None:
@@ -82,7 +90,9 @@ def carry_out(block: Block, run: Run) -> None:
     if len(actions) > 1:
         actions.sort(key=itemgetter(0))
     if run.dialect == "fanuc" and "S" in block.words:
-        _drop_speed_limit(block)
+        _drop_speed_limit(block, run)
+    if "$" in block.words:
+        _spindle_number(block)
     if 19 in block.m_codes:
         for letter in "RPQ":  # where the spindle is oriented: no motion of an axis
             block.take(letter)
@@ -103,11 +113,27 @@ def carry_out(block: Block, run: Run) -> None:
         _refuse_rest(block, run)
 
 
-def _drop_speed_limit(block: Block) -> None:
+def _spindle_number(block: Block) -> None:
+    """$ of LinuxCNC beside what a spindle does; a mill has spindle 0 (-1 is every one)."""
+    codes = {code for _, kind, code, _ in block.actions if kind == "G"}
+    if "S" in block.words or not SPINDLE_G.isdisjoint(codes) or {3, 4, 5, 19} & {*block.m_codes}:
+        block.whole("$", block.words.pop("$"), -1, 0)
+
+
+SPINDLE_G = frozenset((330, 331, 760, 960, 970))
+"""G codes of LinuxCNC that a spindle is named for."""
+
+
+def _drop_speed_limit(block: Block, run: Run) -> None:
     """G92 S and G50 S without an axis: the greatest speed under G96, for the control to keep."""
     limits = any(kind == "G" and code in SPEED_LIMITS for _, kind, code, _ in block.actions)
     if limits and AXES.keys().isdisjoint(block.words):
         block.take("S")
+        run.note(
+            block.line,
+            "S beside G50 or G92 is the greatest speed under G96, which is the control's to keep: "
+            "not followed",
+        )
         block.actions[:] = [one for one in block.actions if one[1:3] != ("G", 920)]
 
 
@@ -224,7 +250,12 @@ def _plane(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def _units(run: Run, block: Block, code: int, item: WordItem) -> None:
-    run.state.unit = INCH if code in (200, 700) else 1.0
+    """G20, G21; G70 and G71 of a Siemens leave F in the control's unit, G700 and G710 do not."""
+    run.state.unit = INCH if code in (200, 700, 7000) else 1.0
+    if code in (700, 710):
+        run.feed_unit = INCH if run.setup.inch else 1.0
+    else:
+        run.feed_unit = run.state.unit
 
 
 def _distance(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -285,7 +316,8 @@ def _feed_word(run: Run, block: Block, item: WordItem) -> None:
         raise block.error(item, f"F is {value:g}: give 0 or more")
     block.feed_given = True
     inverse = run.state.feed_mode == FeedMode.INVERSE_TIME
-    run.state.feed = value if inverse else value * run.state.unit
+    unit = run.feed_unit if run.dialect == "siemens" else run.state.unit
+    run.state.feed = value if inverse else value * unit
 
 
 def _modifier(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -298,6 +330,8 @@ def _dwell(run: Run, block: Block, code: int, item: WordItem) -> None:
     given = [letter for letter in letters if letter in block.words]
     if not given:
         raise block.error(item, f"{item.text} does not say how long: add {letters[0]}")
+    if len(given) > 1:
+        raise block.error(item, f"{item.text} takes one of {', '.join(given)}: keep one of them")
     value = block.words.pop(given[0])
     if given[0] == "P":
         value = motion.seconds(run, block, value)
@@ -363,7 +397,7 @@ _MOTIONS: dict[int, Callable[[Run, Block, int, WordItem | None], None]] = {
     331: motion.tap_rigidly,
 }
 HANDLERS: dict[int, Handler] = {
-    **dict.fromkeys((200, 210, 700, 710), _units),
+    **dict.fromkeys((200, 210, 700, 710, 7000, 7100), _units),
     **dict.fromkeys(FEED_MODES, _feed_mode),
     **dict.fromkeys((960, 970), tools.spindle_mode),
     **dict.fromkeys((170, 180, 190), _plane),

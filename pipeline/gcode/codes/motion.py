@@ -60,8 +60,6 @@ def programmed(run: Run, block: Block) -> list[float]:
             continue
         if axis < 3:
             value *= state.unit
-            if axis == 0 and run.diameter:
-                value /= 2
         absolute = block.is_absolute(letter, state.absolute)
         point[axis] = value if absolute else point[axis] + value
     return point
@@ -112,9 +110,10 @@ def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     kind = Kind.RAPID if code == 0 else Kind.FEED if code == 10 else Kind.PROBE
     state = run.state
     run.probed = run.probed or kind == Kind.PROBE
-    if rotary_only and state.unit != 1.0 and state.feed_mode == FeedMode.PER_MINUTE:
+    unit = run.feed_unit if run.dialect == "siemens" else state.unit
+    if rotary_only and unit != 1.0 and state.feed_mode == FeedMode.PER_MINUTE:
         # F is degree/minute here and does not depend on the unit of length
-        linear, state.feed = state.feed, state.feed / state.unit
+        linear, state.feed = state.feed, state.feed / unit
         run.line_to(kind, block.line, end)
         state.feed = linear
     else:
@@ -166,6 +165,11 @@ def arc(run: Run, block: Block, code: int, item: WordItem | None) -> None:
             raise block.error(word, "R and I J K exclude each other: keep one of them")
         _check_radii(run, block, word, start, end, centre)
     elif radius is not None:
+        if centre is not None:
+            run.note(block.line, f"{g_code(code)} goes by R and does not read I, J and K")
+        if end == start and state.dialect == FANUC:
+            run.note(block.line, f"{g_code(code)} R ends where it starts: 0 degree, no motion")
+            return
         centre = _centre_of_r(run, block, word, (start, end, radius * state.unit, turn))
     else:
         raise block.error(word, "the arc has neither I J K nor R: add the centre or the radius")
@@ -331,6 +335,11 @@ def thread_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> No
     state = run.state
     if state.transformed:
         raise block.error(word, "G76 cannot run rotated or scaled: post the passes as G33")
+    rotary = next((letter for letter in "ABC" if letter in block.words), None)
+    if rotary is not None:
+        raise block.error(
+            block.items[rotary], f"LinuxCNC turns no {rotary} in G76: turn it in a block before"
+        )
     unit = state.unit
     pitch = block.need("P", "G76", word) * unit
     peak = block.need("I", "G76", word) * unit
@@ -358,7 +367,7 @@ def thread_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> No
         depth = first * number ** (1 / degression)
     for _ in range(springs + 1):
         thread.cut_to(full)
-    run.line_to(Kind.RAPID, block.line, [start[0], start[1], end[2], *start[3:]])
+    run.line_to(Kind.RAPID, block.line, end)
 
 
 @dataclass(frozen=True, kw_only=True)

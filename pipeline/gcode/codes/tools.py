@@ -52,7 +52,7 @@ def _linuxcnc_length(run: Run, block: Block, code: int, item: WordItem) -> list[
         return offset
     if code == 440:
         raise block.error(item, "LinuxCNC has no G44: use G43 and a negative length")
-    number = block.take("H")
+    number = None if code == 431 else block.take("H")
     if code == 431 or (code == 432 and number is None):
         for axis, value in block.take_axes(run.state.unit).items():
             offset[axis] = value
@@ -144,8 +144,8 @@ def spindle_word(run: Run, block: Block, item: WordItem) -> None:
 def spindle_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     """G96 and G97; D, the highest speed under G96, is the control's to keep."""
     constant = int(code == 960)
-    if constant:
-        block.take("D")
+    if constant and block.take("D") is not None:
+        run.note(block.line, "D of G96, the greatest speed, is the control's to keep: not followed")
     if run.state.constant_surface_speed != constant and "S" not in block.words:
         raise block.error(item, f"{item.text} changes what S means and the block has no S: add it")
     run.state.constant_surface_speed = constant

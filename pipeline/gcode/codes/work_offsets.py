@@ -69,16 +69,28 @@ def position_set(run: Run, block: Block, code: int, item: WordItem) -> None:
             offsets.g92[axis] += point[axis] - value
         offsets.g92_kept = None
     elif code == 921:
-        block.take_axes(run.state.unit)  # a Fanuc names the axes to preset, all with 0
-        offsets.g92, offsets.g92_kept = [0.0] * 6, None
-        if run.state.dialect == FANUC:
-            offsets.g52 = [0.0] * 6
+        _preset(run, block, item)
     elif code == 922:
         if offsets.g92_kept is None:
             offsets.g92_kept, offsets.g92 = offsets.g92, [0.0] * 6
     elif offsets.g92_kept is not None:
         offsets.g92, offsets.g92_kept = offsets.g92_kept, None
     run.remap()
+
+
+def _preset(run: Run, block: Block, item: WordItem) -> None:
+    """G92.1: no shift any more, on a Fanuc in the axes that it names with 0."""
+    offsets, axes = run.offsets, list(range(6))
+    if run.state.dialect == FANUC:
+        given = block.take_axes(run.state.unit)
+        if any(given.values()):
+            raise block.error(item, "G92.1 names axes with 0: write 0 behind each of them")
+        axes = list(given) or axes
+        for axis in axes:
+            offsets.g52[axis] = 0.0
+    for axis in axes:
+        offsets.g92[axis] = 0.0
+    offsets.g92_kept = None
 
 
 def reference_return(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -95,8 +107,10 @@ def reference_return(run: Run, block: Block, code: int, item: WordItem) -> None:
         number = block.whole("P", block.words.pop("P"), 2, 4) if "P" in block.words else 2
         name = "G30" if number == 2 else f"G30 P{number}"
     if not axes:
-        if run.state.dialect == FANUC:
+        if run.state.dialect == FANUC and code != 280:
             raise block.error(item, f"{item.text} names no axis: add X, Y or Z")
+        if run.state.dialect == FANUC:
+            run.note(block.line, "G28 names no axis: all axes go to the reference, as on a Haas")
         axes = list(AXES.values())
     run.pending_length = 0.0
     run.line_to(Kind.RAPID, block.line, target(run, block))
@@ -265,6 +279,11 @@ def rotation(run: Run, block: Block, code: int, item: WordItem) -> None:
     for axis in IN_PLANE[plane][:2]:
         value = block.take(LETTERS[axis])
         centre.append(here[axis] if value is None else value * run.state.unit)
+    normal = LETTERS[IN_PLANE[plane][2]]
+    if normal in block.words:
+        raise block.error(
+            block.items[normal], f"G68 turns in G{plane} and takes no {normal}: give it a block"
+        )
     angle = block.need("R", "G68", item)
     turned = offsets.rotation != 0 and not run.state.absolute
     offsets.rotation = angle + (offsets.rotation if turned else 0.0)
@@ -288,6 +307,8 @@ def scaling(run: Run, block: Block, code: int, item: WordItem) -> None:
     each = [_factor(block, letter) for letter in "IJK"]
     if common is None and each == [None] * 3:
         raise block.error(item, "G51 does not say by how much: add P, or I J K")
+    elif common is not None and each != [None] * 3:
+        run.note(block.line, "G51 goes by I, J and K and does not read P")
     offsets.scale = [common or 1.0] * 3 if each == [None] * 3 else [f or 1.0 for f in each]
     if 0.0 in (common, *each):
         raise block.error(item, "G51 scales by 0: give a factor that is not 0")

@@ -14,7 +14,9 @@ COMMENT = "\x01"
 """Stands for a comment in a cursor's text, so that ``G1 (slow) 0`` does not become ``G10``."""
 
 _PIECE = re.compile(
-    r"\(([^)]*)\)|;(.*)|[\x00\t\v\f \x7f\r\n]+|([^(;\x00\t\v\f \x7f\r\n]+|\()", re.S
+    r"\(([^)]*)\)|;(.*)|[\x00\t\v\f\x11-\x14\x1a \x7f\r\n]+"
+    r"|([^(;\x00\t\v\f\x11-\x14\x1a \x7f\r\n]+|\()",
+    re.S,
 )
 _NUMBER = re.compile(r"\d+\.?\d*|\.\d+")
 _LETTERS = re.compile(r"[A-Z]+")

@@ -71,7 +71,7 @@ def tilt(frame: Matrix, b: float, c: float) -> float:
 
 G_CODES = frozenset(
     (0, 1, 2, 3, 4, 9, 17, 18, 19, 40, 41, 42, 53, 54, 55, 56, 57, 64, 70, 71, 90, 91, 93, 94, 95,
-     96, 97, 500)
+     96, 97, 500, 700, 710)
 )  # fmt: skip
 """G codes with the same meaning as in ISO 6983."""
 FOREIGN_M = frozenset((98, 99, 198))
@@ -79,8 +79,6 @@ FOREIGN_M = frozenset((98, 99, 198))
 SAME_AS: dict[float, int] = {
     60: 61,  # exact stop, modal
     **dict.fromkeys((641, 642, 643, 644, 645), 64),
-    700: 70,
-    710: 71,
 }
 """G code -> the one with the same path here; 641 to 645 differ in how they round corners."""
 
@@ -138,7 +136,7 @@ OWN_MODES = frozenset({"AC", "IC"})
 WAYS = frozenset({"DC", "ACP", "ACN"})
 """The way that a rotary axis takes."""
 FRAMES = frozenset((
-    "ATRANS", "ROT", "RPL", "ROTS", "AROTS", "CROTS", "TOROT", "TOFRAME", "SCALE", "ASCALE",
+    "ROT", "RPL", "ROTS", "AROTS", "CROTS", "TOROT", "TOFRAME", "SCALE", "ASCALE",
     "MIRROR", "AMIRROR",
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
@@ -171,6 +169,8 @@ class ModalMemory:
         RTP, RFP, SDIS and DP of the CYCLE81 that MCALL put in force.
     frame : (3, 3) array
         AROT: from the program's axes to the workpiece's.
+    shift : dict of str to Expression
+        TRANS and ATRANS by axis.
     absolute, shifted, transformed : bool
         G90, TRANS by more than 0, TRAORI.
     at : dict of str to (float or None)
@@ -185,6 +185,7 @@ class ModalMemory:
     motion: float = 0.0
     drilling: tuple[Expression, ...] | None = None
     frame: Matrix = field(default_factory=lambda: UNROTATED)
+    shift: dict[str, Expression] = field(default_factory=dict)
     absolute: bool = True
     shifted: bool = False
     transformed: bool = False
@@ -448,7 +449,7 @@ class LineReader:
     def called(self, token: Token) -> None:
         """A word with arguments in brackets."""
         if token.head == "MSG":
-            self._message()
+            self._message(token)
             return
         if token.head in SHOWN:
             self._passed_over(token)
@@ -475,12 +476,12 @@ class LineReader:
             one = self.stream.take()
             depth += (one.text == "(" or one.kind == "call") - (one.text == ")")
 
-    def _message(self) -> None:
-        text = self.stream.next
-        if text is not None and text.kind == "string":
-            self.stream.comments.append(self.stream.take().text.strip('"'))
-        if not self.stream.skips(")"):
-            raise self.stream.error(self.stream.next, 'MSG takes a text: write MSG("…")')
+    def _message(self, token: Token) -> None:
+        """``MSG("Y " << R1)``: texts and values that the screen shows."""
+        start = self.stream.at
+        self._passed_over(token)
+        texts = [one.text for one in self.stream.tokens[start : self.stream.at - 1]]
+        self.stream.comments.append(" ".join(text.strip('"') for text in texts))
 
     def define(self, token: Token) -> None:
         """``DEF REAL A, B=1``: variables are 0 unless they are given a value."""
@@ -533,15 +534,40 @@ class LineReader:
         self.word("G", 53.0, token)
 
     def translate(self, token: Token) -> None:
-        """TRANS: shifts the origin and forgets every turn of the axes before."""
+        """TRANS: shifts the origin and forgets every turn of the axes before; ATRANS adds to it."""
         self._by_itself(token)
         given = self._axes(token)
         self.shifts = True
-        self.memory.frame = UNROTATED
-        self.memory.shifted = any(constant(value) != 0 for value in given.values())
+        memory = self.memory
+        if token.head == "ATRANS":
+            given = self._added(token, given)
+        memory.frame, memory.shift = UNROTATED, given
+        memory.shifted = any(constant(value) != 0 for value in given.values())
         self.word("G", 52.0, token)
         for letter in "XYZ":
             self.word(letter, given.get(letter, Number(0.0)), token)
+
+    def _added(self, token: Token, given: dict[str, Expression]) -> dict[str, Expression]:
+        """The shift of TRANS and ATRANS before with one more."""
+        before = self.memory.shift
+        if not np.array_equal(self.memory.frame, UNROTATED):
+            raise self.stream.error(
+                token, "ATRANS along axes that AROT turned is not followed: write TRANS and AROT"
+            )
+        if not given:
+            raise self.stream.error(token, "ATRANS names no axis: add X, Y or Z")
+        total = dict(before)
+        for letter, value in given.items():
+            base = constant(before.get(letter, Number(0.0)))
+            if base is None:
+                raise self.stream.error(
+                    token, f"ATRANS adds to the {letter} of a TRANS that is no number: write TRANS "
+                    "with the sum"
+                )  # fmt: skip
+            own = constant(value)
+            added = Binary("+", Number(base), value)
+            total[letter] = added if own is None else Number(base + own)
+        return total
 
     def turn(self, token: Token) -> None:
         """AROT: additive rotation of the axes."""
@@ -616,6 +642,7 @@ _NAMED: Mapping[str, Callable[[LineReader, Token], None]] = {
     "DEF": LineReader.define,
     "SUPA": LineReader.supa,
     "TRANS": LineReader.translate,
+    "ATRANS": LineReader.translate,
     "AROT": LineReader.turn,
     "TRAORI": LineReader.transform,
     "TRAFOOF": LineReader.transform,

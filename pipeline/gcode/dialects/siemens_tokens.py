@@ -38,7 +38,7 @@ TRUTH = {"TRUE": 1.0, "FALSE": 0.0}
 WITH_TWO = frozenset({"ATAN2"})
 # a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
-    r"""(?P<blank>[ \t\v\f\x00\x7f\r\n]+)
+    r"""(?P<blank>[ \t\v\f\x00\x11-\x14\x1a\x7f\r\n]+)
     |(?P<comment>;.*)
     |(?P<string>"[^"]*")
     |(?P<label>(?P<mark>[A-Z_][A-Z_][A-Z0-9_]*)[ \t]*:(?!=))

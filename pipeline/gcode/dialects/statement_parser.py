@@ -1,8 +1,10 @@
 """Lines of ISO 6983 code, Macro B or LinuxCNC, parsed to statements."""
 
+from dataclasses import replace
+
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind, number_text
+from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind, is_block, number_text
 from pipeline.gcode.statements import (
     LARGEST,
     Assignment,
@@ -36,6 +38,31 @@ def parse_statement(line: Line, file: str, dialect: str) -> Statement:
         At the first character that cannot be parsed.
     """
     return _LineParser(line, file, dialect).statement()
+
+
+def parse_blocks(program: Program, line: int) -> Statement:
+    """Statement of a Fanuc's line, and those of the blocks behind each ``;`` of it.
+
+    Raises
+    ------
+    GcodeError
+        As :func:`parse_statement`.
+    """
+    source = program.line(line)
+    statement = parse_statement(source, program.name, "fanuc")
+    if not program.ends_blocks:
+        return statement
+    at = next((p.start - source.start for p in source.pieces if p.kind == TokenKind.REMARK), None)
+    if at is None:
+        return statement
+    # blanks keep the columns of what is behind
+    behind = Program(b" " * (at + 1) + source.text[at + 1 :], program.name)
+    if not is_block(behind.data):
+        return statement
+    behind.ends_blocks = True
+    one = replace(parse_blocks(behind, 1), line=line)
+    rest = [replace(part, line=line) for part in (one, *one.rest)]
+    return replace(statement, rest=tuple(replace(part, rest=()) for part in rest))
 
 
 class _LineParser:
@@ -123,6 +150,11 @@ class _LineParser:
             )
         if cursor.ended or cursor.peek() not in _VALUE:
             raise cursor.error(start, f"{letter} is followed by no value: add a number")
+        if self.dialect == "fanuc" and _SIGNS.issuperset(cursor.peek(2)):
+            cursor.at += 2
+            raise cursor.error(
+                start, "two signs stand before a value, where a Fanuc stops: keep one of them"
+            )
         value = self.expressions.value()
         if self.dialect == "fanuc" and getattr(value, "function", "") == "ROUND":
             raise cursor.error(
