@@ -337,3 +337,35 @@ def test_what_is_done_in_no_time_is_told(project: Path) -> None:
     assert "control.auxiliary.spindle_acceleration in conf/machine/hurco.yaml" in done.output
     told = json.loads((project / "p.json").read_text())["without_time"]
     assert told == {"tool_change": 1, "spindle_acceleration": 1}
+
+
+BEYOND = "G21 G90 G54\nT4 M6\nS30000 M3\nG0 X5000 Y0 Z5\nG1 Z-1 F99000\nM30\n"
+
+
+def test_a_program_that_leaves_the_machine_is_said_before_anything_else(project: Path) -> None:
+    (project / "part.nc").write_text(BEYOND)
+    done = kerf(project, "simulate", "part.nc", "--machine", "mill01", "--json", "times.json")
+    lines = done.stdout.splitlines()
+    for line, word, value, limit in (
+        (3, "S", "30000 rev/min", "12000"), (4, "X", "4590 mm", "-800 to 0"),
+        (5, "F", "99000 mm/min", "15000"),
+    ):  # fmt: skip
+        (said,) = [one for one in lines[:3] if one.startswith(f"warning: line {line}: {word} ")]
+        assert value in said and limit in said
+    assert (
+        lines[3] == "warning: part.nc leaves the limits of mill01 3 times: do not run it as it is"
+    )
+    stored = json.loads((project / "times.json").read_text())["preflight"]["violations"]
+    assert [(one["line"], one["what"]) for one in stored] == [(3, "S"), (4, "X"), (5, "F")]
+
+
+def test_preflight_ends_with_1_where_the_machine_cannot_do_it(project: Path) -> None:
+    done = kerf(project, "preflight", "part.nc", "--machine", "mill01")
+    assert done.exit_code == 0 and "stays inside" in done.stdout, done.output
+    (project / "part.nc").write_text(BEYOND)
+    done = kerf(project, "preflight", "part.nc", "--machine", "mill01", "--json")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert [one["value"] for one in found["violations"]] == [30000.0, 4590.0, 99000.0]
+    done = kerf(project, "preflight", "part.nc", "--machine", "hurco")
+    assert "not listed in conf/machine/hurco.yaml, not checked: travel of X, Z" in done.stdout
