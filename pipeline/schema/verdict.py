@@ -74,6 +74,9 @@ class Score(Figures):
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
         Each limit that is passed or not decided, with value and limit; or why it was not judged.
+    alone : bool
+        Whether it is the only one of its target that failed and is left out of the score over all
+        groups, since a single record does not decide.
     """
 
     quantity: str
@@ -90,6 +93,7 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+    alone: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +208,14 @@ class Verdict:
         """Score of a quantity over all groups that decided, or over those of ``role``."""
         found = self.of(quantity, group="all", role=role or self.judged_role)
         return found[0] if found else None
+
+    @property
+    def set_aside(self) -> tuple[str, ...]:
+        """Records that failed alone of all and so do not decide, in words."""
+        return tuple(
+            f"{'; '.join(s.reasons)}, alone of all that were judged, and does not decide"
+            for s in self.scores if s.alone
+        )  # fmt: skip
 
     @property
     def missed(self) -> tuple[str, ...]:
