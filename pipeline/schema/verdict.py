@@ -281,9 +281,18 @@ class UsedModel:
 
     @property
     def sentence(self) -> str:
-        """Status, the worst limit missed, and the spread of the figures, without a full stop."""
+        """Status, the worst limit missed, and the error or spread of the figures, no full stop.
+
+        It is an error of past recordings, or the standard deviation that an optimisation counts
+        with; the interval of a program's own figure stands with that figure.
+        """
         more = f" and {self.missed - 1} more" if self.missed > 1 else ""
         why = f": {self.reason}{more}" if self.reason else ""
         spread = self.spread_percent
-        tail = "" if spread is None else f"; {self.figures} \u00b1 {spread:.2g} %"
+        tail = ""
+        if spread is not None:
+            meant = f"{self.figures} count with a standard deviation of"
+            if spread == self.error_percent:
+                meant = f"RMS error of {self.figures} on {self.recordings} judged recordings"
+            tail = f"; {meant} {spread:.2g} %"
         return f"{self.submodel} {self.status}{why}{tail}"
