@@ -203,4 +203,4 @@ def test_a_part_all_of_whose_models_passed_has_no_doubt() -> None:
     assert page.sentences == optimised_page(part, []).sentences
     lines = list(optimise_lines(replace(part, verdicts=verdicts)))
     assert not any("WARNING" in line for line in lines)
-    assert sum("passed" in line and "RMS error" in line for line in lines) == 3
+    assert sum("passed;" in line and line.endswith("%") for line in lines) == 3
