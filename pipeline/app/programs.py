@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -26,7 +24,7 @@ from pipeline.twin.preflight import Preflight, limits_of, preflight
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.twin.program_axes import AxisFollowing, Residual
+    from pipeline.twin.program_axes import Residual
 
 Share = Callable[[float], None]
 
@@ -379,10 +377,10 @@ def axes_table(
     Raises
     ------
     ValueError
-        When the program is too long to be followed.
+        When a drive is unstable, or the program is too long for a ``residual``.
     """
     from pipeline.twin.drive import read_drives
-    from pipeline.twin.program_axes import follow_program
+    from pipeline.twin.program_axes import program_figures
 
     found = models / "drive/model.json"
     if not found.exists():
@@ -391,14 +389,14 @@ def axes_table(
     axes: list[dict[str, Any]] = [
         {
             "axis": letter,
-            "max_following_um": round(float(abs(one.error[one.worst])) * 1e6, 3),
-            "at_line": int(lines[one.row[one.worst]]),
+            "max_following_um": round(one.max_error * 1e6, 3),
+            "at_line": int(lines[one.worst_row]),
             "rms_following_um": round(one.rms_error * 1e6, 3),
-            "max_command": round(float(np.abs(one.command).max()), 3),
+            "max_command": round(one.max_command, 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": _half_width(one),
+            "half_width_90_um": _micrometres(one.half_width),
         }
-        for letter, one in follow_program(plan, drives, residual).items()
+        for letter, one in program_figures(plan, drives, residual).items()
     ]
     axes += [
         {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
@@ -503,12 +501,6 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
     """One line a sub-model that figures rest on; what failed or was not judged is marked."""
     for one in models:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
-
-
-def _half_width(axis: "AxisFollowing") -> float | None:
-    """Greatest half width of an axis' interval [um]; None where it was not learnt."""
-    width = axis.half_width
-    return _micrometres(None if width is None else float(width.max()))
 
 
 def _micrometres(metres: float | None) -> float | None:
