@@ -12,10 +12,12 @@ import pytest
 
 from pipeline.app.programs import simulate_program
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.planner import Plan
+from pipeline.schema.interval import Band
 from pipeline.schema.model import Correlation
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
-from pipeline.twin.control import ControlFitFacts, ControlModelFile
+from pipeline.twin.control import WHOLE, ControlFitFacts, ControlModelFile
 from tests.small_project import ROOT, inside
 from tests.test_cli import kerf, refused
 
@@ -203,7 +205,9 @@ def test_a_control_that_did_not_pass_is_named(project: Path) -> None:
         first = document["verdicts"][0 if status != "passed" else -1]
         assert (first["submodel"], first["status"]) == ("control", status)
         spread = {"passed": "0", "failed": "10", "not judged": "25"}[status]
-        assert f"control {status}; times ± {spread} %" in done.stdout
+        assert (
+            f"control {status}; times count with a standard deviation of {spread} %" in done.stdout
+        )
         assert (f"WARNING: control {status}" in done.stdout) == (status != "passed")
 
 
@@ -337,3 +341,73 @@ def test_what_is_done_in_no_time_is_told(project: Path) -> None:
     assert "control.auxiliary.spindle_acceleration in conf/machine/hurco.yaml" in done.output
     told = json.loads((project / "p.json").read_text())["without_time"]
     assert told == {"tool_change": 1, "spindle_acceleration": 1}
+
+
+BEYOND = "G21 G90 G54\nT4 M6\nS30000 M3\nG0 X5000 Y0 Z5\nG1 Z-1 F99000\nM30\n"
+
+
+def test_a_program_that_leaves_the_machine_is_said_before_anything_else(project: Path) -> None:
+    (project / "part.nc").write_text(BEYOND)
+    done = kerf(project, "simulate", "part.nc", "--machine", "mill01", "--json", "times.json")
+    lines = done.stdout.splitlines()
+    for line, word, value, limit in (
+        (3, "S", "30000 rev/min", "12000"), (4, "X", "4590 mm", "-800 to 0"),
+        (5, "F", "99000 mm/min", "15000"),
+    ):  # fmt: skip
+        (said,) = [one for one in lines[:3] if one.startswith(f"warning: line {line}: {word} ")]
+        assert value in said and limit in said
+    assert (
+        lines[3] == "warning: part.nc leaves the limits of mill01 3 times: do not run it as it is"
+    )
+    stored = json.loads((project / "times.json").read_text())["preflight"]["violations"]
+    assert [(one["line"], one["what"]) for one in stored] == [(3, "S"), (4, "X"), (5, "F")]
+
+
+def test_preflight_ends_with_1_where_the_machine_cannot_do_it(project: Path) -> None:
+    done = kerf(project, "preflight", "part.nc", "--machine", "mill01")
+    assert done.exit_code == 0 and "stays inside" in done.stdout, done.output
+    (project / "part.nc").write_text(BEYOND)
+    done = kerf(project, "preflight", "part.nc", "--machine", "mill01", "--json")
+    assert done.exit_code == 1
+    found = json.loads(done.stdout)
+    assert [one["value"] for one in found["violations"]] == [30000.0, 4590.0, 99000.0]
+    done = kerf(project, "preflight", "part.nc", "--machine", "hurco")
+    assert "not listed in conf/machine/hurco.yaml, not checked: travel of X, Z" in done.stdout
+
+
+def test_a_dwell_is_sure_to_the_controls_tick(project: Path) -> None:
+    """Its time is programmed: the share by which motion is missed is none of the dwell's."""
+    control = replace(simulate_in(project).path.control, interpolation_period=0.004)
+    model = replace(
+        control_model(hurco02=control, hurco04=control),
+        intervals={WHOLE: Band(lower=0.05, upper=0.1, n=9, groups=9)},
+    )
+    write_json(model, project / "data/champion/hurco/control/model.json")
+    (project / "dwell.nc").write_text("G21 G90\nG4 P3600000\nG4 X1.5\nM30\n")
+    kerf(project, "simulate", "dwell.nc", "--machine", "hurco", "--json", "times.json")
+    found = json.loads((project / "times.json").read_text())
+    assert found["total_time_90_s"] == [3601.492, 3601.508]
+    (project / "both.nc").write_text("G21 G90\nG4 P3600000\nG1 X100 F100\nM30\n")
+    kerf(project, "simulate", "both.nc", "--machine", "hurco", "--json", "times.json")
+    found = json.loads((project / "times.json").read_text())
+    motion = found["total_time_s"] - 3600
+    low, high = 3600 + 0.95 * motion - 0.004, 3600 + 1.1 * motion + 0.004
+    assert found["total_time_90_s"] == [pytest.approx(low, abs=1e-3), pytest.approx(high, abs=1e-3)]
+
+
+def test_a_simulation_says_one_interval_of_a_time(project: Path) -> None:
+    """What is no interval of this time is named for what it is, without a ±."""
+    control = simulate_in(project).path.control
+    model = replace(
+        control_model(hurco02=control, hurco04=control),
+        intervals={WHOLE: Band(lower=0.05, upper=0.1, n=9, groups=9)},
+    )
+    write_json(model, project / "data/champion/hurco/control/model.json")
+    text = kerf(project, "simulate", "part.nc", "--machine", "hurco").stdout
+    assert text.count("90 % interval") == 1 and "±" not in text
+    assert "times count with a standard deviation of 25 %" in text
+
+
+def simulate_in(project: Path) -> Plan:
+    with inside(project):
+        return simulate_program(Path("part.nc"), "hurco", None, lambda done: None).plan

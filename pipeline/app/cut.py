@@ -26,6 +26,7 @@ from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.cut import Cut, CutJob, cut_program
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_wear import ToolWear, WearRule
+from pipeline.twin.preflight import preflight_warnings
 
 RESOLUTION = 0.2
 """Of the blank where none is said [mm]."""
@@ -218,9 +219,11 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> Pro
     axes = check_axes(cut, drives, residual=simulated.residual)
     forces = _force_intervals(cut, job, basis, simulated.on)
     unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
+    warnings = (*preflight_warnings(simulated.checked.violations), *document.warnings)
     return replace(
-        document, axes=axes.axes, forces=forces, not_known=(*document.not_known, *unknown)
-    )
+        document, axes=axes.axes, forces=forces, not_known=(*document.not_known, *unknown),
+        warnings=warnings,
+    )  # fmt: skip
 
 
 def _force_intervals(

@@ -34,6 +34,7 @@ from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
 from pipeline.schema.files import together
 from pipeline.schema.part import Objective, OptimisedPart, part_values
+from pipeline.schema.program_cut import CutWarning
 from pipeline.schema.store import write_bytes
 
 T = TypeVar("T")
@@ -134,7 +135,10 @@ def part_options(
 
 @dataclass(frozen=True, kw_only=True)
 class PartRequest:
-    """All options of ``kerf optimise`` but the files to write."""
+    """All options of ``kerf optimise`` but the files to write.
+
+    ``beyond`` is what of the program leaves the machine, for its documents.
+    """
 
     program: Path
     machine: str
@@ -143,6 +147,7 @@ class PartRequest:
     objective: Objective
     search: SearchOptions
     model: str = CHAMPION
+    beyond: tuple[CutWarning, ...] = ()
 
 
 def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, OptimisedPart]:
@@ -174,7 +179,8 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
     with named_as_options():
         result = optimise_worn(workshop, job, progress)
     part = optimised_part(result, machine=request.machine, origin=on.origin, control=on.source)
-    return result, replace(part, machine_unit=on.unit or None)
+    warnings = (*request.beyond, *part.warnings)
+    return result, replace(part, machine_unit=on.unit or None, warnings=warnings)
 
 
 @together()

@@ -5,7 +5,7 @@ Each imports its work when it runs, so that `kerf --help` starts at once.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import wraps
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -100,6 +100,32 @@ def simulate(
 
 
 @app.command()
+def preflight(
+    program: kerf.Program,
+    machine: kerf.Whose,
+    dialect: kerf.Dialect = None,
+    json: kerf.Json = False,
+) -> None:
+    """Hold PROGRAM against MACHINE's travel, spindle speeds, feeds and tool lengths; else exit 1.
+
+    Limits that the machine's file does not list are named, not checked.
+    """
+    from pipeline.app.preflight import preflight_lines, preflight_program
+
+    with _working():
+        found = preflight_program(program, machine, dialect)
+    if json:
+        say_json({"program": program.name, "machine": machine} | asdict(found))
+    else:
+        if not found.violations:
+            typer.echo(f"{program.name} stays inside of what {machine} lists")
+        for line in preflight_lines(found, program, machine):
+            typer.echo(line)
+    if found.violations:
+        raise typer.Exit(1)
+
+
+@app.command()
 def check(
     before: Annotated[Path, typer.Argument(help="A part program.")],
     after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
@@ -122,6 +148,7 @@ def check(
     """
     from pipeline.app.check import check_lines, check_programs, range_lines
     from pipeline.app.check_machine import machine_lines
+    from pipeline.app.preflight import preflight_lines, preflight_program
 
     with _working():
         if material is not None and tool_table is None:
@@ -132,15 +159,19 @@ def check(
         with step(f"compared {before} and {after}") as found:
             proof = check_programs(before, after, machine, dialect, splits=splits)
             found.add(f"{proof.moves} moves, {len(proof.differences)} F and S words")
+        reach: list[str] = []
+        if machine is not None:
+            checked = preflight_program(after, machine, dialect, beside=before)
+            reach += preflight_lines(checked, after, machine)
         warnings: list[str] = []
         if proof.same:
             warnings += machine_lines(before, after, machine, dialect)
         if proof.same and tool_table is not None:
             warnings += range_lines(before, after, machine, dialect, tool_table, material)
     if json:
-        say_json(asdict(proof) | {"warnings": warnings})
+        say_json(asdict(proof) | {"warnings": [*reach, *warnings]})
     else:
-        for line in (*check_lines(proof, before, after), *warnings):
+        for line in (*reach, *check_lines(proof, before, after), *warnings):
             typer.echo(line)
     if not proof.same:
         raise typer.Exit(1)
@@ -231,6 +262,8 @@ def optimise(
         write_optimised,
     )
     from pipeline.app.optimise_lines import optimise_lines
+    from pipeline.app.preflight import beyond_lines, not_checked_lines, preflight_program
+    from pipeline.twin.preflight import preflight_warnings
 
     with _working() as to:
         files = PartFiles.of(to.file(out, program.suffix), to.file(json), to.file(page))
@@ -247,6 +280,10 @@ def optimise(
             ),
         )  # fmt: skip
         check_outputs(program, *files.named, inputs=request.cut.files)
+        checked = preflight_program(program, machine)
+        for line in beyond_lines(checked, program, machine):
+            to.say(line)
+        request = replace(request, beyond=preflight_warnings(checked.violations))
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
                 with stages_bar() as shown, step(f"optimised {program}"):
@@ -255,7 +292,7 @@ def optimise(
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
-        for line in optimise_lines(part):
+        for line in (*not_checked_lines(checked, machine), *optimise_lines(part)):
             to.say(line)
         to.say(f"wrote {to.names(*written)}")
     if part.interrupted:

@@ -1,28 +1,30 @@
 """Part programs by hand: what they tell the machine, and what its control makes of them."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.tables import section
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
-from pipeline.gcode.setup import Setup
+from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json, write_json
+from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import UsedModel
+from pipeline.twin.preflight import Preflight, limits_of, preflight
 
 if TYPE_CHECKING:
     import pandas as pd
 
-    from pipeline.twin.program_axes import AxisFollowing, Residual
+    from pipeline.twin.program_axes import Residual
 
 Share = Callable[[float], None]
 
@@ -106,12 +108,14 @@ class Controlled:
 class Simulated:
     """A program on a machine; ``axes`` is what each axis makes of it, where drives are known.
 
+    ``checked`` is the program held against the machine's travel, speeds, feeds and tool lengths.
     ``residual`` is what the drives leave over, with the name of its model, where it was asked for.
     """
 
     plan: Plan
     axes: list[dict[str, Any]]
     on: Controlled
+    checked: Preflight
     residual: "Residual | None" = None
     residual_name: str = ""
 
@@ -158,6 +162,14 @@ def _setup(sections: dict[str, Any]) -> Setup:
     if "setup" not in sections:
         return Setup()
     return structure({"setup": sections["setup"]}, "setup", Setup)
+
+
+def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
+    """Limits of a machine's file: those of its set-up, else of spindle drive and control."""
+    known = dict(sections)
+    drive = section(known, "spindle_drive", SpindleDrive)
+    control = section(known, "control", ControlParameters)
+    return limits_of(setup, control, None if drive is None else drive.top_speed_rpm)
 
 
 def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
@@ -292,10 +304,15 @@ def simulate_program(
     from pipeline.twin.control import planned_program
 
     on = machine_control(machine, unit, model)
+    moves = read_moves(path, on.setup, share)
+    limits = machine_limits(on.parameters["machine"][machine], on.setup)
+    checked = preflight(moves, on.setup, limits)
     residual, name = machine_residual(on, machine) if compensated else (None, "")
-    plan = planned_program(read_moves(path, on.setup, share), on.control)
+    plan = planned_program(moves, on.control)
     axes = axes_table(plan, on.models, residual)
-    return Simulated(plan=plan, axes=axes, on=on, residual=residual, residual_name=name)
+    return Simulated(
+        plan=plan, axes=axes, on=on, checked=checked, residual=residual, residual_name=name
+    )
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
@@ -367,10 +384,10 @@ def axes_table(
     Raises
     ------
     ValueError
-        When the program is too long to be followed.
+        When a drive is unstable, or the program is too long for a ``residual``.
     """
     from pipeline.twin.drive import read_drives
-    from pipeline.twin.program_axes import follow_program
+    from pipeline.twin.program_axes import program_figures
 
     found = models / "drive/model.json"
     if not found.exists():
@@ -379,14 +396,14 @@ def axes_table(
     axes: list[dict[str, Any]] = [
         {
             "axis": letter,
-            "max_following_um": round(float(abs(one.error[one.worst])) * 1e6, 3),
-            "at_line": int(lines[one.row[one.worst]]),
+            "max_following_um": round(one.max_error * 1e6, 3),
+            "at_line": int(lines[one.worst_row]),
             "rms_following_um": round(one.rms_error * 1e6, 3),
-            "max_command": round(float(np.abs(one.command).max()), 3),
+            "max_command": round(one.max_command, 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": _half_width(one),
+            "half_width_90_um": _micrometres(one.half_width),
         }
-        for letter, one in follow_program(plan, drives, residual).items()
+        for letter, one in program_figures(plan, drives, residual).items()
     ]
     axes += [
         {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
@@ -436,6 +453,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "models": simulated.on.models.as_posix(),
             "without_time": without_time(simulated.plan),
             "axes": simulated.axes,
+            "preflight": unstructured(simulated.checked),
             "blocks": blocks(simulated.plan),
         }
         | ({"residual": simulated.residual_name} if simulated.residual_name else {})
@@ -490,12 +508,6 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
     """One line a sub-model that figures rest on; what failed or was not judged is marked."""
     for one in models:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
-
-
-def _half_width(axis: "AxisFollowing") -> float | None:
-    """Greatest half width of an axis' interval [um]; None where it was not learnt."""
-    width = axis.half_width
-    return _micrometres(None if width is None else float(width.max()))
 
 
 def _micrometres(metres: float | None) -> float | None:

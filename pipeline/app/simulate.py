@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.app.fleet import check_outputs
 from pipeline.app.kerf import share_bar
 from pipeline.app.output import step
+from pipeline.app.preflight import preflight_lines
 from pipeline.app.programs import (
     Simulated,
     passed_over,
@@ -138,6 +139,7 @@ def simulate_lines(
     simulated: Simulated, document: dict[str, Any], request: SimulateRequest
 ) -> Iterator[str]:
     """What ``kerf simulate`` says of a program that was simulated."""
+    yield from preflight_lines(simulated.checked, request.program, request.machine)
     yield from passed_over(request.program, simulated.on.setup)
     yield from simulated.plan.path.moves.notices
     yield from simulated_lines(document, request.program)

@@ -29,6 +29,46 @@ class Tool:
 
 
 @dataclass(frozen=True, kw_only=True)
+class MachineLimits(Ranged, section="setup.limits"):
+    """What the machine can reach; what is left out is not checked.
+
+    Parameters
+    ----------
+    travel : mapping of str to (float, float)
+        Least and greatest position of an axis in machine coordinates, by its letter [mm, deg].
+    spindle_rpm : (float, float) or None
+        Least and greatest speed of the spindle [rev/min].
+    feed_mm_min : (float, float) or None
+        Least and greatest feed along the path [mm/min].
+    tool_length_mm : (float, float) or None
+        Least and greatest length of a tool from the gauge line, as the changer takes it [mm].
+
+    Raises
+    ------
+    ValueError
+        When an axis is none of X Y Z A B C, or a range ends below its beginning.
+    """
+
+    travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    spindle_rpm: Annotated[tuple[float, float], Range(least=0.0)] | None = None
+    feed_mm_min: Annotated[tuple[float, float], Range(least=0.0)] | None = None
+    tool_length_mm: Annotated[tuple[float, float], Range(least=0.0)] | None = None
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if unknown := sorted(set(self.travel) - set("XYZABC")):
+            raise ValueError(f"setup.limits.travel names {unknown[0]}: name X, Y, Z, A, B or C")
+        named = {f"travel.{axis}": span for axis, span in self.travel.items()}
+        named |= {name: span for name in ("spindle_rpm", "feed_mm_min", "tool_length_mm")
+                  if (span := getattr(self, name)) is not None}  # fmt: skip
+        for name, (low, high) in named.items():
+            if not low < high:
+                raise ValueError(
+                    f"setup.limits.{name} = [{low:g}, {high:g}] must rise: write the least first"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
 class Setup(Ranged, section="setup"):
     """The control as the operator left it before the program starts.
 
@@ -83,6 +123,8 @@ class Setup(Ranged, section="setup"):
         but for M97, M98, M99 and M198.
     boring_shift : str
         Axis and sign in which G76 and G87 shift by Q, ``"+X"``, ``"-Y"``, … (parameter 5148).
+    limits : MachineLimits
+        Travel, spindle speeds, feeds and tool lengths that the machine has.
     """
 
     dialect: Literal["fanuc", "linuxcnc", "siemens"] = "fanuc"
@@ -105,6 +147,7 @@ class Setup(Ranged, section="setup"):
     tapping_retract: Annotated[float | None, Range(least=0.0, finite=False, unit="mm")] = None
     plain_m_codes: tuple[int, ...] = ()
     boring_shift: str = "-Y"
+    limits: MachineLimits = field(default_factory=MachineLimits)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -57,7 +57,7 @@ def verdicts_section(models: Sequence[UsedModel]) -> Section | None:
         return None
     return Section(
         key="verdicts", title="What the figures rest on, and whether it was judged",
-        text=["A spread ± is one standard deviation, of recordings that the model had not seen."],
+        text=["Errors are of recordings that the model had not seen."],
         pairs=[
             (_first_up(one.submodel), f"{_first_up(one.sentence[len(one.submodel) + 1:])}.")
             for one in models

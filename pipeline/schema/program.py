@@ -57,6 +57,8 @@ class SimulatedProgram:
         Time [s] by type of block, and of cutting by what limits the speed of the block.
     blocks : int or None
         Number of moves.
+    violations : tuple of str
+        Lines that leave the machine's travel, speeds, feeds or tool lengths, in words.
     """
 
     program: str
@@ -74,3 +76,4 @@ class SimulatedProgram:
     by_type: Mapping[str, float] = field(default_factory=dict)
     by_limit: Mapping[str, float] = field(default_factory=dict)
     blocks: int | None = None
+    violations: tuple[str, ...] = ()

@@ -76,6 +76,9 @@ class Score(Figures):
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
         Each limit that is passed or not decided, with value and limit; or why it was not judged.
+    alone : bool
+        Whether it is the only one of its target that failed and is left out of the score over all
+        groups, since a single record does not decide.
     """
 
     quantity: str
@@ -93,6 +96,7 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+    alone: bool = False
 
     @property
     def half_width_over_rmse(self) -> float | None:
@@ -214,6 +218,14 @@ class Verdict:
         return found[0] if found else None
 
     @property
+    def set_aside(self) -> tuple[str, ...]:
+        """Records that failed alone of all and so do not decide, in words."""
+        return tuple(
+            f"{'; '.join(s.reasons)}, alone of all that were judged, and does not decide"
+            for s in self.scores if s.alone
+        )  # fmt: skip
+
+    @property
     def missed(self) -> tuple[str, ...]:
         """Why it failed: faults of the judgement itself, then limits, the furthest missed first."""
         of_limits = [
@@ -277,9 +289,18 @@ class UsedModel:
 
     @property
     def sentence(self) -> str:
-        """Status, the worst limit missed, and the spread of the figures, without a full stop."""
+        """Status, the worst limit missed, and the error or spread of the figures, no full stop.
+
+        It is an error of past recordings, or the standard deviation that an optimisation counts
+        with; the interval of a program's own figure stands with that figure.
+        """
         more = f" and {self.missed - 1} more" if self.missed > 1 else ""
         why = f": {self.reason}{more}" if self.reason else ""
         spread = self.spread_percent
-        tail = "" if spread is None else f"; {self.figures} \u00b1 {spread:.2g} %"
+        tail = ""
+        if spread is not None:
+            meant = f"{self.figures} count with a standard deviation of"
+            if spread == self.error_percent:
+                meant = f"RMS error of {self.figures} on {self.recordings} judged recordings"
+            tail = f"; {meant} {spread:.2g} %"
         return f"{self.submodel} {self.status}{why}{tail}"

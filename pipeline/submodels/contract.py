@@ -69,6 +69,9 @@ class Target:
     widens : bool
         Whether the predictor itself widens the interval outside of the learnt conditions; else the
         judge does.
+    alone : int
+        Groups that must keep their limits for a single one that does not to be named instead of
+        deciding; 0 where each decides.
     """
 
     quantity: str
@@ -81,6 +84,7 @@ class Target:
     resolution: float = 0.0
     coverage: tuple[float, float] | None = None
     widens: bool = False
+    alone: int = 0
 
     def __post_init__(self) -> None:
         if self.coverage is not None and not 0 <= self.coverage[0] <= self.coverage[1] <= 1:

@@ -108,7 +108,10 @@ def judge(
     frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
     scores = [score for target in targets for score in _scores(frame, target, deciding)]
-    decisive = [s for s in scores if s.role == deciding and (s.limits or s.coverage_limits)]
+    decisive = [
+        s for s in scores
+        if s.role == deciding and (s.limits or s.coverage_limits) and not s.alone
+    ]  # fmt: skip
     broken = [
         *set_reasons(model, sets, files),
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
@@ -127,7 +130,10 @@ def judge(
         judged_role=deciding if decisive else None,
         golden=_golden_used(None if sets is None else sets.golden),
         scores=tuple(scores),
-        skills=tuple(s for target in targets for s in skills(frame, target, deciding)),
+        skills=tuple(
+            s for target in targets
+            for s in skills(_without(frame, {s.group for s in scores if s.alone}), target, deciding)
+        ),
         outside=tuple(outside),
         cases=tuple(
             JudgedCase(
@@ -238,15 +244,32 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
         return []
     found = []
     for role, of_role in rows.groupby("role", sort=False):
-        parts = [*of_role.groupby("group", sort=False), (ALL, of_role)]
-        for group, part in parts:
-            score = _score(part, target, str(group), role)
-            if role == deciding:
-                score = replace(score, spread=_spread(part))
-                of_all = group == ALL and target.coverage is not None
-                score = _covered(score, target) if of_all else _held_against(score, target)
-            found.append(score)
+        groups = [
+            _held(part, target, str(group), role, deciding)
+            for group, part in of_role.groupby("group", sort=False)
+        ]
+        lone = _lone(groups, target)
+        others = of_role[of_role["group"] != lone] if lone else of_role
+        found += [replace(one, alone=one.group == lone) for one in groups]
+        found.append(_held(others, target, ALL, role, deciding))
     return found
+
+
+def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: Role) -> Score:
+    """A score, with its status where its role decides."""
+    score = _score(rows, target, group, role)
+    if role != deciding:
+        return score
+    score = replace(score, spread=_spread(rows))
+    of_all = group == ALL and target.coverage is not None
+    return _covered(score, target) if of_all else _held_against(score, target)
+
+
+def _lone(scores: Sequence[Score], target: Target) -> str | None:
+    """The only group that failed where enough others passed; a bad record decides nothing alone."""
+    failed = [one.group for one in scores if one.status == "failed"]
+    passed = sum(one.status == "passed" for one in scores)
+    return failed[0] if target.alone and len(failed) == 1 and passed >= target.alone else None
 
 
 def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
@@ -413,6 +436,10 @@ def _beaten(
                 for found, said in zip((reasons, open_), _shortfall(score, name), strict=True):
                     found += [f"{target.quantity} over all: {reason}" for reason in said]
     return reasons, open_
+
+
+def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
+    return frame[~frame["group"].isin(groups)] if groups else frame
 
 
 def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:

@@ -22,6 +22,7 @@ __all__ = [
     "cutting_path",
     "drive",
     "drive_population",
+    "preflight",
     "program_axes",
     "residual",
     "setup_warnings",

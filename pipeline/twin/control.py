@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.gcode.interpret import interpret
-from pipeline.gcode.moves import FeedMode, Moves
+from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.program import read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
@@ -172,13 +172,22 @@ def time_interval(
     """90 % interval of the predicted time of a whole run [s]; None where none was learnt.
 
     It is wider where feeds or spindle speeds are outside of the conditions that were ``learnt``.
+    Dwells are timed by the control: each is sure to a tick of its clock.
     """
     band = intervals.get(WHOLE)
     if band is None:
         return None
-    seconds, factor = planned.total, widest(program_conditions(planned.path.moves), learnt)
-    low, high = 1 - factor * band.lower, 1 + factor * band.upper
-    return round(max(0.0, seconds * low), 3), round(seconds * high, 3)
+    moves, control = planned.path.moves, planned.path.control
+    factor, (seconds, ticks) = widest(program_conditions(moves), learnt), dwells(moves, control)
+    rest = max(planned.total - seconds, 0.0)
+    low = max(0.0, rest * (1 - factor * band.lower)) + max(0.0, seconds - ticks)
+    return round(low, 3), round(rest * (1 + factor * band.upper) + seconds + ticks, 3)
+
+
+def dwells(moves: Moves, control: ControlParameters) -> tuple[float, float]:
+    """Time of the dwells that are programmed in seconds, and a tick of the control for each [s]."""
+    timed = (moves.kind == Kind.DWELL) & (moves.code == 0)
+    return float(moves.value[timed].sum()), int(timed.sum()) * control.interpolation_period
 
 
 def program_conditions(moves: Moves) -> dict[str, Fact]:

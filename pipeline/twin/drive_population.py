@@ -135,6 +135,7 @@ def simulate_traces(
     substeps: int = 1,
     servo_substeps: bool = False,
     start: DriveStart | None = None,
+    state: Floats | None = None,
 ) -> DriveTraces:
     """Traces of many variants of one axis under one reference.
 
@@ -153,6 +154,9 @@ def simulate_traces(
         that are slower than the servo.
     start : DriveStart, optional
         At rest at the first reference by default.
+    state : array, optional
+        Of one variant, :func:`state_before`, kept from call to call, where a reference comes in
+        parts.
     table : (P, columns) array_like
         The variants, rows of :func:`pipeline.machine.axis.feed_drive.drive_row`.
 
@@ -180,8 +184,17 @@ def simulate_traces(
         starts = np.tile(first, (len(rows), 1))
     found = np.empty((3, len(rows), len(x_ref)))
     inner, held = (substeps, 1) if servo_substeps else (1, substeps)
-    drive_traces(x_ref, push, rows, starts, period, inner, held, np.empty(ROWS * LANES), *found)
+    data = np.empty(ROWS * LANES) if state is None else state
+    begun = state is not None and bool(np.isfinite(state[0]))
+    drive_traces(x_ref, push, rows, starts, period, inner, held, data, begun, *found)
     return DriveTraces(position=found[0], velocity=found[1], command=found[2])
+
+
+def state_before() -> Floats:
+    """What :func:`simulate_traces` keeps of an axis whose reference comes in parts, before them."""
+    from pipeline.machine.axis.drive_step import LANES, ROWS
+
+    return np.full(ROWS * LANES, np.nan)
 
 
 def _fill(

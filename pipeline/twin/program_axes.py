@@ -3,7 +3,7 @@
 The control's positions, sampled at its interpolation period, are each axis' reference.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
@@ -12,15 +12,22 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
 from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.control.interpolate import Trace, trace
+from pipeline.machine.axis.presliding import STATES
+from pipeline.machine.control.interpolate import Trace, trace, traces
+from pipeline.machine.control.parameters import LINEAR
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
 from pipeline.schema.outside import widest
 from pipeline.twin.drive import IdentifiedDrive, speed_of
-from pipeline.twin.drive_population import simulate_traces
+from pipeline.twin.drive_population import simulate_traces, state_before
+from pipeline.twin.preflight import extents
 
 MOST = 20_000_000
 """Positions that are held at once."""
+PART = 1 << 18
+"""Positions of a part, where a program is followed in parts."""
+NEIGHBOURS = 24
+"""Samples beside a part that its curve runs through: each takes a factor 0.27 of what differs."""
 SUBSTEPS = 4
 """Samples of the servo in one interpolation period: velocity loops run that much faster."""
 
@@ -115,6 +122,122 @@ def follow_program(
     return follow_in_air(commanded_positions(plan), drives, residual)
 
 
+@dataclass(frozen=True, kw_only=True)
+class AxisFigures:
+    """What an axis comes to along a program.
+
+    Parameters
+    ----------
+    max_error, rms_error : float
+        Greatest and root mean square of commanded less actual position [m].
+    worst_row : int
+        Row of ``Moves`` in which the error is greatest.
+    max_command : float
+        Of the motor [``command_unit``].
+    command_unit : str
+        A or V.
+    half_width : float or None
+        Greatest of the 90 % interval of the error [m]; None where it is not known.
+    """
+
+    max_error: float
+    rms_error: float
+    worst_row: int
+    max_command: float
+    command_unit: str
+    half_width: float | None
+
+    @classmethod
+    def of(cls, axis: AxisFollowing) -> "AxisFigures":
+        """Those of an axis that was followed as a whole."""
+        return cls(
+            max_error=float(np.abs(axis.error).max()), rms_error=axis.rms_error,
+            worst_row=int(axis.row[axis.worst]), max_command=float(np.abs(axis.command).max()),
+            command_unit=axis.command_unit,
+            half_width=None if axis.half_width is None else float(axis.half_width.max()),
+        )  # fmt: skip
+
+
+def program_figures(
+    plan: Plan, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None
+) -> dict[str, AxisFigures]:
+    """Figures of the axes of :func:`follow_program`, of a program of any length.
+
+    Positions are made and followed in parts, but for a ``residual``, which sees them all.
+
+    Raises
+    ------
+    ValueError
+        When a drive is unstable, or the program is too long for a residual.
+    """
+    if residual is not None:
+        followed = follow_program(plan, drives, residual)
+        return {letter: AxisFigures.of(axis) for letter, axis in followed.items()}
+    low, _ = extents(plan.path.moves)
+    moved = {
+        letter: _Parts(letter, drive, plan.path.control.interpolation_period)
+        for letter, drive in drives.items()
+        if drive.servo is not None
+        and letter in LINEAR
+        and np.isfinite(low[:, AXES.index(letter)]).any()
+    }
+    for part, before, after in _with_neighbours(plan) if moved else ():
+        for axis in moved.values():
+            axis.follow(part, before, after)
+    return {letter: axis.figures for letter, axis in moved.items()}
+
+
+def _with_neighbours(plan: Plan) -> Iterator[tuple[Trace, Floats, Floats]]:
+    """Parts of a trace with the positions of :data:`NEIGHBOURS` samples before and after each."""
+    none = np.empty((0, len(AXES)))
+    parts = traces(plan, samples=PART)
+    before, here = none, next(parts)
+    for after in parts:
+        yield here, before, after.position[:NEIGHBOURS]
+        before, here = here.position[-NEIGHBOURS:], after
+    yield here, before, none
+
+
+class _Parts:
+    """An axis that follows its reference part by part, and its figures until then."""
+
+    def __init__(self, letter: str, drive: IdentifiedDrive, period: float) -> None:
+        self.letter, self.drive, self.period = letter, drive, period
+        slides = drive.presliding_stiffness is None
+        self.state = state_before() if slides else np.full(STATES, np.nan)
+        self.samples, self.row = 0, 0
+        self.greatest = self.squares = self.command = self.speed = 0.0
+
+    def follow(self, part: Trace, before: Floats, after: Floats) -> None:
+        """Follow the next part; the curve between samples runs through their neighbours too."""
+        column = AXES.index(self.letter)
+        near = np.concatenate([before, part.position, after])[:, column]
+        here = slice(len(before), len(before) + len(part))
+        fine = between(near, SUBSTEPS)[SUBSTEPS * here.start : SUBSTEPS * here.stop]
+        position, command = _driven_fine(
+            self.letter, self.drive, fine, self.period / SUBSTEPS, state=self.state
+        )
+        error = np.abs(near[here] - position[::SUBSTEPS])
+        worst = int(error.argmax())
+        if error[worst] > self.greatest:
+            self.greatest, self.row = float(error[worst]), int(part.row[worst])
+        self.squares += float((error**2).sum())
+        self.samples += len(part)
+        self.command = max(self.command, float(np.abs(command[::SUBSTEPS]).max()))
+        if len(near) > 1:
+            speed = np.abs(np.gradient(near, self.period))[here]
+            self.speed = max(self.speed, float(speed.max()))
+
+    @property
+    def figures(self) -> AxisFigures:
+        """Over all parts."""
+        return AxisFigures(
+            max_error=self.greatest, rms_error=float(np.sqrt(self.squares / self.samples)),
+            worst_row=self.row, max_command=self.command, command_unit=self.drive.command_unit,
+            half_width=_half_width_at(self.letter, self.drive, self.speed),
+        )  # fmt: skip
+
+
 def commanded_positions(plan: Plan) -> Trace:
     """Positions that the control commands, at its interpolation period.
 
@@ -194,13 +317,19 @@ def _half_width(
     letter: str, drive: IdentifiedDrive, reference: Floats, period: float
 ) -> Floats | None:
     """Of the drive's own 90 % interval [m], wider beyond the speeds that it was learnt at."""
+    width = _half_width_at(letter, drive, float(np.abs(np.gradient(reference, period)).max()))
+    return None if width is None else np.full(len(reference), width)
+
+
+def _half_width_at(letter: str, drive: IdentifiedDrive, speed: float) -> float | None:
+    """The same [m] of an axis that reaches a ``speed`` [m/s]."""
     if drive.following_half_width is None:
         return None
     factor = 1.0
     if drive.speeds is not None:
-        here = speed_of(letter, float(np.abs(np.gradient(reference, period)).max()))
+        here = speed_of(letter, speed)
         factor = widest(here, {name: drive.speeds for name in here})
-    return np.full(len(reference), factor * drive.following_half_width)
+    return factor * drive.following_half_width
 
 
 def with_residual(
@@ -243,20 +372,29 @@ def driven(
     ValueError
         When the drive has no servo, or is unstable.
     """
+    fine = between(reference, substeps)
+    position, command = _driven_fine(letter, drive, fine, period / substeps, load=load)
+    return position[::substeps], command[::substeps]
+
+
+def _driven_fine(
+    letter: str, drive: IdentifiedDrive, fine: Floats, step: float, *,
+    load: Floats | None = None, state: Floats | None = None,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """:func:`driven` at the samples of the servo; from where ``state`` is, if it is given."""
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
-    row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
-    step = period / substeps
+    row = drive_row(drive.servo, drive.feed_drive)
     if drive.presliding_stiffness is None:
-        traces = simulate_traces(fine, step, row[np.newaxis], load=load)
-        position, command = traces.position[0], traces.command[0]
+        found = simulate_traces(fine, step, row[np.newaxis], load=load, state=state)
+        position, command = found.position[0], found.command[0]
     else:
         position, command, _ = _presliding(
-            drive, drive.presliding_stiffness, row, fine, load=load, step=step
+            drive, drive.presliding_stiffness, row, fine, load=load, step=step, state=state
         )
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
-    return position[::substeps], command[::substeps]
+    return position, command
 
 
 def driven_by_fuzzy(
@@ -298,6 +436,7 @@ def driven_by_fuzzy(
 def _presliding(
     drive: IdentifiedDrive, stiffness: float, row: Floats, fine: Floats, *, step: float,
     load: Floats | None = None, rules: tuple[float, ...] | None = None,
+    state: Floats | None = None,
 ) -> tuple[Floats, Floats, tuple[float, float]]:  # fmt: skip
     """Position, command, and greatest speed error and change of it, at the servo's samples."""
     from pipeline.machine.axis.presliding import PLAIN, presliding_trace
@@ -306,7 +445,7 @@ def _presliding(
     position, command = np.empty(len(fine)), np.empty(len(fine))
     loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
     greatest = presliding_trace(
-        fine, push, row, (stiffness, loss), step, position, command, rules or PLAIN
+        fine, push, row, (stiffness, loss), step, position, command, rules or PLAIN, state
     )
     return position, command, greatest
 

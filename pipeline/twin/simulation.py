@@ -28,6 +28,7 @@ from pipeline.schema.program import SimulatedProgram
 from pipeline.schema.store import write_json
 from pipeline.schema.structure import structured
 from pipeline.twin.control import planned_program, program_moves, time_interval
+from pipeline.twin.preflight import limits_of, preflight, violation_lines
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -290,7 +291,9 @@ def simulate_files(
             sha256=sha256(path.read_bytes()).hexdigest(),
         )
         try:
-            plan = planned_program(program_moves(path, setup), control)
+            moves = program_moves(path, setup)
+            checked = preflight(moves, setup, limits_of(setup))
+            plan = planned_program(moves, control)
         except GcodeError as error:
             program = replace(program, refused=str(error))
         else:
@@ -298,7 +301,7 @@ def simulate_files(
             times = structured(summary(plan, name), SimulatedProgram, name)
             program = replace(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
-                blocks=len(table),
+                blocks=len(table), violations=tuple(violation_lines(checked.violations)),
                 total_time_90_s=time_interval(plan, intervals or {}, learnt or {}),
             )  # fmt: skip
             with replacing(out / f"{name}.parquet") as part:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.charts.default_section import scores_table
+from pipeline.optimisation.reliability.judged import judged_errors
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.outside import outside_conditions, widening
@@ -96,6 +97,34 @@ def test_an_error_beyond_its_limit_is_named_with_value_and_limit(name: str) -> N
     found = judged(name, [TRAIN, A, case("c", "held_out")]).verdict
     assert found.status == "failed"
     assert found.reasons == ("c: force, mean error 0.4 N is above 0.35 N",)
+
+
+def test_one_bad_record_is_named_and_does_not_decide_alone() -> None:
+    """Where the target says so, and enough others passed; two of them decide as before."""
+    target = replace(TARGET, alone=3)
+    good = [case(name, "held_out") for name in ("a", "b", "d")]
+
+    def wild(one: Case) -> Prediction:
+        found = predictor(one)
+        bad = one.name.startswith("bad")
+        return replace(found, frame=found.frame.assign(predicted=500.0)) if bad else found
+
+    def of(*cases: Case, target: Target = target) -> Verdict:
+        return judged("control", [TRAIN, *cases], target=target, predict=wild).verdict
+
+    found = of(*good, case("bad", "held_out"))
+    assert found.status == "passed"
+    assert found.of("force", group="all", role="held_out")[0].max == 0.3
+    (named,) = found.set_aside
+    assert named.startswith("bad: force, mean error 485 N is above 0.35 N, alone of all")
+    (score,) = found.of("force", group="bad")
+    assert (score.status, score.alone) == ("failed", True)
+    errors = judged_errors("control", found)
+    assert len(errors) == 3 and max(errors) < 0.03
+    assert of(*good[:2], case("bad", "held_out")).status == "failed"
+    assert of(*good, case("bad", "held_out"), target=TARGET).status == "failed"
+    two = of(*good, case("bad", "held_out"), case("bad2", "held_out"))
+    assert (two.status, two.set_aside) == ("failed", ())
 
 
 @every_submodel

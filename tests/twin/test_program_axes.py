@@ -12,14 +12,17 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
+from pipeline.schema.model import Condition
 from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import (
+    AxisFigures,
     between,
     commanded_positions,
     driven,
     driven_by_fuzzy,
     follow_program,
+    program_figures,
 )
 
 GAIN, FEED = 40.0, 3000.0
@@ -87,6 +90,29 @@ def test_a_program_too_long_to_be_held_is_one_sentence(plan, monkeypatch) -> Non
     monkeypatch.setattr("pipeline.twin.program_axes.MOST", 100)
     with pytest.raises(ValueError, match="more than 100 positions: simulate a shorter program"):
         follow_program(plan, {"X": drive()})
+
+
+@pytest.mark.parametrize("stiffness", [None, 2e7])
+def test_figures_of_a_program_in_parts_are_those_of_the_whole(
+    plan, monkeypatch, stiffness: float | None
+) -> None:
+    """Parts of 500 positions: in cuts, in corners, in the dwell; friction that holds is kept."""
+    axis = replace(
+        drive(), presliding_stiffness=stiffness, following_half_width=1e-6,
+        speeds=Condition(unit="mm/min", low=1000.0, high=2000.0),
+    )  # fmt: skip
+    drives = {"X": axis, "Y": axis, "Z": axis}
+    whole = {one: AxisFigures.of(axis) for one, axis in follow_program(plan, drives).items()}
+    monkeypatch.setattr("pipeline.twin.program_axes.PART", 500)
+    monkeypatch.setattr("pipeline.twin.program_axes.MOST", 100)
+    found = program_figures(plan, drives)
+    assert list(found) == list(whole) == ["X", "Y"]
+    for letter, one in found.items():
+        other = whole[letter]
+        assert (one.worst_row, one.command_unit) == (other.worst_row, "A")
+        for name in ("max_error", "rms_error", "max_command", "half_width"):
+            # the curve through the neighbours differs by 0.27^24 = 2e-14 of what lies beyond them
+            assert getattr(one, name) == pytest.approx(getattr(other, name), rel=1e-7), name
 
 
 def test_between_goes_through_the_samples_and_follows_a_parabola() -> None:

@@ -37,6 +37,8 @@ _LAG_V, _LAG_REF = int(DriveColumn.VELOCITY_LAG), int(DriveColumn.POSITION_LAG)
 _increments = compiled(increments)
 PLAIN = (0.0, 0.0, 0.0, 0.0)
 """Rules that move no gain."""
+STATES = 9
+"""Numbers that an axis remembers from sample to sample."""
 
 
 def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float]:
@@ -54,7 +56,9 @@ def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float
 
 
 @compiled
-def presliding_trace(reference, load, row, spring, period, position, command, rules=PLAIN):  # type: ignore[no-untyped-def]
+def presliding_trace(  # type: ignore[no-untyped-def]
+    reference, load, row, spring, period, position, command, rules=PLAIN, state=None
+):
     """Fill position [m] and command [A] of an axis at T samples of its servo, from rest.
 
     Parameters
@@ -73,6 +77,8 @@ def presliding_trace(reference, load, row, spring, period, position, command, ru
     rules : tuple of four floats
         Scales of the speed error [s/m] and of its change [s^2/m], and the spans of the proportional
         and of the integral gain [1], as :class:`pipeline.machine.axis.loops.FuzzyParameters`.
+    state : (STATES,) array, optional
+        Kept from call to call, where a reference comes in parts; NaN before its first part.
 
     Returns
     -------
@@ -87,6 +93,9 @@ def presliding_trace(reference, load, row, spring, period, position, command, ru
     integral = offset / constant / row[_I] if row[_I] > 0.0 else 0.0
     last, rate, before, greatest, fastest = reference[0], 0.0, 0.0, 0.0, 0.0
     proportional = growth = 1.0
+    if state is not None and state[0] == state[0]:
+        x, v, z, seen, v_ref = state[0], state[1], state[2], state[3], state[4]
+        integral, last, rate, before = state[5], state[6], state[7], state[8]
     for k in range(reference.shape[0]):
         was, rate = rate, (reference[k] - last) / period
         last = reference[k]
@@ -115,4 +124,7 @@ def presliding_trace(reference, load, row, spring, period, position, command, ru
         v_next = (v + period / mass * force) / (1.0 + period / mass * row[side + 3])
         x += 0.5 * period * (v + v_next)
         v = v_next
+    if state is not None:
+        state[0], state[1], state[2], state[3], state[4] = x, v, z, seen, v_ref
+        state[5], state[6], state[7], state[8] = integral, last, rate, before
     return greatest, fastest

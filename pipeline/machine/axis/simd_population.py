@@ -155,17 +155,19 @@ def _lay_out(values, block, last, first, many, inner, inputs, row):  # type: ign
 
 @compiled
 def drive_traces(  # type: ignore[no-untyped-def]
-    reference, load, table, start, period, inner, held, data, position, velocity, command
+    reference, load, table, start, period, inner, held, data, begun, position, velocity, command
 ):
     """Fill position, velocity and command, shape (P, T), at the samples of the reference.
 
     ``reference`` has shape (T,), ``load`` (1 or T,), ``table`` (P, columns) and ``start`` (P, 4);
-    the work array ``data`` is ROWS * LANES long.
+    the work array ``data`` is ROWS * LANES long.  Where it has ``begun``, the samples follow those
+    that left ``data`` as it is.
     """
     each = period / inner
     loaded = 1 if load.shape[0] > 1 else 0
     for p in range(table.shape[0]):
-        prepare(table[p], start[p], reference[0], each, held, data, 0)
+        if not begun:
+            prepare(table[p], start[p], reference[0], each, held, data, 0)
         for k in range(reference.shape[0]):
             here, after = reference[k], reference[min(k + 1, reference.shape[0] - 1)]
             position[p, k], velocity[p, k] = data[X], data[V]

@@ -53,7 +53,9 @@ def used_models(
 def _used(name: str, verdict: Verdict | None, settings: ReliabilitySettings) -> UsedModel:
     errors = judged_errors(name, verdict)
     status = "not judged" if verdict is None else verdict.status
-    missed = () if verdict is None or status == "passed" else verdict.missed
+    missed = () if verdict is None else verdict.set_aside
+    if verdict is not None and status != "passed":
+        missed = verdict.missed
     least = settings.model if name == "cutting" else 0.0
     if verdict is None:
         missed = ("no verdict.json stands beside its model: run dvc repro to its end",)
@@ -83,7 +85,8 @@ def judged_errors(name: str, verdict: Verdict | None) -> list[float]:
     errors = [
         getattr(score, figure) for score in (() if verdict is None else verdict.scores)
         if score.quantity.startswith(QUANTITY[name]) and score.group != "all"
-        and score.role != "training" and (not score.regime if name == "cutting" else score.limits)
+        and score.role != "training" and not score.alone
+        and (not score.regime if name == "cutting" else score.limits)
     ]  # fmt: skip
     return [round(one, 2) / 100 for one in errors if one is not None]
 

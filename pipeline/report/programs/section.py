@@ -128,6 +128,12 @@ def programs_section(
         text.append(f"The {len(drawn)} longest are drawn; the table has all of them.")
     if refused:
         text.append(f"{counted(len(refused), 'program')} could not be read:")
+    beyond = [p for p in programs if p.summary.violations]
+    if beyond:
+        text.append(
+            f"{counted(len(beyond), 'program')} must not be run as written, since the machine "
+            "cannot do all of it: " + ", ".join(p.name for p in beyond) + "."
+        )
     blocks: list[Block] = [_overview_table(programs, shelf)]
     for place, program in enumerate(drawn):
         blocks += _blocks(shelf, program, classes, assumed, folded=place >= MOST_OPEN)
@@ -135,7 +141,10 @@ def programs_section(
         key="programs",
         title="Programs: where their time goes",
         text=text,
-        pairs=[(p.name, p.refused) for p in refused],
+        pairs=[
+            *((p.name, p.refused) for p in refused),
+            *((p.name, f"leaves the machine: {'; '.join(p.summary.violations)}") for p in beyond),
+        ],
         blocks=blocks,
     )
 
@@ -281,7 +290,7 @@ def _bars(
 
 def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table:
     """Every program: predicted time, cutting, path, blocks, tools, what binds it beside feed."""
-    refused = any(p.refused for p in programs)
+    refused = any(p.refused or p.summary.violations for p in programs)
     return Table(
         caption=f"Every part program, the longest first{left_out(len(programs), MOST_ROWS)}",
         heads=[
@@ -315,5 +324,7 @@ def _row(program: Program) -> list[Cell]:
         number(len(tools)) if tools else "–",
         percent(limits.get("feed", 0.0), whole) if limits else NOT_KNOWN,
         f"{times.limit_words(most)}, {percent(other[most], whole)}" if most else "–",
-        Cell(text="read", status="passed"),
+        Cell(text="beyond the machine", status="failed")
+        if summary.violations
+        else Cell(text="read", status="passed"),
     )

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.moves import FeedMode, Kind, Moves
+from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.setup import Setup
-from pipeline.machine.spindle import CUTTING
+from pipeline.schema.arrays import Bools
 from pipeline.submodels.control.overrides import steady_ratios
 from pipeline.submodels.control.runs import Run, Series, read_runs
 from pipeline.twin.control import ControlRecords, program_moves
+from pipeline.twin.preflight import path_feed
 
 LATE = 1.0
-"""Cuts before the first line that a log saw, of a run seen from its start, are shorter [s]."""
+"""Cuts before the first line and after the last that a log saw of a whole run are shorter [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +66,8 @@ def match(run: Run, programs: Mapping[str, Moves]) -> Match:
     """The program of ``programs`` that ``run`` executed.
 
     It must have a tool change to the same tool wherever the log saw one, and no line beyond its
-    last may have been seen.  Where several do (posts of one part with other feeds), it is the one
+    last may have been seen; a run that completed must have come to its last cut, and seen its
+    tools.  Where several do (posts of one part with other feeds), it is the one
     whose programmed feeds the readings repeat with the least spread.  A run of another revision, in
     which the tools are changed in the same order at other lines, is matched in those sections
     between tool changes that are as long in both.  Programs that jump (subprograms, loops) are left
@@ -74,9 +76,10 @@ def match(run: Run, programs: Mapping[str, Moves]) -> Match:
     known = {name: moves for name, moves in programs.items() if _rises(moves)}
     seen = int(run.line.value.max(initial=0))
     fitting = [n for n, m in known.items() if seen <= _last(m) and _tools_agree(run, m)]
-    if fitting:
-        return _of_this_program(run, {name: known[name] for name in fitting})
-    why = _why_none(run, known, len(programs) - len(known))
+    short = {n: why for n in fitting if run.completed and (why := _why_short(run, n, known[n]))}
+    if whole := [name for name in fitting if name not in short]:
+        return _of_this_program(run, {name: known[name] for name in whole})
+    why = _why_none(run, known, len(programs) - len(known)) if not short else min(short.values())
     revisions = {name: found for name, moves in known.items() if (found := _sections(run, moves))}
     if not revisions:
         return Match(run=run, program=None, reason=why)
@@ -129,10 +132,12 @@ def _entered(run: Run, moves: Moves) -> int:
     seen = run.line.value[run.line.value > 0]
     if not len(seen):
         return 1
-    rows = np.isin(moves.kind, CUTTING) & (moves.line < seen[0]) & (moves.feed > 0)
-    rows &= moves.feed_mode == FeedMode.PER_MINUTE
-    seconds = float((moves.length[rows] / moves.feed[rows]).sum()) * 60
-    return int(seen[0]) if seconds > LATE else 1
+    return int(seen[0]) if _cutting_seconds(moves, moves.line < seen[0]) > LATE else 1
+
+
+def _cutting_seconds(moves: Moves, among: Bools) -> float:
+    """Path over programmed feed of the cuts ``among`` the rows [s]."""
+    return float(np.nansum((moves.length / path_feed(moves))[among])) * 60
 
 
 def _sections(run: Run, moves: Moves) -> tuple[Section, ...]:
@@ -179,6 +184,24 @@ def _why_none(run: Run, programs: Mapping[str, Moves], jumping: int) -> str:
         f"{run.name}: no program of the machine fits (lines up to {int(run.line.value.max())} and "
         f"tool changes {changes} were seen; {len(programs)} programs of up to {longest} lines are "
         f"there{more}): put the program that ran beside the log"
+    )
+
+
+def _why_short(run: Run, name: str, moves: Moves) -> str:
+    """Why a run that completed is not all of a program; empty where it is.
+
+    The tool of the first change may have been in the spindle before the log began.
+    """
+    last, shown = int(run.line.value.max(initial=0)), set(run.tool.value.astype(int).tolist())
+    changed = [tool for _, tool in _programmed_changes(moves)][1:]
+    missing = sorted(set(changed) - shown) if any(tool > 0 for tool in shown) else []
+    if not missing and _cutting_seconds(moves, moves.line > last) <= LATE:
+        return ""
+    tools = f" and never showed {', '.join(f'T{tool}' for tool in missing)}" if missing else ""
+    return (
+        f"{run.name}: the run says that it completed, but came to line {last} of {_last(moves)} of "
+        f"{name}{tools}: no program of the machine is as short, put the one that ran beside the "
+        "log, or log the whole run"
     )
 
 

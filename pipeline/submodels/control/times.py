@@ -25,10 +25,12 @@ from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, ident
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import stopped_within
 from pipeline.submodels.control.segments import Observed, shares
-from pipeline.twin.control import WHOLE, control_of_unit, planned_program
+from pipeline.twin.control import WHOLE, control_of_unit, dwells, planned_program
 
 TIME = "run time"
 """Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
+DWELL = "dwell"
+"""Regime of the rows that the control times by its own clock."""
 WAIT = 1.0
 """At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
 NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
@@ -120,8 +122,9 @@ def _left_together(run: MatchedRun, runs: Sequence[MatchedRun]) -> str:
 
 def _residuals(run: MatchedRun, group: str, controls: Mapping[str, ControlParameters]) -> Residuals:
     frame = predicted(run, controls).frame
-    frame = frame[frame["predicted"] > 0]
-    share = (frame["measured"] / frame["predicted"] - 1).to_numpy(float)
+    frame = frame[frame["predicted"] > frame["exact"]]
+    error = (frame["measured"] - frame["predicted"]).to_numpy(float)
+    share = error / (frame["predicted"] - frame["exact"]).to_numpy(float)
     return Residuals(
         error=share, regime=frame["regime"].to_numpy(dtype=str), t=np.zeros(len(frame)),
         group=np.full(len(frame), group),
@@ -156,10 +159,14 @@ def predicted(
         for word, (m, p) in shares(one, times).items()
     ]
     frame = pd.DataFrame(rows).assign(quantity=TIME, unit="s", t=0.0)
+    dwell, ticks = dwells(one.moves.part(0, until), control)
+    timed = frame["regime"].isin((WHOLE, DWELL)).to_numpy(bool)
+    frame["exact"] = np.where(timed, np.minimum(dwell, frame["predicted"]), 0.0)
     if intervals:
-        times, regime = frame["predicted"].to_numpy(float), frame["regime"].to_numpy(dtype=str)
-        low, high = interval(np.ones(len(times)), regime, intervals)
-        frame["low"], frame["high"] = low * times, high * times
+        exact, regime = frame["exact"].to_numpy(float), frame["regime"].to_numpy(dtype=str)
+        rest, tick = frame["predicted"].to_numpy(float) - exact, np.where(timed, ticks, 0.0)
+        low, high = interval(np.ones(len(rest)), regime, intervals)
+        frame["low"], frame["high"] = low * rest + exact - tick, high * rest + exact + tick
     # a run that was aborted is compared up to the last line that was seen, and decides nothing
     frame["scored"] = one.run.completed and measured > 0
     return Prediction(

@@ -131,6 +131,28 @@ def test_without_a_program_that_fits_one_sentence_says_what_was_seen(shelf, tmp_
     assert match(run, {}).program is None
 
 
+def test_a_run_that_completed_early_is_not_of_a_longer_program(shelf, tmp_path):
+    """The short program is the longer one's beginning, line by line, and ran to its end."""
+    run = run_of(shelf["short"], tmp_path)
+    assert match(run, shelf).program == "short"
+    longer = {name: shelf[name] for name in ("part", "part-other-feeds")}
+    found = match(run, longer)
+    assert run.completed
+    assert (found.program, found.whole) == (None, False)
+    last = int(run.line.value.max())
+    assert f"says that it completed, but came to line {last} of " in found.reason
+    assert "never showed T2, T3" in found.reason
+    aborted = replace(run, completed=False)
+    assert match(aborted, longer).program == "part"
+
+
+def test_a_last_line_that_a_poll_missed_is_no_shorter_program(shelf, tmp_path):
+    run = run_of(shelf["part"], tmp_path)
+    seen = run.line.value < run.line.value.max()
+    cut = replace(run, line=Series(time=run.line.time[seen], value=run.line.value[seen]))
+    assert match(cut, {"part": shelf["part"]}).whole
+
+
 def test_a_line_beyond_the_last_rules_a_program_out(shelf, tmp_path):
     run = run_of(shelf["part"], tmp_path)
     found = match(run, {"short": shelf["short"]})
