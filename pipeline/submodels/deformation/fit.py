@@ -304,7 +304,7 @@ def _treatment(
     profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
     lags_s: Sequence[float],
 ) -> Treatment:  # fmt: skip
-    """That of faulty sensors with which the linear regression errs least on recordings left out."""
+    """Without or in place of faulty sensors, by the linear regression on recordings left out."""
     if not faults:
         return Treatment(chosen=REPLACED)
     lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})
@@ -317,7 +317,8 @@ def _treatment(
         maker = input_maker(states, lags_s)
         x = [maker.of(state).linear for state in states]
         errors[choice.chosen] = _linear_left_out(x, [one.growth for one in profiles])
-    best = min(choices, key=lambda one: errors[one.chosen])
+    # a fault that was noticed teaches by chance alone: as it is, it never serves
+    best = min((c for c in choices if c.chosen != KEPT), key=lambda one: errors[one.chosen])
     return replace(best, rmse_um=errors)
 
 
