@@ -66,6 +66,9 @@ class Target:
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.
+    least_auc : float
+        Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0
+        where none is asked for.
     widens : bool
         Whether the predictor itself widens the interval outside of the learnt conditions; else the
         judge does.
@@ -80,6 +83,7 @@ class Target:
     each_group: bool = False
     resolution: float = 0.0
     coverage: tuple[float, float] | None = None
+    least_auc: float = 0.0
     widens: bool = False
 
     def __post_init__(self) -> None:

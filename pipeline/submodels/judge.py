@@ -32,7 +32,7 @@ from pipeline.schema.verdict import (
 from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.rounding import grid_step, left_open
-from pipeline.submodels.statistics import spread_of
+from pipeline.submodels.statistics import auc, spread_of
 
 DIGITS = 6
 """Significant digits of a stored error."""
@@ -114,6 +114,9 @@ def judge(
         *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
     beaten, open_ = _beaten(scores, targets, deciding)
+    for target in targets:
+        for found, said in zip((beaten, open_), _unordered(frame, target, deciding), strict=True):
+            found += said
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
     if status == "failed":
         reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
@@ -411,6 +414,24 @@ def _beaten(
                 for found, said in zip((reasons, open_), _shortfall(score, name), strict=True):
                     found += [f"{target.quantity} over all: {reason}" for reason in said]
     return reasons, open_
+
+
+def _unordered(frame: pd.DataFrame, target: Target, deciding: Role) -> tuple[list[str], list[str]]:
+    """That a class is not told from the other, for sure, and by less than trainings differ."""
+    rows = _scored_rows(frame, target) if target.least_auc else frame[:0]
+    rows = rows[rows["role"] == deciding] if len(rows) else rows
+    if not len(rows):
+        return [], []
+    truth = rows["measured"].to_numpy(float)
+    area = auc(rows["predicted"].to_numpy(float), truth)
+    if area is None:
+        return [], []
+    again = [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
+    spread = spread_of(np.array([auc(rows[n].to_numpy(float), truth) for n in again], float))
+    said = f"{target.quantity}: area under the ROC curve {area:.3g} is"
+    if len(again) > 1 and abs(area - target.least_auc) < spread:
+        return [], [f"{said} {_near(f'the limit of {target.least_auc:g}', spread, '')}"]
+    return ([f"{said} below {target.least_auc:g}"] if area < target.least_auc else []), []
 
 
 def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:
