@@ -373,12 +373,11 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
 
 
 def _covered(score: Score, target: Target) -> Score:
-    """A score over all groups with its status: whether the 90 % interval holds what it should."""
+    """A score over all groups with its status: its interval, and its error beside the quantity."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
     limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
-    reasons: list[str] = []
-    open_: list[str] = []
+    reasons, open_ = _share_of_quantity(score, target)
     if share is None:
         reasons.append(
             f"{target.quantity}{regime} has no 90 % interval, limits of the share inside {limits}"
@@ -397,6 +396,21 @@ def _covered(score: Score, target: Target) -> Score:
     return replace(
         score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons or open_)
     )
+
+
+def _share_of_quantity(score: Score, target: Target) -> tuple[list[str], list[str]]:
+    """That the error is too large a part of what was measured, for sure and too near to tell."""
+    part, most = score.relative_percent, target.most_percent
+    if not most or part is None:
+        return [], []
+    said = (
+        f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the RMS "
+        "of what was measured"
+    )
+    spread = score.spread.get("relative_percent", 0.0)
+    if abs(part - most) < spread:
+        return [], [f"{said}, {_near(f'the limit of {most:g} %', spread, '%')}"]
+    return ([f"{said}, above {most:g} %"] if part > most else []), []
 
 
 def _beaten(
