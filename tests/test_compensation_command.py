@@ -17,7 +17,7 @@ from pipeline.app import commands
 from pipeline.app.kerf import app
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
-from pipeline.submodels.deformation.model import load_growth_model
+from pipeline.submodels.deformation.model import DeformationModel, Learnt, load_growth_model
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.submodel import SUBMODEL
 from pipeline.thermal.lagged import lag
@@ -194,6 +194,24 @@ def test_a_control_refuses_an_input_beyond_the_range(project: Path, kind: str) -
     assert control.alarm and control.offset == 0.0
 
 
+@pytest.mark.parametrize("kind", ["fanuc", "siemens"])
+def test_a_control_refuses_growth_beyond_that_of_training(project: Path, kind: str) -> None:
+    path = project / f"data/champion/{MACHINE}/deformation/model.json"
+    file = read_json(path, DeformationModel)
+    learnt = {**file.learnt, "growth": Learnt(low=-2.0, high=2.0, unit="um")}
+    write_json(replace(file, learnt=learnt), path)
+    control, places = ran(project, kind)
+    control.values[99] = 1.0
+    for minute, row in inputs().iterrows():
+        control.now = 1000.0 + 60.0 * float(minute)
+        for name, place in places.items():
+            control.values[place] = float(row[name])
+        control.call()
+        if control.alarm:
+            break
+    assert control.alarm and 0 < abs(1000 * control.offset) <= 3.0
+
+
 def test_a_siemens_text_asks_for_its_sign(project: Path) -> None:
     control, places = ran(project, "siemens")
     for name, place in places.items():
@@ -221,6 +239,23 @@ def test_a_model_that_did_not_pass_is_refused_unless_the_user_says_so(
     code, said = run("--out", "c.csv", "--anyway")
     assert code == 0 and f"WARNING: the growth model {words}" in said
     assert f"verdict: {status}" in (project / "c.csv").read_text()
+
+
+def test_a_model_no_better_than_no_correction_is_refused_whatever_the_user_says(
+    project: Path,
+) -> None:
+    path = project / f"data/champion/{MACHINE}/deformation/verdict.json"
+    verdict = read_json(path, Verdict)
+    total = verdict.total("growth")
+    assert total is not None and total.baselines["persistence"].rmse is not None
+    still = total.baselines["persistence"].rmse
+    scores = tuple(replace(one, rmse=still * 2.3) if one is total else one
+                   for one in verdict.scores)  # fmt: skip
+    write_json(replace(verdict, scores=scores), path)
+    for anyway in ((), ("--anyway",)):
+        code, said = run("--out", "c.csv", *anyway)
+        assert code == 2 and f"without correction by {still:.4g} um" in " ".join(said.split())
+        assert not (project / "c.csv").exists()
 
 
 def without_model(project: Path) -> list[str]:

@@ -22,6 +22,8 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Records
 from pipeline.submodels.contract import sections
+from pipeline.submodels.deformation.comparison import GROWTH as QUANTITY
+from pipeline.submodels.deformation.comparison import PERSISTENCE
 from pipeline.submodels.deformation.correction import ONE, Correction, correction
 from pipeline.submodels.deformation.model import GrowthModel, load_growth_model
 from pipeline.submodels.deformation.records import SPEED, State
@@ -90,7 +92,7 @@ def write_compensation(
     ------
     ValueError
         When the machine, its model or the kind is not known, the model failed or was not judged, or
-        its recordings are not there.
+        its recordings are not there; always when it is no better than no correction at all.
     """
     if kind not in FORMATS:
         raise ValueError(f"--format {kind} is not known: name csv, fanuc or siemens")
@@ -117,6 +119,14 @@ def _judged(folder: Path, *, anyway: bool) -> str:
     path = folder / "verdict.json"
     verdict = read_json(path, Verdict) if path.exists() else None
     status = "not judged" if verdict is None else verdict.status
+    total = None if verdict is None else verdict.total(QUANTITY)
+    still = None if total is None else total.baselines.get(PERSISTENCE)
+    if total and still and (total.rmse or 0.0) >= (still.rmse or 0.0) > 0:
+        raise ValueError(
+            f"the growth model in {folder} errs by {total.rmse:.4g} um RMS, a machine without "
+            f"correction by {still.rmse:.4g} um: its correction is not written, with --anyway "
+            "neither; mend the sensors that it names, or record more speed profiles"
+        )
     if status != "passed" and not anyway:
         why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
         raise ValueError(
@@ -180,7 +190,7 @@ def _head(done: Written) -> Iterator[str]:
     yield f"90 % interval of growth: -{below:.2f} to +{above:.2f} um, the difference included"
     yield f"Call or row every {found.period_s:g} s; growth counts from the first"
     yield "It holds for sound sensors inside these ranges only:"
-    for name in found.inputs:
+    for name in found.ranges:
         one = found.ranges[name]
         yield f"  {name}: {one.low:g} to {one.high:g} {one.unit}"
 
@@ -310,6 +320,9 @@ def control_lines(done: Written, on: Control) -> Iterator[str]:
         yield from text.chain(number, chain)
     for constant in sorted({one.lag_s for one in done.found.starts}):
         yield from text.relaxation(constant)
+    if QUANTITY in done.found.ranges:
+        yield text.less(text.own(GROWTH), done.found.ranges[QUANTITY].low, 900)
+        yield text.more(text.own(GROWTH), done.found.ranges[QUANTITY].high, 900)
     yield on.label.format(300)
     value = text.inside(f"{text.own(GROWTH)}/{_decimal(UM_PER_MM)}")
     yield from (line.format(value=value) for line in on.offset)

@@ -66,6 +66,12 @@ class Target:
     coverage : (float, float) or None
         Least and greatest share of samples inside the 90 % interval over all groups that decide
         [1]; None where no interval is asked for.
+    most_percent : float
+        Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
+        none is asked for.  Asked for together with ``coverage``.
+    least_auc : float
+        Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0
+        where none is asked for.
     widens : bool
         Whether the predictor itself widens the interval outside of the learnt conditions; else the
         judge does.
@@ -83,6 +89,8 @@ class Target:
     each_group: bool = False
     resolution: float = 0.0
     coverage: tuple[float, float] | None = None
+    most_percent: float = 0.0
+    least_auc: float = 0.0
     widens: bool = False
     alone: int = 0
 

@@ -33,7 +33,7 @@ from pipeline.signals.parts import selection
 from pipeline.submodels.cases import Case, Cases, learnt_from
 from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.rounding import grid_step, left_open
-from pipeline.submodels.statistics import spread_of
+from pipeline.submodels.statistics import auc, spread_of
 
 DIGITS = 6
 """Significant digits of a stored error."""
@@ -118,6 +118,9 @@ def judge(
         *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
     beaten, open_ = _beaten(scores, targets, deciding)
+    for target in targets:
+        for found, said in zip((beaten, open_), _unordered(frame, target, deciding), strict=True):
+            found += said
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
     if status == "failed":
         reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
@@ -395,12 +398,11 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
 
 
 def _covered(score: Score, target: Target) -> Score:
-    """A score over all groups with its status: whether the 90 % interval holds what it should."""
+    """A score over all groups with its status: its interval, and its error beside the quantity."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
     limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
-    reasons: list[str] = []
-    open_: list[str] = []
+    reasons, open_ = _share_of_quantity(score, target)
     if share is None:
         reasons.append(
             f"{target.quantity}{regime} has no 90 % interval, limits of the share inside {limits}"
@@ -419,6 +421,21 @@ def _covered(score: Score, target: Target) -> Score:
     return replace(
         score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons or open_)
     )
+
+
+def _share_of_quantity(score: Score, target: Target) -> tuple[list[str], list[str]]:
+    """That the error is too large a part of what was measured, for sure and too near to tell."""
+    part, most = score.relative_percent, target.most_percent
+    if not most or part is None:
+        return [], []
+    said = (
+        f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the RMS "
+        "of what was measured"
+    )
+    spread = score.spread.get("relative_percent", 0.0)
+    if abs(part - most) < spread:
+        return [], [f"{said}, {_near(f'the limit of {most:g} %', spread, '%')}"]
+    return ([f"{said}, above {most:g} %"] if part > most else []), []
 
 
 def _beaten(
@@ -440,6 +457,24 @@ def _beaten(
 
 def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
     return frame[~frame["group"].isin(groups)] if groups else frame
+
+
+def _unordered(frame: pd.DataFrame, target: Target, deciding: Role) -> tuple[list[str], list[str]]:
+    """That a class is not told from the other, for sure, and by less than trainings differ."""
+    rows = _scored_rows(frame, target) if target.least_auc else frame[:0]
+    rows = rows[rows["role"] == deciding] if len(rows) else rows
+    if not len(rows):
+        return [], []
+    truth = rows["measured"].to_numpy(float)
+    area = auc(rows["predicted"].to_numpy(float), truth)
+    if area is None:
+        return [], []
+    again = [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
+    spread = spread_of(np.array([auc(rows[n].to_numpy(float), truth) for n in again], float))
+    said = f"{target.quantity}: area under the ROC curve {area:.3g} is"
+    if len(again) > 1 and abs(area - target.least_auc) < spread:
+        return [], [f"{said} {_near(f'the limit of {target.least_auc:g}', spread, '')}"]
+    return ([f"{said} below {target.least_auc:g}"] if area < target.least_auc else []), []
 
 
 def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:

@@ -193,6 +193,31 @@ LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
 
+def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
+    """Area under the ROC curve by the Mann-Whitney statistic [1]; None with one class only.
+
+    Source: Hanley and McNeil 1982, Radiology 143(1), 29-36.
+
+    Parameters
+    ----------
+    told, truth : ndarray, shape (N,)
+        Probability of a class, and whether it is that one: above a half.
+
+    Examples
+    --------
+    >>> auc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0.0, 0.0, 1.0, 1.0]))
+    0.75
+    """
+    from scipy.stats import rankdata
+
+    worn = truth > 0.5
+    many, others = int(worn.sum()), int((~worn).sum())
+    if not many or not others:
+        return None
+    ranks = float(rankdata(told)[worn].sum())
+    return (ranks - many * (many + 1) / 2) / (many * others)
+
+
 def gains(
     simple: NDArray[np.float64], rich: NDArray[np.float64], level: float = LEVEL, fewest: int = 3
 ) -> bool:

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import BASELINE
 from pipeline.submodels.deformation.methods import METHODS
+from pipeline.submodels.deformation.methods import PERSISTENCE as PERSISTENCE
 from pipeline.submodels.deformation.model import MAPE_FLOOR_UM, MethodScore
 
 if TYPE_CHECKING:

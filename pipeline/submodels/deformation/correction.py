@@ -24,7 +24,7 @@ from pipeline.submodels.conformal import Band
 from pipeline.submodels.deformation.features import AT_TOP_SPEED
 from pipeline.submodels.deformation.methods import Ridge, ridge
 from pipeline.submodels.deformation.model import GrowthModel, Learnt
-from pipeline.submodels.deformation.records import AMBIENT, SPEED, State
+from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED, State
 from pipeline.thermal.lagged import lag
 
 ONE = "1"
@@ -97,8 +97,8 @@ class Correction:
     growth_um : (float, float)
         Least and greatest growth of these recordings [um].
     ranges : mapping of str to Learnt
-        In which the model answers: what was learnt of each input, and the share of it beyond its
-        ends that the model accepts.
+        In which the model answers: what was learnt of each input and of growth, and the share of
+        it beyond its ends that the model accepts.
     bands : mapping of str to Band
         90 % intervals of the method by regime [um].
     """
@@ -220,7 +220,8 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
         inputs=names, period_s=file.sensors.period_s, terms=_terms(sums), starts=_start_terms(sums),
         exact=exact, largest_um=0.0, rmse_um=0.0, recordings=len(sound),
         growth_um=(float(min(g.min() for g in growth)), float(max(g.max() for g in growth))),
-        ranges={name: _accepted(file.learnt[name], file.widening) for name in names},
+        ranges={name: _accepted(file.learnt[name], file.widening)
+                for name in (*names, GROWTH) if name in file.learnt},
         bands=file.bands,
     )  # fmt: skip
     apart = [found.growth(values_of(one.state, model)) - g
@@ -232,9 +233,9 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
 
 def _accepted(learnt: Learnt, widening: float) -> Learnt:
     """The range that the model accepts; what cannot be negative, a speed, ends at zero."""
-    beyond = widening * (learnt.high - learnt.low)
-    low = max(learnt.low - beyond, 0.0) if learnt.unit == "rev/min" else learnt.low - beyond
-    return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{learnt.high + beyond:.5g}"))
+    low, high = learnt.accepted(widening)
+    low = max(low, 0.0) if learnt.unit == "rev/min" else low
+    return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{high:.5g}"))
 
 
 def values_of(state: State, model: GrowthModel) -> dict[str, Floats]:

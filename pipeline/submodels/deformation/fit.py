@@ -14,6 +14,7 @@ from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
 from pipeline.submodels.deformation.methods import (
     METHODS,
+    PERSISTENCE,
     Budget,
     Ensemble,
     Example,
@@ -36,6 +37,7 @@ from pipeline.submodels.deformation.records import (
     AMBIENT,
     FEWEST_SAMPLES,
     FEWEST_SENSORS,
+    GROWTH,
     SPEED,
     Profile,
     State,
@@ -46,6 +48,8 @@ PLACES = ("front", "middle", "rear")
 """Groups of sensors in their order."""
 STARTS_CHOSEN_BY = "linear_sensors"
 """Method by whose error the number of later starts is chosen: fitted in no time."""
+SECONDS = ("linear", "linear_sensors")
+"""Methods that the one which serves is held against while it serves, the first that is another."""
 FEWEST_PROFILES = 4
 """Training recordings below which nothing can be left out and compared [1]."""
 
@@ -78,6 +82,10 @@ class GrowthFit:
         Of the interval that follows the probe.
     parameters : mapping of str to Parameter
         Growth for a kelvin of each group of sensors.
+    second : str
+        Method that the champion has to agree with; empty without another.
+    agreement_um : float
+        Difference between the two from which neither is to be trusted [um].
     """
 
     sensors: SensorModel
@@ -92,6 +100,8 @@ class GrowthFit:
     bands: Mapping[str, Band]
     adaptive_step: float
     parameters: Mapping[str, Parameter]
+    second: str
+    agreement_um: float
 
 
 def fit_growth(
@@ -143,6 +153,7 @@ def fit_growth(
     champion = min(compared, key=lambda name: compared[name].rmse_um)
     residuals = _residuals(examples, left_out[champion], settings)
     intervals = bands(residuals)
+    second = _second(compared, champion)
     return GrowthFit(
         sensors=model,
         inputs=maker,
@@ -152,13 +163,41 @@ def fit_growth(
         treatment=treatment,
         faults=faults,
         later_starts=later_starts,
-        learnt=_learnt(sensors, states),
+        learnt=_learnt(sensors, states, learnt_from),
         bands=intervals,
         adaptive_step=chosen_step(
             residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
         ),
         parameters=growth_per_kelvin(examples),
+        second=second,
+        agreement_um=_agreement(left_out, champion, second, intervals, settings),
     )
+
+
+def _second(compared: Mapping[str, MethodScore], champion: str) -> str:
+    """A regression that is not the champion, else the next best method; empty without any."""
+    ranked = sorted(compared, key=lambda name: compared[name].rmse_um)
+    wanted = [name for name in (*SECONDS, *ranked) if name in compared]
+    return next((name for name in wanted if name not in (champion, PERSISTENCE)), "")
+
+
+def _agreement(
+    left_out: Mapping[str, Sequence[Floats]], champion: str, second: str,
+    intervals: Mapping[str, Band], settings: DeformationFitSettings,
+) -> float:  # fmt: skip
+    """Largest usual difference of two methods [um], several times as much as for a sensor.
+
+    Usual is the median over recordings left out of both, and never less than the 90 % interval is
+    wide.
+    """
+    if not second:
+        return 0.0
+    largest = [
+        float(np.abs(one.mean(axis=0) - other.mean(axis=0)).max())
+        for one, other in zip(left_out[champion], left_out[second], strict=True)
+    ]
+    width = max(one.lower + one.upper for one in intervals.values())
+    return float(f"{max(settings.sensors.times * float(np.median(largest)), width):.4g}")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -201,7 +240,8 @@ def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ..
             f"deformation_fit.methods names {strange[0]!r}: with the channels recorded choose "
             f"among {', '.join(able)}"
         )
-    return tuple(named) or tuple(able)
+    # what no model may be worse than is always there
+    return tuple(dict.fromkeys((PERSISTENCE, *named))) if named else tuple(able)
 
 
 def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Example]:
@@ -304,7 +344,7 @@ def _treatment(
     profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
     lags_s: Sequence[float],
 ) -> Treatment:  # fmt: skip
-    """That of faulty sensors with which the linear regression errs least on recordings left out."""
+    """Without or in place of faulty sensors, by the linear regression on recordings left out."""
     if not faults:
         return Treatment(chosen=REPLACED)
     lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})
@@ -317,7 +357,8 @@ def _treatment(
         maker = input_maker(states, lags_s)
         x = [maker.of(state).linear for state in states]
         errors[choice.chosen] = _linear_left_out(x, [one.growth for one in profiles])
-    best = min(choices, key=lambda one: errors[one.chosen])
+    # a fault that was noticed teaches by chance alone: as it is, it never serves
+    best = min((c for c in choices if c.chosen != KEPT), key=lambda one: errors[one.chosen])
     return replace(best, rmse_um=errors)
 
 
@@ -346,8 +387,10 @@ def _residuals(
     )
 
 
-def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt]:
-    """Range of each input over the training recordings."""
+def _learnt(
+    sensors: Sequence[str], states: Sequence[State], examples: Sequence[Example]
+) -> dict[str, Learnt]:
+    """Range of each input over the training recordings, and of growth since all their starts."""
 
     def over(values: Sequence[Floats], unit: str) -> Learnt:
         every = np.concatenate([np.ravel(v) for v in values])
@@ -356,6 +399,7 @@ def _learnt(sensors: Sequence[str], states: Sequence[State]) -> dict[str, Learnt
     found = {
         name: over([s.temperatures[:, k] for s in states], "degC") for k, name in enumerate(sensors)
     }
+    found[GROWTH] = over([e.growth[np.isfinite(e.growth)] for e in examples], "um")
     found[SPEED] = over([s.speed for s in states], "rev/min")
     if all(np.isfinite(s.ambient).all() for s in states):
         found[AMBIENT] = over([s.ambient for s in states], "degC")

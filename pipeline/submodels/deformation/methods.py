@@ -434,7 +434,9 @@ METHODS: Mapping[str, Method] = {
                                kind=FuzzyFilteredSettings(), method="projection"),
 }  # fmt: skip
 """Every method by its name in files."""
-SIMPLE = ("persistence", "linear")
+PERSISTENCE = "persistence"
+"""Growth stays what it was: what no model may be worse than."""
+SIMPLE = (PERSISTENCE, "linear")
 """Methods that the one which serves has to beat, unless it is one of them."""
 
 

@@ -17,12 +17,14 @@ from pipeline.schema.store import read_json
 from pipeline.submodels.conformal import Band
 from pipeline.submodels.deformation.features import InputMaker, Inputs, rates
 from pipeline.submodels.deformation.methods import Ensemble, restored
-from pipeline.submodels.deformation.records import State
+from pipeline.submodels.deformation.records import GROWTH, State
 from pipeline.submodels.deformation.sensors import Checked, Fault, SensorModel, SensorSettings
 
 WARMING, COOLING, STEADY = "warming", "cooling", "steady"
 REGIMES = (WARMING, COOLING, STEADY)
 """Regimes by the rate of the groups' mean temperature over the past."""
+AGREED = 0.5
+"""Difference of two methods, as a share of the growth, up to which there is a correction [1]."""
 MAPE_FLOOR_UM = 5.0
 """Growth below which an error is taken as a share of this value [um]: at zero growth a relative
 error has no meaning."""
@@ -124,6 +126,11 @@ class Learnt:
     high: float
     unit: str
 
+    def accepted(self, widening: float) -> tuple[float, float]:
+        """Ends beyond which nothing is predicted, ``widening`` of the range beyond the learnt."""
+        beyond = widening * (self.high - self.low)
+        return self.low - beyond, self.high + beyond
+
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingFault:
@@ -150,7 +157,7 @@ class Treatment:
         Sensors that are not read.
     rmse_um : mapping of str to float
         Of the linear regression on training recordings left out, by treatment [um]; empty where no
-        training recording has a faulty sensor.
+        training recording has a faulty sensor.  That with all kept is shown and never chosen.
     """
 
     chosen: str
@@ -183,7 +190,7 @@ class DeformationModel(Model):
     later_starts : int
         Later starts of each training recording that were learnt from as well [1].
     learnt : mapping of str to Learnt
-        Range of each input.
+        Range of each input, and of growth since any start.
     widening : float
         Share of a range by which an input may lie beyond it [1].
     rate_s, steady_K_h : float
@@ -194,6 +201,10 @@ class DeformationModel(Model):
         Step of the interval that follows the probe [1].
     probe_delay_s : float
         Age at which a reading of the probe is known to it [s].
+    second : str
+        Method that the one which serves has to agree with; empty where there is no other.
+    agreement_um : float
+        Difference between the two from which there is no correction [um].
     """
 
     sensors: SensorModel
@@ -212,6 +223,8 @@ class DeformationModel(Model):
     bands: Mapping[str, Band]
     adaptive_step: float
     probe_delay_s: float
+    second: str = ""
+    agreement_um: float = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,6 +272,29 @@ class GrowthModel:
         for first, growth in whole[1:]:
             result[:, first:] = growth[:, first:]
         return result
+
+    def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:
+        """Reason why there is no correction at each sample, empty where there is one; shape (T,).
+
+        Parameters
+        ----------
+        pieces : sequence of (int, Inputs)
+            Of the recording.
+        growth : ndarray, shape (T,)
+            By the method that serves [um].
+        """
+        file, found = self.file, np.full(len(growth), "", dtype=object)
+        if file.second:
+            apart = np.abs(growth - self.stitched(pieces, file.second).mean(axis=0))
+            # within a share of the growth either of them leaves less than no correction does
+            limit = np.maximum(file.agreement_um, AGREED * np.abs(growth))
+            found[apart > limit] = f"two methods differ by more than {file.agreement_um:.3g} um"
+        if GROWTH in file.learnt:
+            low, high = file.learnt[GROWTH].accepted(file.widening)
+            found[(growth < low) | (growth > high)] = (
+                f"growth beyond {low:.3g} to {high:.3g} um was not learnt"
+            )
+        return found
 
     def regimes(self, pieces: Sequence[tuple[int, Inputs]]) -> np.ndarray:
         """Regime of each sample, from what was known of the sensors then; shape (T,)."""

@@ -33,7 +33,6 @@ from pipeline.submodels.deformation.growth_facts import (
     um,
     whole_um,
 )
-from pipeline.submodels.deformation.model import KEPT
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
@@ -124,12 +123,12 @@ def _mend(faults: Sequence[SensorFault]) -> str:
 
 def _actions(facts: GrowthFacts) -> list[Action]:
     """Sensors to be mended, and how to keep the growth out of finishing cuts."""
-    without = "" if _kept(facts) else " The model does without it."
     found = [
         Action(
             what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
             where=one.sensor,
-            why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}.{without}",
+            why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}. "
+            "The model does without it.",
             until="next stop", who="maintenance", evidence="growth-errors",
         )
         for one in facts.faults if one.lasts
@@ -143,22 +142,11 @@ def _actions(facts: GrowthFacts) -> list[Action]:
     return found
 
 
-def _kept(facts: GrowthFacts) -> bool:
-    """Whether the model reads faulty sensors as they are."""
-    model = facts.shown.model
-    return model is not None and model.treatment.chosen == KEPT
-
-
 def _cost_words(facts: GrowthFacts) -> str:
     """What the faulty sensors cost as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     as_is, replaced = facts.cost
-    if _kept(facts):
-        return (
-            f"The model reads them as they are and is off by up to {um(as_is)}: on recordings left "
-            "out of its fit that was better than replacing them."
-        )
     return (
         f"Read as they are they would put the predicted growth off by up to {whole_um(as_is)}; "
         f"the model does without them and is off by up to {um(replaced)}."

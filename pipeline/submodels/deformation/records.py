@@ -143,6 +143,13 @@ class State:
             ambient=self.ambient[first:],
         )  # fmt: skip
 
+    def until(self, end: int) -> "State":
+        """The state before a sample."""
+        return State(
+            period=self.period, temperatures=self.temperatures[:end], speed=self.speed[:end],
+            ambient=self.ambient[:end],
+        )  # fmt: skip
+
     @property
     def channels(self) -> Floats:
         """Sensors, then the ambient temperature where it is recorded; shape (T, S or S + 1)."""

@@ -14,19 +14,31 @@ from functools import cached_property
 from typing import Annotated
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.submodels.deformation.records import Profile, State
 from pipeline.thermal.lagged import lag
 
-DEAD, JUMPED, DRIFTING = "dead", "loose", "drifting"
-"""Kinds of faults: no temperature at all or a held one; one that jumps off; one that departs slowly
-from those of the others."""
+DEAD, JUMPED, SHIFTED, DRIFTING, ERRATIC = "dead", "loose", "shifted", "drifting", "erratic"
+"""Kinds of faults: no temperature at all or a held one; one that jumps off; one that is off from
+the start of a recording; one that departs slowly from those of the others; one that departed so
+far in training that nothing can be held against it."""
 NOISE_K2 = 1e-6
 """Variance [K^2] of independent noise of a thousandth of a kelvin: sensors may be copies."""
 UNSETTLED = 10.0
-"""Factor on the tolerated departure while the lags settle [1]."""
+"""Factor on the tolerated departure at the start, from which it decays as the lags settle [1]."""
+JUMP_SAMPLES = 3
+"""Samples whose median departure a jump is told from [1]."""
+SIDE_SAMPLES = 4
+"""Samples on either side of a step whose straight lines are held against each other [1]."""
+LEVEL_SD_K = 30.0
+"""Scatter of the level that all channels share from one recording to the next [K]: day, season."""
+COMPARABLE = 20.0
+"""Ratio of a sensor's tolerance to the median one from which it is faulty everywhere [1]."""
+MAD_SD = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation [1]."""
 MOVED = 4.0
 """Movement of the others that a held value is told by, in units of the least departure [1]."""
 SET_ASIDE, SUSPECT = 1 / 3, 2.0
@@ -82,7 +94,7 @@ class Fault:
     sensor : str
         Its name.
     kind : str
-        ``"dead"``, ``"loose"`` or ``"drifting"``.
+        ``"dead"``, ``"loose"``, ``"shifted"``, ``"drifting"`` or ``"erratic"``.
     since_s : float
         When it was noticed, since the start of the recording [s].
     departure_K : float or None
@@ -141,6 +153,8 @@ class SensorModel:
         [K^2].
     tolerance_K : tuple of float, length S
         Departure from which a sensor is faulty [K].
+    jump_K : tuple of float, length S
+        Change of the departure within a sample from which it is [K]; empty for any change.
     held_s : tuple of float, length S
         How long each may show the same value while the others move [s]: longer than a sensor of
         its resolution usually does; empty for ``settings.held_s``.
@@ -156,10 +170,18 @@ class SensorModel:
     tolerance_K: tuple[float, ...]
     settings: SensorSettings = field(default_factory=SensorSettings)
     held_s: tuple[float, ...] = ()
+    jump_K: tuple[float, ...] = ()
 
     @cached_property
     def _arrays(self) -> tuple[Floats, Floats]:
         return np.array(self.mean), np.array(self.covariance)
+
+    @cached_property
+    def erratic(self) -> frozenset[int]:
+        """Sensors of which much more is tolerated than of the others; two at least are left."""
+        tolerance = np.array(self.tolerance_K)
+        over = np.flatnonzero(tolerance > COMPARABLE * np.median(tolerance))
+        return frozenset(over.tolist() if len(tolerance) - len(over) >= 2 else [])
 
     def expected(self, vector: Floats, sensor: int, gone: frozenset[int]) -> Floats:
         """Temperature of one sensor as the others say [degC].
@@ -212,31 +234,44 @@ class SensorModel:
         return replace(state, temperatures=result)
 
     def departures(self, vector: Floats, gone: frozenset[int]) -> Floats:
-        """Smoothed departure of each sensor from the others [K]; zero for those ``gone``.
-
-        Returns
-        -------
-        ndarray, shape (T, S)
-        """
+        """Departure of each sensor from the others [K], (T, S); zero for those ``gone``."""
         found = np.zeros((len(vector), len(self.sensors)))
         for sensor in range(len(self.sensors)):
             if sensor not in gone:
                 found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
-        return lag(self.period_s * np.arange(len(vector)), found, self.settings.smooth_s)
+        return found
+
+    def sizes(self, vector: Floats, gone: frozenset[int]) -> tuple[Floats, Floats]:
+        """Smoothed departures over what is tolerated more while the lags settle, and jumps [K].
+
+        Returns
+        -------
+        smoothed, jumps : ndarray, shape (T, S)
+            Not negative.
+        """
+        time, found = self.period_s * np.arange(len(vector)), self.departures(vector, gone)
+        unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
+        smoothed = np.abs(lag(time, found, self.settings.smooth_s)) / unsettled[:, None]
+        jumps = np.zeros(found.shape)
+        if len(found) > JUMP_SAMPLES:
+            before = np.median(sliding_window_view(found, JUMP_SAMPLES, axis=0)[:-1], axis=-1)
+            jumps[JUMP_SAMPLES:] = np.abs(found[JUMP_SAMPLES:] - before)
+        return smoothed, jumps
 
     def ratios(self, vector: Floats, gone: frozenset[int]) -> Floats:
-        """Departures over what is tolerated when the sensors ``gone`` are not read [1].
+        """Departures and jumps over what is tolerated when the sensors ``gone`` are not read [1].
 
         With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
         """
-        more = [
+        more = np.array([
             self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
             for k in range(len(self.sensors))
-        ]
-        settling = np.arange(len(vector)) < self.settings.settle_s / self.period_s
-        tolerance = np.array(self.tolerance_K) * more
-        ratios: Floats = np.abs(self.departures(vector, gone)) / tolerance
-        return np.where(settling[:, None], ratios / UNSETTLED, ratios)
+        ])  # fmt: skip
+        smoothed, jumps = self.sizes(vector, gone)
+        ratios: Floats = smoothed / (np.array(self.tolerance_K) * more)
+        if self.jump_K:
+            ratios = np.maximum(ratios, jumps / (np.array(self.jump_K) * more))
+        return ratios
 
     def check(self, state: State, ignored: Sequence[str] = ()) -> Checked:
         """Find the faulty sensors of a recording in the order of time, and replace them.
@@ -251,12 +286,14 @@ class SensorModel:
         dead = _dead_since(holes, max(1, round(settings.dead_s / self.period_s)))
         gone = {self.sensors.index(name): 0 for name in ignored}
         faults: list[Fault] = []
+        filled_in = _bridged(state.temperatures, holes)
+        vector = lagged(replace(state, temperatures=filled_in), settings.lags_s)
+        for sensor in sorted(self.erratic - set(gone)):
+            gone[sensor] = 0
+            faults.append(self._fault(state, vector, sensor, self.erratic, 0, holes))
         start = 0
         while True:
-            now = frozenset(gone)
-            filled_in = _bridged(state.temperatures, holes)
-            vector = lagged(replace(state, temperatures=filled_in), settings.lags_s)
-            blamed = self._next(vector, now, start, dead)
+            blamed = self._next(vector, frozenset(gone), start, dead)
             if blamed is None or len(self.sensors) - len(gone) <= 2:
                 break
             sensor, since = blamed
@@ -299,12 +336,14 @@ class SensorModel:
         off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
         silent = bool(holes[since:, sensor].mean() > 0.5)
         # a jump is over within minutes, a drift takes longer than the mean over which it counts
-        before = max(0, since - max(1, round(self.settings.dead_s / self.period_s)))
-        jumped = abs(off[since] - off[before]) > self.tolerance_K[sensor]
+        many, limit = max(1, round(self.settings.dead_s / self.period_s)), self.tolerance_K[sensor]
+        jumped = abs(off[since] - off[max(0, since - many)]) > limit
+        shifted = bool(np.median(np.abs(off[:many])) > limit)
         off = np.abs(off[since:][~holes[since:, sensor]])
+        kind = ERRATIC if sensor in self.erratic else SHIFTED if shifted else DRIFTING
         return Fault(
             sensor=self.sensors[sensor],
-            kind=DEAD if silent else JUMPED if jumped else DRIFTING,
+            kind=DEAD if silent else JUMPED if jumped else kind,
             since_s=since * self.period_s,
             departure_K=round(float(off.max()), 2) if len(off) and not silent else None,
         )
@@ -433,12 +472,126 @@ def fit_sensors(
             f"{len(whole)} training recordings have a value of every sensor, 2 are the least: "
             "leave the dead sensor out of deformation_records.temperatures"
         )
-    model = _fitted(_agreeing(whole, sensors, settings), sensors, settings)
+    level = _of_one_level(_before_jumps(whole, settings), sensors, settings)
+    model = _fitted(_agreeing(level, sensors, settings), sensors, settings)
     for _ in range(ROUNDS):
         # what a faulty sensor said teaches nothing: what the others say of it stands there
         checked = [replace(model, held_s=held_s).check(state) for state in states]
-        model = _fitted([one.states[-1] for one in checked], sensors, settings)
+        faulty = [frozenset(fault.sensor for fault in one.faults) for one in checked]
+        model = _fitted([one.states[-1] for one in checked], sensors, settings, faulty)
     return replace(model, held_s=held_s)
+
+
+def steps_of(temperatures: Floats) -> Floats:
+    """Step of each sensor before each sample [K], (T, S); zero near both ends.
+
+    The difference of two straight lines, through the samples before it and those from it on, so
+    that neither a slope nor a change of slope is a step.
+    """
+    found, many = np.zeros(temperatures.shape), SIDE_SAMPLES
+    if len(temperatures) < 2 * many:
+        return found
+    centred = np.arange(many) - (many - 1) / 2
+    # value of the line half a sample beyond its end
+    ahead = 1 / many + centred * (many / 2) / np.sum(centred**2)
+    windows = sliding_window_view(temperatures, many, axis=0)
+    before, after = windows[:-many] @ ahead, windows[many:] @ ahead[::-1]
+    found[many : len(temperatures) - many + 1] = after - before
+    return found
+
+
+def lone_steps(steps: Sequence[Floats]) -> list[Floats]:
+    """Steps of each sensor that no other sensor shows too [K], of the steps of each recording.
+
+    Each is the least distance from zero and from a multiple of any other sensor's step; the
+    multiple is the L1 regression over all recordings, which a few jumps do not move.
+
+    Returns
+    -------
+    list of ndarray, shape (T, S)
+        Not negative.
+    """
+    every, many = np.vstack(steps), steps[0].shape[1]
+    found = [np.abs(one) for one in steps]
+    for sensor in range(many):
+        for other in (k for k in range(many) if k != sensor):
+            slope = _slope(every[:, other], every[:, sensor])
+            for one, least in zip(steps, found, strict=True):
+                apart = np.abs(one[:, sensor] - slope * one[:, other])
+                least[:, sensor] = np.minimum(least[:, sensor], apart)
+    return found
+
+
+def _slope(x: Floats, y: Floats) -> float:
+    """Slope of the L1 regression of ``y`` on ``x`` through zero: a weighted median of y / x."""
+    some = np.flatnonzero(x)
+    ratio, weight = y[some] / x[some], np.abs(x[some])
+    order = np.argsort(ratio)
+    heap = np.cumsum(weight[order])
+    return float(ratio[order[np.searchsorted(heap, heap[-1] / 2)]]) if len(some) else 0.0
+
+
+def _before_jumps(states: Sequence[State], settings: SensorSettings) -> list[State]:
+    """Recordings up to the first jump of a sensor, without those that show too little before it.
+
+    A step of one sensor alone counts that is several times the largest of an ordinary recording:
+    that which three of four recordings exceed.
+    """
+    steps = lone_steps([steps_of(state.temperatures) for state in states])
+    usual = np.quantile([one.max(axis=0) for one in steps], 0.25, axis=0)
+    limit = np.maximum(settings.times * usual, settings.least_K)
+    found = []
+    for state, one in zip(states, steps, strict=True):
+        over = np.flatnonzero((one > limit).any(axis=1))
+        many = int(over[0]) if len(over) else len(state)
+        if many * state.period > settings.settle_s + settings.smooth_s:
+            found.append(state.until(many))
+    return found if len(found) >= 2 else list(states)
+
+
+def _of_one_level(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> list[State]:
+    """Recordings in which no sensor's offset against the others differs from that of most.
+
+    The regressions rest on what moves within recordings, so that no offset enters them.  A sensor's
+    offset is the mean of its departure over a recording; usual are those in the shortest interval
+    that holds half of the recordings.
+    """
+    vectors = [lagged(state, settings.lags_s) for state in states]
+    blank = _blank(states, sensors, settings)
+    within = np.mean([np.cov(one, rowvar=False, bias=True) for one in vectors], axis=0)
+    model = replace(blank, covariance=tuple(map(tuple, (within + LEVEL_SD_K**2).tolist())),
+                    mean=(0.0,) * within.shape[0])  # fmt: skip
+    levels = np.array([one.mean(axis=0) for one in vectors])
+    gone: frozenset[int] = frozenset()
+    kept = np.ones(len(states), bool)
+    while len(sensors) - len(gone) > 2:
+        over = _unusual(model.departures(levels, gone), settings)
+        if not (over > 1).any():
+            break
+        suspects = np.flatnonzero((over > 0.5).any(axis=0)).tolist()
+        worst = {s: float(np.sum(_unusual(model.departures(levels, gone | {s}), settings) > 1))
+                 for s in suspects}  # fmt: skip
+        blamed = min(suspects, key=lambda s: (worst[s], -over[:, s].max()))
+        kept &= over[:, blamed] <= 1
+        gone |= {blamed}
+    found = [state for state, keep in zip(states, kept, strict=True) if keep]
+    return found if len(found) >= 2 else list(states)
+
+
+def _unusual(offsets: Floats, settings: SensorSettings) -> Floats:
+    """Distance of each offset from the usual ones over what is tolerated [1], of (K, S) in [K]."""
+    half = len(offsets) // 2 + 1
+    ordered = np.sort(offsets, axis=0)
+    widths = ordered[half - 1 :] - ordered[: len(ordered) - half + 1]
+    first, sensor = np.argmin(widths, axis=0), np.arange(offsets.shape[1])
+    centre = 0.5 * (ordered[first, sensor] + ordered[first + half - 1, sensor])
+    spread = MAD_SD * 0.5 * widths[first, sensor]
+    spread = np.minimum(spread, settings.times * np.median(spread))
+    limit = np.maximum(settings.times * spread, settings.least_K)
+    unusual: Floats = np.abs(offsets - centre) / limit
+    return unusual
 
 
 def _agreeing(
@@ -460,39 +613,64 @@ def _agreeing(
     return kept
 
 
+def _blank(
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+) -> SensorModel:
+    """A model without moments and tolerances."""
+    return SensorModel(
+        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
+        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
+    )  # fmt: skip
+
+
 def _largest_departures(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> tuple[Floats, SensorModel]:
-    """Largest settled departure in each recording under a model of the others; that of all.
+) -> tuple[Floats, Floats, SensorModel]:
+    """Largest departure and jump in each recording under a model of the others; that of all.
 
     Returns
     -------
-    largest : ndarray, shape (recordings, S)
+    largest, jumps : ndarray, shape (recordings, S)
         [K].
     model : SensorModel
         Of all recordings, without tolerances.
     """
-    vectors = [lagged(state, settings.lags_s) for state in states]
-    blank = SensorModel(
-        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
-        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
-    )  # fmt: skip
-    settled = round(settings.settle_s / blank.period_s)
-    largest = np.zeros((len(vectors), len(sensors)))
+    vectors, blank = [lagged(s, settings.lags_s) for s in states], _blank(states, sensors, settings)
+    largest, jumps = np.zeros((2, len(vectors), len(sensors)))
     for out, vector in enumerate(vectors):
         others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
-        departures = np.abs(others.departures(vector, frozenset()))
-        largest[out] = departures[settled:].max(axis=0, initial=0.0)
-    return largest, _with_moments(blank, vectors)
+        smoothed, jumped = others.sizes(vector, frozenset())
+        largest[out], jumps[out] = smoothed.max(axis=0), jumped.max(axis=0)
+    return largest, jumps, _with_moments(blank, vectors)
 
 
 def _fitted(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> SensorModel:
-    """Model of complete states; the tolerance from recordings left out in turn."""
-    largest, model = _largest_departures(states, sensors, settings)
-    tolerance = np.maximum(settings.times * np.median(largest, axis=0), settings.least_K)
-    return replace(model, tolerance_K=tuple(np.round(tolerance, 4).tolist()))
+    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings,
+    faulty: Sequence[frozenset[str]] = (),
+) -> SensorModel:  # fmt: skip
+    """Model of complete states; the tolerance from recordings left out in turn.
+
+    Sensors that are ``faulty`` in a recording say nothing there of what is usual.
+    """
+    *sizes, model = _largest_departures(states, sensors, settings)
+    sound = np.array([[name not in one for name in sensors] for one in faulty] or True)
+    tolerance, jump = (_tolerance(size, sound & np.ones(size.shape, bool), settings)
+                       for size in sizes)  # fmt: skip
+    return replace(model, tolerance_K=tolerance, jump_K=jump)
+
+
+def _tolerance(largest: Floats, sound: Bools, settings: SensorSettings) -> tuple[float, ...]:
+    """Several times the usual largest value of each sensor; one that was never sound is erratic.
+
+    Returns
+    -------
+    tuple of float, length S
+        [K].
+    """
+    usual = np.ma.median(np.ma.array(largest, mask=~sound), axis=0).filled(np.nan)
+    found = np.maximum(settings.times * usual, settings.least_K)
+    found = np.where(np.isnan(found), 2 * COMPARABLE * np.nanmedian(found), found)
+    return tuple(np.round(found, 4).tolist())
 
 
 def _with_moments(model: SensorModel, vectors: Sequence[Floats]) -> SensorModel:

@@ -49,6 +49,9 @@ from pipeline.submodels.deformation.records import (
     read_profiles,
     state_of_table,
 )
+from pipeline.submodels.deformation.records import (
+    GROWTH as MEASURED,
+)
 
 FOLLOWED = "growth, interval follows the probe"
 """The same prediction with the interval that adapts to readings of the probe."""
@@ -129,7 +132,11 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
     )
 
     def targets(self, settings: Judging, model: DeformationModel) -> tuple[Target, ...]:
-        """Growth in all, growth by regime, and growth with the interval that follows the probe."""
+        """Growth in all, growth by regime, and growth with the interval that follows the probe.
+
+        Persistence is to be beaten by whichever method serves.  Intervals are judged as they are
+        served, those that no probe moves by their least share.
+        """
         limits = settings.deformation_limits
         others = tuple(name for name in model.compared if name != model.champion)
         beaten = tuple(name for name in SIMPLE if name in others)
@@ -140,16 +147,18 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         return (
             Target(
                 quantity=GROWTH, unit="um", baselines=others,
-                must_beat=() if model.champion in SIMPLE else beaten,
+                must_beat=beaten[:1] if model.champion in SIMPLE else beaten, widens=True,
             ),
             *(
                 Target(
-                    quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=beaten
+                    quantity=GROWTH, unit="um", regime=regime, limits=of_regime, baselines=beaten,
+                    coverage=(least, 1.0), widens=True,
                 )
                 for regime in REGIMES
             ),
             *(
-                Target(quantity=FOLLOWED, unit="um", regime=regime, coverage=(least, most))
+                Target(quantity=FOLLOWED, unit="um", regime=regime, coverage=(least, most),
+                       widens=True)
                 for regime in REGIMES
             ),
         )  # fmt: skip
@@ -226,6 +235,8 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             bands=found.bands,
             adaptive_step=found.adaptive_step,
             probe_delay_s=fitting.probe_delay_s,
+            second=found.second,
+            agreement_um=found.agreement_um,
         )
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
@@ -238,7 +249,8 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
 
         The table has ``t`` [s], evenly spaced, a column [degC] for each sensor,
         ``spindle_speed`` [rev/min] and ``ambient_temperature`` [degC] as they were learnt; growth
-        is that since its first row.
+        is that since its first row.  Where the table has the probe's readings as ``growth`` [um],
+        the interval follows them.  Where there is no correction, the ``reason`` stands instead.
         """
         model = load_growth_model(folder)
 
@@ -249,9 +261,12 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                 refuse_unlearnt(one, model.file)
             pieces = model.pieces(checked)
             growth = model.stitched(pieces).mean(axis=0)
-            low, high = interval(growth, model.regimes(pieces), model.file.bands)
-            found = {"growth": growth, "low": low, "high": high}
-            return pd.DataFrame(found, index=table.index)
+            measured = table[MEASURED].to_numpy(float) if MEASURED in table else None
+            low, high = _interval(model.file, state, growth, model.regimes(pieces), measured)
+            reason = model.withheld(pieces, growth)
+            found = pd.DataFrame({"growth": growth, "low": low, "high": high}, index=table.index)
+            found.loc[reason != ""] = np.nan
+            return found.assign(reason=reason.astype(str))
 
         return predict
 
@@ -268,6 +283,16 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         from pipeline.submodels.deformation.page import page
 
         return page(shown)
+
+
+def _interval(
+    file: DeformationModel, state: State, growth: Floats, regime: Any, measured: Floats | None
+) -> tuple[Floats, Floats]:
+    """Low and high of the 90 % interval [um], (T,) each, following what the probe measured."""
+    if measured is None:
+        return interval(growth, regime, file.bands)
+    following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
+    return adaptive(state.time, measured, growth, regime, file.bands, following)
 
 
 def _constant(profile: Profile) -> Callable[[], Profile]:
@@ -322,8 +347,8 @@ def refuse_unlearnt(state: State, file: DeformationModel) -> None:
         learnt = file.learnt.get(name)
         if learnt is None:
             continue
-        beyond = file.widening * (learnt.high - learnt.low)
-        outside = (values < learnt.low - beyond) | (values > learnt.high + beyond)
+        low, high = learnt.accepted(file.widening)
+        outside = (values < low) | (values > high)
         if outside.any():
             raise ValueError(
                 f"{name} is {values[np.argmax(outside)]:.4g} {learnt.unit} in row "
@@ -333,7 +358,11 @@ def refuse_unlearnt(state: State, file: DeformationModel) -> None:
 
 
 def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
-    """A recording by every method, with both intervals, and what a faulty sensor costs."""
+    """A recording by every method, with both intervals, and what a faulty sensor costs.
+
+    Where there is no correction growth counts as unchanged, without an interval: what the machine
+    then has.
+    """
     file = model.file
     checked = model.checked(profile.state)
     pieces = model.pieces(checked)
@@ -343,19 +372,25 @@ def _predicted(profile: Profile, model: GrowthModel) -> Prediction:
     columns: dict[str, Floats] = {}
     for name, values in by_seed.items():
         columns |= columns_of(name, values)
-    again = _drawn(by_seed[file.champion])
-    low, high = interval(growth, regime, file.bands)
+    reason = model.withheld(pieces, growth)
+    given = reason == ""
+    growth = np.where(given, growth, 0.0)
+    again = {k: np.where(given, one, 0.0) for k, one in _drawn(by_seed[file.champion]).items()}
+    ends = [_interval(file, profile.state, growth, regime, probe) for probe in (None, measured)]
+    (low, high), (near, far) = np.where(given, np.array(ends), np.nan)
     whole = pd.DataFrame({
         "quantity": GROWTH, "unit": "um", "regime": "", "t": time, "measured": measured,
         "predicted": growth, "low": low, "high": high, **columns, **again,
     })  # fmt: skip
-    following = AdaptiveSettings(step=file.adaptive_step, delay_s=file.probe_delay_s)
-    near, far = adaptive(time, measured, growth, regime, file.bands, following)
     followed = whole[["unit", "t", "measured", "predicted", *again]].assign(
         quantity=FOLLOWED, regime=regime, low=near, high=far
     )
     frame = pd.concat([whole, whole.assign(regime=regime), followed], ignore_index=True)
-    return Prediction(frame=frame, facts=_facts(profile, model, growth))
+    facts = dict(_facts(profile, model, growth))
+    if not given.all():
+        facts["without correction"] = Fact(value=float(f"{100 * np.mean(~given):.3g}"), unit="%")
+        facts["no correction because"] = Fact(value=str(reason[~given][0]))
+    return Prediction(frame=frame, facts=facts)
 
 
 def _drawn(by_seed: Floats) -> dict[str, Floats]:

@@ -2,10 +2,15 @@
 
 Whole tools are left out in turn.  A single method serves instead of the median of all only where
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
-best may go astray on the next.  For the same reason the blend with the guess, which rests on the
-signals and on the tool's use, serves unless that one is better significantly.  The blend's weights
-for a tool come from the predictions of the others, each of which was left out itself.  The
-interval's half width is conformal over tools.
+best may go astray on the next.  The blend with the guess, which rests on the signals and on the
+tool's use, serves unless it is worse by more than the standard error of the difference over the
+tools, and only where the signals have a share in it.  The blend's weights for a tool come from the
+predictions of the others, each of which was left out itself.  The interval's half width is
+conformal over tools.
+
+Where wear is a class, worn tools have to be told from others: there the area under the ROC curve
+(Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or the
+blend by more than the bootstrapped standard error of the difference serves in its place.
 """
 
 from collections.abc import Mapping
@@ -19,7 +24,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.interval import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
-from pipeline.submodels.statistics import LEVEL, gains
+from pipeline.submodels.statistics import LEVEL, auc, gains
 from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import (
     blend_weights,
@@ -42,6 +47,11 @@ from pipeline.submodels.wear.model import (
     WearFitSettings,
     median,
 )
+
+LEAST_SHARE = 0.05
+"""Weight of the signals in the blend below which it is the guess [1]."""
+RESAMPLED = 200
+"""Draws of tools with replacement, of the standard error of an area under the curve [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -100,7 +110,7 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     out = _Told.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
-    champion, alone = _who_serves(out, scores, weights)
+    champion, alone = _who_serves(out, scores, weights, is_class=windows.is_class)
     own = _fitted(windows, progress, settings)
     documents = tuple(document for _, document in done if document is not None)
     return WearFit(
@@ -134,7 +144,9 @@ def _tasks(
 ) -> list[_Task]:
     """A task for each fold of tools left out."""
     tasks = []
-    for fold, (_, left) in enumerate(splits(_balanced(windows, tools), settings.folds)):
+    # two tools have to be left, one to learn from and one to stop by
+    folds = settings.folds if len(tools) > 3 else len(tools)
+    for fold, (_, left) in enumerate(splits(_balanced(windows, tools), folds)):
         kept = np.isin(windows.tool, left)
         tasks.append(
             _Task(
@@ -146,18 +158,41 @@ def _tasks(
 
 
 def _who_serves(
-    out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float]
-) -> tuple[str, str]:
+    out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
+    is_class: bool,
+) -> tuple[str, str]:  # fmt: skip
     """Champion, and the method that would serve without the guess."""
     methods = [name for name in METHODS if name in scores]
     best = min(methods, key=lambda name: scores[name].rmse)
     # the best of several is chosen after the fact: each has its share of the level (Bonferroni)
     surely = gains(_squares(out, out.by[MEDIAN]), _squares(out, out.by[best]), LEVEL / len(methods))
     alone = best if surely else MEDIAN
-    blended = weights.get(GUESS, 0.0) > 0 and not gains(
-        _squares(out, out.by[BLEND]), _squares(out, out.by[alone])
-    )
-    return (BLEND if blended else alone), alone
+    if is_class:
+        first = max(methods, key=lambda name: scores[name].auc or 0.0)
+        alone = first if _orders_better(out, first, alone) else alone
+    # the guess alone never serves
+    shared = weights.get(GUESS, 0.0) > 0 and weights.get(MEDIAN, 0.0) >= LEAST_SHARE
+    worse = _orders_better if is_class else _errs_less
+    return (BLEND if shared and not worse(out, alone, BLEND) else alone), alone
+
+
+def _errs_less(out: "_Told", one: str, other: str) -> bool:
+    """Whether a method's squared error is less by more than the standard error over the tools."""
+    gain = _squares(out, out.by[other]) - _squares(out, out.by[one])
+    return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
+
+
+def _orders_better(out: "_Told", one: str, other: str) -> bool:
+    """Whether a method tells worn tools from others better by more than a standard error."""
+    gain = (auc(out.by[one], out.wear) or 0.0) - (auc(out.by[other], out.wear) or 0.0)
+    rows = [np.flatnonzero(out.tool == tool) for tool in np.unique(out.tool)]
+    random, found = np.random.default_rng(0), []
+    for drawn in random.integers(0, len(rows), (RESAMPLED, len(rows))):
+        chosen = np.concatenate([rows[k] for k in drawn])
+        pair = [auc(out.by[name][chosen], out.wear[chosen]) for name in (one, other)]
+        if pair[0] is not None and pair[1] is not None:  # a draw of one class tells nothing
+            found.append(pair[0] - pair[1])
+    return gain > 0 and gain > float(np.std(found or [0.0]))
 
 
 def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
@@ -302,6 +337,7 @@ def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
         rmse=float(np.sqrt(squares.mean())), mae=float(np.mean(sizes)),
         worst=float(np.sqrt(squares.max())),
         balanced_accuracy=balanced_accuracy(told, out.wear) if is_class else None,
+        auc=auc(told, out.wear) if is_class else None,
     )  # fmt: skip
 
 

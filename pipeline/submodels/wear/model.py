@@ -95,12 +95,15 @@ class MethodScore:
         RMSE of the tool that it errs on most.
     balanced_accuracy : float or None
         Mean share of windows of either class that it tells right [1]; None for a number.
+    auc : float or None
+        Area under the ROC curve: chance that a worn tool gets the greater probability of two [1].
     """
 
     rmse: float
     mae: float
     worst: float
     balanced_accuracy: float | None = None
+    auc: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,6 +35,10 @@ from pipeline.submodels.wear.model import (
 )
 from pipeline.submodels.wear.table import windows_of_table
 
+LEAST_AUC = 0.7
+"""Least area under the ROC curve of worn tools held out [1]; "acceptable" discrimination (Hosmer,
+Lemeshow and Sturdivant 2013, Applied Logistic Regression, 5.2.4), a coin has 0.5."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class WearLimits(Ranged, section="wear_limits"):
@@ -115,7 +119,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             return (
                 Target(
                     quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten,
+                    limits={"rmse": limits.rmse_class}, must_beat=beaten, least_auc=LEAST_AUC,
                 ),
             )  # fmt: skip
         least, most = limits.coverage

@@ -14,7 +14,7 @@ from pipeline.schema.model import SourceFile
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
-from pipeline.submodels.cases import Records
+from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.compensation import submodel
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, modelled_following
 from pipeline.submodels.compensation.model import (
@@ -30,6 +30,8 @@ from pipeline.submodels.compensation.model import (
 from pipeline.submodels.compensation.records import CompensationRecords
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.conformal import half_widths
+from pipeline.submodels.contract import Prediction
+from pipeline.submodels.judge import judge as judge_of
 from pipeline.submodels.judge import leak_reasons
 from pipeline.submodels.statistics import DRAWN
 from tests.submodels.compensation.axis_files import (
@@ -124,6 +126,30 @@ def test_it_predicts_recordings_that_were_held_out(built: Built) -> None:
     assert built.verdict.judged_role == "held_out"
     assert built.verdict.status in ("passed", "failed")
     assert all("share inside" in one or "90 %" in one for one in built.verdict.reasons)
+
+
+def test_an_axis_that_is_wholly_wrong_fails_whichever_method_serves_and_however_wide(
+    built: Built,
+) -> None:
+    """The drive model alone has nothing to beat, and an interval of the error's size holds it."""
+    uses = {PREDICTION: built.model.axes["X"][PREDICTION]}
+    scores = {TWIN: uses[PREDICTION].scores[TWIN]}
+    alone = replace(uses[PREDICTION], champion=TWIN, scores=scores)
+    model = replace(built.model, axes={**built.model.axes, "X": {PREDICTION: alone}})
+    settings = judging(TRAINING, records())
+    load = SUBMODEL.load(built.folder, settings)
+
+    def of_no_use(case: Case) -> Prediction:
+        frame = load(case).frame
+        wide = 2 * frame["measured"].abs().max()
+        return Prediction(frame=frame.assign(predicted=0.0, low=-wide, high=wide))
+
+    cases = SUBMODEL.cases(Records(**built.reads), settings)
+    targets = [one for one in SUBMODEL.targets(settings, model)
+               if one.quantity == f"{QUANTITIES[PREDICTION]} X"]  # fmt: skip
+    found = judge_of(model, of_no_use, cases, targets, sets=None, files={}).verdict
+    assert found.status == "failed"
+    assert any("is 100 % of the RMS of what was measured, above 70 %" in r for r in found.reasons)
 
 
 def test_the_model_with_a_fuzzy_speed_loop_stands_beside_the_prediction(built: Built) -> None:

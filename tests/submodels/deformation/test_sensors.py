@@ -10,10 +10,13 @@ from pipeline.submodels.deformation.records import Profile, State
 from pipeline.submodels.deformation.sensors import (
     DEAD,
     DRIFTING,
+    ERRATIC,
     JUMPED,
+    SHIFTED,
     SensorModel,
     SensorSettings,
     fit_sensors,
+    steps_of,
 )
 from tests.submodels.deformation.growth_files import NAMES, made
 
@@ -111,6 +114,53 @@ def test_faults_in_training_do_not_hide_themselves() -> None:
     for k, one in enumerate(some):
         names = [fault.sensor for fault in model.check(one.state).faults]
         assert names == ([NAMES[3]] if k in kinds else [])
+
+
+def jumped(one: Profile, sensor: int, by: float, first: int = 60) -> Profile:
+    values = one.state.temperatures.copy()
+    values[first:, sensor] += by
+    return replace(one, state=replace(one.state, temperatures=values))
+
+
+@pytest.mark.parametrize("sensor", [0, 2, 4])
+@pytest.mark.parametrize("by", [4.0, -9.0])
+def test_a_jump_in_half_of_the_training_recordings_is_no_part_of_what_is_usual(
+    sensor: int, by: float
+) -> None:
+    some = [jumped(one, sensor, by, 45 + 4 * k) if k % 2 else one for k, one in enumerate(TRAINING)]
+    model = fit_sensors(some, NAMES, SensorSettings())
+    assert max(model.tolerance_K) < 3.0
+    for k, one in enumerate(some):
+        faults = model.check(one.state).faults
+        assert [fault.sensor for fault in faults] == ([NAMES[sensor]] if k % 2 else [])
+        if faults:  # the sample of the jump
+            assert faults[0].since_s == 60.0 * (45 + 4 * k) and faults[0].kind == JUMPED
+
+
+def test_an_offset_that_stays_from_a_date_on_is_told_from_the_recordings_before() -> None:
+    some = [jumped(one, 2, 6.0, 0 if k > 4 else 60) if k > 3 else one
+            for k, one in enumerate(TRAINING)]  # fmt: skip
+    model = fit_sensors(some, NAMES, SensorSettings())
+    faults = [model.check(one.state).faults for one in some]
+    assert [len(one) for one in faults] == [0] * 4 + [1] * 4
+    assert {fault.sensor for one in faults for fault in one} == {NAMES[2]}
+    assert {one[0].kind for one in faults[5:]} == {SHIFTED}
+
+
+def test_a_sensor_of_which_far_more_is_tolerated_is_faulty_everywhere(model: SensorModel) -> None:
+    wide = replace(model, tolerance_K=(*model.tolerance_K[:4], 69.0))
+    state = profile(9).state
+    (fault,) = wide.check(state).faults
+    assert (fault.sensor, fault.kind, fault.since_s) == (NAMES[4], ERRATIC, 0.0)
+    assert wide.check(state, ignored=(NAMES[4],)).faults == ()
+
+
+def test_neither_a_slope_nor_its_change_is_a_step_but_a_jump_is() -> None:
+    minute = np.arange(40.0)
+    kink = np.where(minute < 20, 0.1 * minute, 2.0 + 1.5 * (minute - 20))
+    found = steps_of(np.column_stack([kink, kink + 5.0 * (minute >= 25)]))
+    assert np.abs(found[:, 0]).max() < 2.1 and int(np.argmax(found[:, 1])) == 25
+    assert found[25, 1] == pytest.approx(5.0)
 
 
 def test_a_sensor_that_is_dead_in_all_recordings_is_to_be_left_out() -> None:

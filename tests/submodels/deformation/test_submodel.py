@@ -1,5 +1,6 @@
 """Spindle growth on the contract: roles, leaks, the verdict, serving, refusals, determinism."""
 
+import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,16 +10,21 @@ import pandas as pd
 import pytest
 
 from pipeline.nets.settings import TrainingSettings
-from pipeline.schema.store import read_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.deformation import fit
 from pipeline.submodels.deformation.comparison import GROWTH, methods_table
 from pipeline.submodels.deformation.methods import METHODS
 from pipeline.submodels.deformation.model import (
     REGIMES,
+    REPLACED,
     DeformationFitSettings,
     DeformationModel,
+    GrowthModel,
+    Learnt,
+    TrainingFault,
     load_growth_model,
 )
 from pipeline.submodels.deformation.submodel import (
@@ -180,10 +186,88 @@ def test_serving_gives_what_was_judged_and_needs_nothing_later(built: Built, row
     assert (found["low"] < found["growth"]).all() and (found["growth"] < found["high"]).all()
 
 
+@pytest.mark.parametrize(("probe", "quantity"), [(False, GROWTH), (True, FOLLOWED)])
+def test_the_served_interval_is_the_judged_one(built: Built, probe: bool, quantity: str) -> None:
+    one, frame = recordings()["p08"], built.predictions
+    table = table_of(one).assign(**({"growth": one.growth} if probe else {}))
+    served = SUBMODEL.serve(built.folder)(table)
+    judged = frame[
+        (frame["case"] == "growth/p08.csv") & (frame["quantity"] == quantity)
+        & ((frame["regime"] == "") | probe)
+    ].sort_values("t")  # fmt: skip
+    for end in ("low", "high"):
+        assert served[end].to_numpy() == pytest.approx(judged[end].to_numpy(), abs=1e-6)
+    decided = {one.quantity for one in built.verdict.scores if one.coverage_limits}
+    assert quantity in decided
+
+
+def withheld(built: Built, **changed: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Growth and reasons of a recording under a changed model."""
+    model = load_growth_model(built.folder)
+    model = GrowthModel(replace(model.file, **changed), model.ensembles)
+    case = SUBMODEL.cases(Records(signals=built.signals), fitting_settings()).of("held_out")[0]
+    pieces = model.pieces(model.checked(case.load().state))
+    growth = model.stitched(pieces).mean(axis=0)
+    return growth, model.withheld(pieces, growth)
+
+
+def test_growth_beyond_that_of_training_is_no_correction(built: Built) -> None:
+    learnt = {**built.model.learnt, GROWTH: Learnt(low=-4.0, high=8.0, unit="um")}
+    growth, reason = withheld(built, learnt=learnt, widening=0.25)
+    assert ((reason != "") == ((growth > 11.0) | (growth < -7.0))).all()
+    assert (reason != "").any() and "-7 to 11 um was not learnt" in reason[reason != ""][0]
+
+
+def test_two_methods_that_disagree_are_no_correction(built: Built) -> None:
+    assert set(withheld(built)[1]) == {""}
+    growth, reason = withheld(built, second="persistence", agreement_um=3.0)
+    assert ((reason != "") == (np.abs(growth) > 3.0)).all()  # half of the growth is always less
+    assert "differ by more than 3 um" in reason[reason != ""][0]
+
+
+def test_where_there_is_no_correction_it_is_served_and_judged_so(
+    built: Built, tmp_path: Path
+) -> None:
+    shutil.copytree(built.folder, tmp_path / "model")
+    file = read_json(tmp_path / "model/model.json", DeformationModel)
+    write_json(replace(file, second="persistence", agreement_um=3.0), tmp_path / "model/model.json")
+    served = SUBMODEL.serve(tmp_path / "model")(table_of(recordings()["p08"]))
+    none = (served["reason"] != "").to_numpy()
+    assert none.any() and served.loc[none, ["growth", "low", "high"]].isna().all(axis=None)
+    case = SUBMODEL.cases(Records(signals=built.signals), fitting_settings()).of("held_out")[0]
+    frame = SUBMODEL.load(tmp_path / "model", judging_settings())(case)
+    rows = frame.frame[(frame.frame["quantity"] == GROWTH) & (frame.frame["regime"] == "")]
+    assert (rows["predicted"].to_numpy()[none] == 0).all() and rows["low"].isna()[none].all()
+    assert frame.facts["without correction"].value == pytest.approx(100 * none.mean(), rel=1e-2)
+
+
+@pytest.mark.parametrize("champion", ["linear", "expansion"])
+def test_persistence_is_to_be_beaten_first_whichever_method_serves(
+    built: Built, champion: str
+) -> None:
+    first = SUBMODEL.targets(judging_settings(), replace(built.model, champion=champion))[0]
+    assert first.must_beat[0] == "persistence"
+
+
+def test_what_is_faulty_never_serves_whatever_training_says(
+    built: Built, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    errors = iter([2.0, 3.0, 1.0])  # replaced, left out, kept
+    monkeypatch.setattr(fit, "_linear_left_out", lambda x, growth: next(errors))
+    cases = SUBMODEL.cases(Records(signals=built.signals), fitting_settings()).of("held_out")
+    profiles = [case.load() for case in cases]
+    model = built.model.sensors
+    faults = [TrainingFault(case=one.name, fault=fault) for one in profiles
+              for fault in model.check(one.state).faults]  # fmt: skip
+    chosen = fit._treatment(profiles, model, faults, (600.0,))
+    assert chosen.chosen == REPLACED and chosen.rmse_um["kept"] == 1.0
+
+
 def test_the_example_is_served(built: Built) -> None:
     table = SUBMODEL.example(built.folder)
     found = SUBMODEL.serve(built.folder)(table)
-    assert len(found) == len(table) and np.isfinite(found.to_numpy()).all()
+    assert len(found) == len(table) and set(found.pop("reason")) == {""}
+    assert np.isfinite(found.to_numpy()).all()
 
 
 def test_what_was_not_learnt_is_refused_by_name_and_value(built: Built) -> None:
@@ -218,6 +302,13 @@ def fitting_settings() -> Any:
     return Fitting(
         identity=IDENTITY, roles=ROLES, deformation_records=RECORDS, deformation_fit=QUICK
     )
+
+
+def judging_settings() -> Judging:
+    return Judging(
+        identity=IDENTITY, roles=ROLES, deformation_records=RECORDS,
+        deformation_limits=DeformationLimits(),
+    )  # fmt: skip
 
 
 @pytest.mark.proof

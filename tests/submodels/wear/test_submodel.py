@@ -8,11 +8,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from pipeline.schema.predictions import AGAIN
 from pipeline.schema.store import read_json
 from pipeline.signals.wear_records import WearSource
-from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.cases import Case, Records, Roles
+from pipeline.submodels.contract import Prediction
 from pipeline.submodels.judge import judge
-from pipeline.submodels.statistics import DRAWN
+from pipeline.submodels.statistics import DRAWN, auc
+from pipeline.submodels.wear import fit
 from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     BLEND,
@@ -20,6 +23,7 @@ from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
     MEDIAN,
+    METHODS,
     RESNET,
     RIDGE,
     WEAR,
@@ -193,17 +197,23 @@ def class_signals(folder: Path) -> Path:
     return folder / "signals"
 
 
-def test_worn_or_not_is_a_probability(tmp_path: Path) -> None:
-    records = replace(
-        wear_records(progress="", continuous={"feed": "mm/min"}, discrete=(), table=None, tool=""),
-        wear=WearSource(name="wear_class", worn=("worn",), unworn=("unworn",)),
-        recordings=("*.parquet",),
-    )
-    roles = Roles(training=("e[0-5].parquet",))
-    found = build(
-        tmp_path, signals=class_signals(tmp_path), roles=roles, records=records,
+CLASS_RECORDS = replace(
+    wear_records(progress="", continuous={"feed": "mm/min"}, discrete=(), table=None, tool=""),
+    wear=WearSource(name="wear_class", worn=("worn",), unworn=("unworn",)),
+    recordings=("*.parquet",),
+)
+CLASS_ROLES = Roles(training=("e[0-5].parquet",))
+
+
+def class_built(folder: Path) -> Built:
+    return build(
+        folder, signals=class_signals(folder), roles=CLASS_ROLES, records=CLASS_RECORDS,
         settings=replace(NO_NETWORK, folds=3),
     )  # fmt: skip
+
+
+def test_worn_or_not_is_a_probability(tmp_path: Path) -> None:
+    found = class_built(tmp_path)
     model, verdict = found.model, found.judged.verdict
     assert model.quantity == WORN and not model.bands and not model.per_recording
     assert model.scores[model.champion].balanced_accuracy == 1.0
@@ -214,6 +224,63 @@ def test_worn_or_not_is_a_probability(tmp_path: Path) -> None:
     assert right.all()
     facts = next(c.facts for c in verdict.cases if c.case == "e7.parquet")
     assert facts["mean probability of a worn tool"].value > 0.5  # type: ignore[operator]
+
+
+def told_of(worn: list[int], **by: list[float]) -> fit._Told:
+    """Two readings of each tool, left out; every method says the same of both."""
+    twice = {name: np.repeat(np.array(one), 2) for name, one in by.items()}
+    tool = np.repeat([f"e{k}" for k in range(len(worn))], 2)
+    return fit._Told(by=twice, wear=np.repeat(np.array(worn, float), 2), tool=tool,
+                     use=np.zeros(2 * len(worn)))  # fmt: skip
+
+
+def who_serves(out: fit._Told, *, is_class: bool = True) -> tuple[str, dict[str, float]]:
+    weights = fit._with_blend(out)
+    scores = {name: fit._score(out, one, is_class=is_class) for name, one in out.by.items()}
+    return fit._who_serves(out, scores, weights, is_class=is_class)[0], weights
+
+
+WORN_OR_NOT = [0, 1, 0, 1, 0, 1, 0, 1]
+
+
+def test_a_part_that_orders_tools_better_serves_instead_of_the_median() -> None:
+    """The median of a good and a bad method errs less than neither, and orders worse."""
+    ridge = [0.30, 0.45, 0.28, 0.46, 0.31, 0.47, 0.33, 0.44]
+    forest = [0.52, 0.30, 0.55, 0.28, 0.50, 0.31, 0.53, 0.29]
+    out = told_of(WORN_OR_NOT, ridge=ridge, forest=forest, guess=[0.5] * 8)
+    name, _ = who_serves(out)
+    assert name == "ridge"
+    assert auc(out.by[name], out.wear) == 1.0 > (auc(out.by["median"], out.wear) or 0)
+
+
+@pytest.mark.parametrize("is_class", [True, False])
+def test_the_guess_alone_never_serves(*, is_class: bool) -> None:
+    signals = [0.9, 0.1, 0.8, 0.2, 0.9, 0.1, 0.8, 0.2]
+    guess = [0.1, 0.9, 0.2, 0.8, 0.1, 0.9, 0.2, 0.8]
+    name, weights = who_serves(told_of(WORN_OR_NOT, ridge=signals, guess=guess), is_class=is_class)
+    assert weights["guess"] == pytest.approx(1.0) and name != "blend"
+
+
+def test_three_tools_are_enough_whatever_the_folds(tmp_path: Path) -> None:
+    found = build(tmp_path, roles=Roles(training=("wear/T[0-2]_*",)), settings=QUICK, tools=5)
+    assert set(METHODS) <= set(found.model.scores)
+
+
+def test_a_class_that_is_not_told_fails_by_the_area_under_the_curve(tmp_path: Path) -> None:
+    found = class_built(tmp_path)
+    settings = judging(CLASS_ROLES, CLASS_RECORDS)
+    load = SUBMODEL.load(found.folder, settings)
+
+    def of_no_use(case: Case) -> Prediction:
+        one = load(case)
+        same = {name: 0.5 for name in map(str, one.frame) if name.startswith(AGAIN)}
+        return replace(one, frame=one.frame.assign(predicted=0.5, **same))
+
+    cases = SUBMODEL.cases(Records(signals=found.signals), settings)
+    targets = SUBMODEL.targets(settings, found.model)
+    verdict = judge(found.model, of_no_use, cases, targets, sets=None, files={}).verdict
+    said = f"{WORN}: area under the ROC curve 0.5 is below 0.7"
+    assert verdict.status == "failed" and said in verdict.reasons
 
 
 # ---- serving
