@@ -91,6 +91,15 @@ class Score(Figures):
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
 
+    @property
+    def others(self) -> Mapping[str, Figures]:
+        """Baselines that are not the model itself, which then has the same errors."""
+        own = (self.mae, self.rmse, self.max, self.bias)
+        return {
+            name: one for name, one in self.baselines.items()
+            if (one.mae, one.rmse, one.max, one.bias) != own
+        }  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:
