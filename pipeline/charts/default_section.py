@@ -27,6 +27,8 @@ ROLES: Mapping[Role, str] = {
     "training": "fitted on", "held_out": "held out", "golden": "golden", "sealed": "sealed",
 }  # fmt: skip
 """What a case was for, in a table."""
+MOST_PERCENT = 1000.0
+"""Relative error above which what was measured is next to nothing beside it [%]."""
 STEPS = 300
 """Stretches of the horizontal axis of a figure, each drawn by its lowest and highest value."""
 
@@ -117,7 +119,7 @@ def scores_table(
     scores = [s for s in verdict.scores if s.n]
     if not scores:
         return None
-    others = list(dict.fromkeys(name for s in scores for name in s.baselines))
+    others = list(dict.fromkeys(name for s in scores for name in s.others))
     heads = [
         *names("Quantity", of, "used"),
         *numbers(("MAE", ""), ("RMSE", ""), ("max", "")),
@@ -157,12 +159,19 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         ROLES[s.role],
         *(_error(getattr(s, name), s.spread.get(name)) for name in ("mae", "rmse", "max")),
         powers(unit_words(s.unit)),
-        _error(s.relative_percent, s.spread.get("relative_percent")),
+        _relative(s),
         *(_interval(s) if covered else []),
         *errors,
         limits or "–",
         Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
     )
+
+
+def _relative(s: Score) -> str:
+    """RMSE as a share of what was measured, where that is not next to nothing."""
+    if s.relative_percent is None or s.relative_percent > MOST_PERCENT:
+        return "–"
+    return _error(s.relative_percent, s.spread.get("relative_percent"))
 
 
 def _error(value: float | None, spread: float | None = None) -> str:

@@ -14,9 +14,12 @@ from pipeline.report.scorecard import counting_figure
 from pipeline.report.states import NOW, ActionRow
 from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.texts import Texts
+from pipeline.schema.days import day_of
 
 STOP, REPORT, USE, OPEN = "stop", "report", "use", "open"
 """Deadlines beside :data:`NOW`, by their key in the texts."""
+RECURS_DAYS = 3
+"""Days below which an alarm does not recur."""
 ORDER: tuple[str, ...] = get_args(Role)
 """Readers of the table, those at the machine first."""
 
@@ -59,7 +62,7 @@ def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """Alarms that were active at the end of the records."""
+    """Alarms that were active at the end of the records, and those that come on most days."""
     for same in facts.alarms.kinds:
         last = same[-1]
         if any(one.ended == "open" for one in same):
@@ -70,6 +73,17 @@ def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
             yield ActionRow(
                 action=Action(what=clear, where=last.where or last.item, why=why, until=NOW,
                               who="maintenance"),
+                href="#alarms",
+            )  # fmt: skip
+            continue
+        days = {day_of(one.start, facts.work.time_zone) for one in same}
+        worked = len(facts.work.worked_days)
+        if len(days) >= RECURS_DAYS and len(days) > worked / 2:
+            why = say("action.recurs_why", alarm=last.text or last.item, count=len(same),
+                      days=len(days), all=worked, moment=say.moment(last.start))  # fmt: skip
+            yield ActionRow(
+                action=Action(what=say("action.recurs"), where=last.where or last.item, why=why,
+                              until=STOP, who="maintenance"),
                 href="#alarms",
             )  # fmt: skip
 

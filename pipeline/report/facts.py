@@ -23,6 +23,8 @@ REMOVED_A_DAY = 50
 """Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
 SILENT_S = 86_400.0
 """Time by which a log that still writes may end before other records [s]: a day off."""
+AT_ONCE_S = 600.0
+"""Time before the end of the last known state from which on "unavailable" is of that end [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,10 +112,19 @@ class MachineFacts:
         ]
 
     @property
+    def off(self) -> bool:
+        """Whether the last that the agent said of the machine is that it is unavailable."""
+        end, since = self.work.last, self.records.unavailable_since
+        return end is not None and since is not None and since >= end - AT_ONCE_S
+
+    @property
     def silence(self) -> float | None:
-        """By how much [s] the log ends before other live sources; None where it does not."""
+        """By how much [s] the log ends before other live sources; None where it does not.
+
+        A machine whose agent says at the end that it is unavailable is off, not silent.
+        """
         end, last = self.work.last, self.records.last_live
-        if end is None or last is None:
+        if end is None or last is None or self.off:
             return None
         behind = last.timestamp() - end
         return behind if behind > SILENT_S else None

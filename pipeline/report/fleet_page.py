@@ -55,7 +55,7 @@ class FleetPage:
 
 def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
     """Line of one machine."""
-    last = say.moment(facts.records.last)
+    last = say.moment(facts.records.last_live or facts.records.last)
     return FleetRow(folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last)
 
 

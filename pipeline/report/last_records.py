@@ -19,6 +19,7 @@ class Origin:
     files: int
     last: float | None
     silent: float | None = None
+    off: bool = False
 
 
 def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
@@ -38,7 +39,12 @@ def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
         (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
     )
     end = facts.work.last
-    log = [Origin(name=log_name, files=len(facts.work.state_files), last=end, silent=facts.silence)]
+    log = [
+        Origin(
+            name=log_name, files=len(facts.work.state_files), last=end, silent=facts.silence,
+            off=facts.off,
+        )
+    ]  # fmt: skip
     return [*(log if end is not None else []), *clocked]
 
 
@@ -52,7 +58,7 @@ def columns(say: Texts) -> tuple[Column[Origin], ...]:
         )),
         Column(say("last.state"), lambda one: (
             Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
-            if one.silent is not None else "–"
+            if one.silent is not None else say("last.off") if one.off else "–"
         )),
     )  # fmt: skip
 

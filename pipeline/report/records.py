@@ -121,6 +121,7 @@ class RecordsRead:
     gap_causes: list[tuple[str, int, float]] | None
     longest_gaps: list[Gap]
     losses: list[Gap]
+    unavailable_since: float | None = None
 
     @property
     def records(self) -> int:
@@ -172,7 +173,7 @@ def _live(files: list[tuple[datetime, datetime, int]]) -> bool:
 
 def records_read(folders: MachineFolders, shelf: SourceRegistry) -> RecordsRead:
     """Manifest, rejected records, audit of cleaning and gaps of a machine."""
-    causes, longest, losses = _gaps(folders, shelf)
+    causes, longest, losses, since = _gaps(folders, shelf)
     return RecordsRead(
         folders=folders,
         shelf=shelf,
@@ -182,6 +183,7 @@ def records_read(folders: MachineFolders, shelf: SourceRegistry) -> RecordsRead:
         gap_causes=causes,
         longest_gaps=longest,
         losses=losses,
+        unavailable_since=since,
     )
 
 
@@ -239,13 +241,17 @@ def _changes(folders: MachineFolders, shelf: SourceRegistry) -> list[tuple[str, 
 
 def _gaps(
     folders: MachineFolders, shelf: SourceRegistry
-) -> tuple[list[tuple[str, int, float]] | None, list[Gap], list[Gap]]:
-    """(cause, number of gaps, longest [s]), the longest gaps, the longest unannounced ones."""
+) -> tuple[list[tuple[str, int, float]] | None, list[Gap], list[Gap], float | None]:
+    """(cause, number of gaps, longest [s]), the longest gaps, the longest unannounced ones.
+
+    The last is since when [s] the agent has said that something is unavailable; None where it has
+    not.
+    """
     path = folders.clean / "gaps.parquet"
     columns = ("data_item", "start", "end", "cause")
     table = shelf.table(path, columns, CLEANED)
     if table is None:
-        return None, [], []
+        return None, [], [], None
     start, end = (nanoseconds(table.column(c)) for c in ("start", "end"))
     closed = (start != np.iinfo(np.int64).min) & (end != np.iinfo(np.int64).min)
     length = np.where(closed, end - start, 0)
@@ -266,7 +272,9 @@ def _gaps(
         (str(c), int((named == c).sum()), float(length[named == c].max()) / NS)
         for c in np.unique(named)
     ]
-    return summary, longest[:10], [g for g in longest if g.cause != ANNOUNCED][:10]
+    lasting = start[(named == ANNOUNCED) & (end == np.iinfo(np.int64).min)]
+    since = float(lasting.max()) / NS if len(lasting) else None
+    return summary, longest[:10], [g for g in longest if g.cause != ANNOUNCED][:10], since
 
 
 def nanoseconds(column: pa.ChunkedArray) -> np.ndarray:

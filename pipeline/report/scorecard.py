@@ -1,7 +1,7 @@
 """What the twin may be trusted for: one row for each sub-model, from its verdict alone."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.report.page_names import evidence_page
 from pipeline.report.submodel_pages import ModelledPart
@@ -11,6 +11,11 @@ from pipeline.schema.verdict import Score, Verdict
 
 JUDGED_ON = ("golden", "held_out")
 """Roles of records that a verdict can rest on."""
+MINUS = "\N{MINUS SIGN}"
+FEW = 5
+"""Groups of records below which their number is said."""
+ONE_SIDED = 0.5
+"""Share of the RMSE from which on a bias is said [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +33,8 @@ class Counts:
     passed_limit : bool
         Whether the value is beyond its limit.
     worse : str
-        The largest error of the same kind on any other records, where that is larger.
+        Its bias, where that is much of it, and the largest error of the same kind on any other
+        records, where that is larger.
     """
 
     what: str
@@ -61,6 +67,9 @@ def _line(machine: str, one: ModelledPart, say: Texts) -> Line:
     status = one.page.verdict.status if one.page.verdict is not None else "unknown"
     role = None if one.judged is None else one.judged.judged_role
     records = say("score.judged_on", records=say(f"score.{role}")) if role in JUDGED_ON else ""
+    groups = {c.group for c in one.judged.cases if c.role == role} if one.judged else set()
+    if records and 0 < len(groups) < FEW:
+        records = say("score.few", records=records, count=len(groups))
     return Line(
         title=say.title(one.title), status=status, word=say(f"verdict.{status}"),
         judged_on=records, figure=counting_figure(one, say), href=evidence_page(machine, one.name),
@@ -80,13 +89,26 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
                      error=worst.words, place=_place(score.group, say)),
             value=worst.shown, limit=worst.limit_shown, baseline=beside,
             interval=_interval(verdict, say, score), passed_limit=worst.value > worst.limit,
-            worse=_worse(worse_elsewhere(verdict, worst), score, say),
+            worse=_also(_bias(worst, say), _worse(worse_elsewhere(verdict, worst), score, say)),
         )  # fmt: skip
     interval = "" if verdict is None else _interval(verdict, say)
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value=say("format.not_known"), interval=interval)
     what, shown, aside = one.page.key_figures[0]
     return Counts(what=say.given(what), value=shown, baseline=say.given(aside), interval=interval)
+
+
+def _also(*words: str) -> str:
+    return "; ".join(one for one in words if one)
+
+
+def _bias(worst: WorstError, say: Texts) -> str:
+    """How far predictions lie to one side, where that is much of the error; else empty."""
+    bias, rmse = worst.score.bias, worst.score.rmse
+    if bias is None or not rmse or abs(bias) < ONE_SIDED * rmse or worst.name == "bias":
+        return ""
+    size = replace(worst, name="bias", value=abs(bias)).shown
+    return say("score.bias", value=f"{'+' if bias > 0 else MINUS}{size}")
 
 
 def _worse(found: WorstError | None, shown: Score, say: Texts) -> str:

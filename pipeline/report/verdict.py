@@ -41,12 +41,12 @@ def machine_verdict(facts: MachineFacts, say: Texts = ENGLISH) -> MachineVerdict
     counting, beside = _judged(facts)
     twin = _twin(facts, counting, beside, [sentence for sentence, _ in grave], say)
     actions = machine_actions(facts, repaired, trusted=twin.status == "passed", say=say)
-    passed = sum(v.status == "passed" for _, v in counting)
+    passed = sum(v.status == "passed" for _, v in [*counting, *beside])
     return MachineVerdict(
         condition=_condition(facts, actions, say),
         twin=twin,
         actions=actions,
-        passed=(passed, len(counting)) if counting else None,
+        passed=(passed, len(counting) + len(beside)) if counting else None,
     )
 
 
@@ -92,19 +92,19 @@ def _twin(
     ]  # fmt: skip
     return StateLine(
         status=_twin_status([v for _, v in counting], grave),
-        word=_twin_word(counting, say),
+        word=_twin_word([*counting, *beside], say),
         sentences=[*grave, *_not_passed(counting, say), *rest] or [say("twin.kept")],
     )
 
 
-def _twin_word(counting: list[Judged], say: Texts) -> str:
-    """How many passed; of one alone its verdict."""
-    if len(counting) == 1:
-        one, verdict = counting[0]
+def _twin_word(judged: list[Judged], say: Texts) -> str:
+    """How many passed of those in the table; of one alone its verdict."""
+    if len(judged) == 1:
+        one, verdict = judged[0]
         words = say(f"verdict.{verdict.status}")
         return say("twin.only", title=say.given(one.title), verdict=words)
-    passed = sum(v.status == "passed" for _, v in counting)
-    return passed_words(passed, len(counting), say)
+    passed = sum(v.status == "passed" for _, v in judged)
+    return passed_words(passed, len(judged), say)
 
 
 def _not_passed(counting: list[Judged], say: Texts) -> list[str]:

@@ -52,7 +52,7 @@ class WorstError:
     def baseline(self) -> tuple[str, str] | None:
         """The best baseline by the same error, and that error with its unit."""
         errors: list[tuple[float, str]] = [
-            (abs(value), other) for other, figures in self.score.baselines.items()
+            (abs(value), other) for other, figures in self.score.others.items()
             if (value := getattr(figures, self.name)) is not None
         ]  # fmt: skip
         if not errors:

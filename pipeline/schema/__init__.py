@@ -17,6 +17,7 @@ __all__ = [
     "forest",
     "golden",
     "identity",
+    "imports",
     "interval",
     "limits",
     "model",

@@ -103,6 +103,15 @@ class Score(Figures):
         """How wide the interval is for what the prediction errs by [1]: holding is not enough."""
         return self.half_width / self.rmse if self.half_width and self.rmse else None
 
+    @property
+    def others(self) -> Mapping[str, Figures]:
+        """Baselines that are not the model itself, which then has the same errors."""
+        own = (self.mae, self.rmse, self.max, self.bias)
+        return {
+            name: one for name, one in self.baselines.items()
+            if (one.mae, one.rmse, one.max, one.bias) != own
+        }  # fmt: skip
+
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:

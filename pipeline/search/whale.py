@@ -42,7 +42,7 @@ class WhaleSettings(SearchSettings, section="whale"):
         Whether whales with abs(A) >= 1 roam about another whale, else they encircle the best one.
     by_axis : bool
         Whether A and C are drawn for each axis, as the paper's text has it, or once for each whale,
-        as in its authors' program.
+        as in its authors' program, which draws the whale to roam about anew for each axis, too.
     origin : float
         Place on every axis of the unit cube that the formulas take for zero [1].
 

@@ -80,7 +80,8 @@ def line(name: str, paths: Sequence[Path], began: float) -> str:
     written = [path for path, found in files.items() if _changed(found, began)]
     read = [path for path in paths if path not in written]
     parts = [f"read {_sizes([file for path in read for file in files[path]])}"] if read else []
-    parts += [found for path in written for found in _found(files[path])]
+    now = [file for path in written for file in files[path] if _changed([file], began)]
+    parts += _found(now)  # beside them may lie what a stage before wrote
     parts += [f"wrote {path} ({_sizes(files[path])})" for path in written]
     return f"{name}: " + "; ".join([*parts, f"took {time.time() - began:.1f} s"])
 
@@ -101,7 +102,7 @@ def _sizes(files: Sequence[Path]) -> str:
 
 
 def _found(files: Sequence[Path]) -> list[str]:
-    """What a written folder says of itself: verdicts of sub-models, counts of records."""
+    """What written files say of themselves: verdicts of sub-models, counts of records."""
     found = []
     for file in files:
         if file.name == "verdict.json":

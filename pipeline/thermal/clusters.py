@@ -21,10 +21,14 @@ TOLERANCE = 1e-9
 the points from their mean [1]."""
 ITERATIONS = 1000
 """Greatest number of iterations [1]."""
+STARTS = 10
+"""Draws of initial centres [1]."""
 
 
 def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[Floats, Floats]:
     """Centres, shape (C, D), of points, and the membership of each point in each, (N, C).
+
+    J has several minima: of those that ``STARTS`` starts lead to it is the least.
 
     Parameters
     ----------
@@ -46,8 +50,20 @@ def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[F
     >>> np.sort(centres[:, 0]).round(2).tolist()
     [0.05, 5.05]
     """
-    x = np.asarray(points, float)
-    centres = _spread_points(x, clusters, np.random.default_rng(seed))
+    x, rng = np.asarray(points, float), np.random.default_rng(seed)
+    found = [_at_rest(x, _spread_points(x, clusters, rng)) for _ in range(STARTS)]
+    centres = min(found, key=lambda one: objective(x, one))
+    return centres, memberships(x, centres)
+
+
+def objective(x: Floats, centres: Floats) -> float:
+    """J of points (N, D) with their best memberships in clusters."""
+    square = ((x[:, None] - centres) ** 2).sum(axis=2)
+    return float((memberships(x, centres) ** 2 * square).sum())
+
+
+def _at_rest(x: Floats, centres: Floats) -> Floats:
+    """Centres that the iteration from some others ends at."""
     least = TOLERANCE * float(np.sqrt(x.var(axis=0).sum()))
     for _ in range(ITERATIONS):
         weights = memberships(x, centres) ** 2
@@ -56,7 +72,7 @@ def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[F
         centres = moved
         if still:
             break
-    return centres, memberships(x, centres)
+    return centres
 
 
 def memberships(x: Floats, centres: Floats) -> Floats:

@@ -1,6 +1,8 @@
 """What the report finds unusual in a machine's files, and what it leaves alone."""
 
 import json
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow as pa
@@ -18,11 +20,18 @@ from report_folders import (
     write_table,
 )
 
+from pipeline.charts.default_section import scores_table
+from pipeline.charts.sections import PartVerdict, SubModelPage
+from pipeline.report.actions import machine_actions
+from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
+from pipeline.report.scorecard import scorecard
+from pipeline.report.texts import ENGLISH
 from pipeline.report.work import Day, Work
-from pipeline.report.worst_error import baseline_words
+from pipeline.report.worst_error import baseline_words, worst_error
 from pipeline.schema.store import write_json
+from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
 
 BLANK = {
     "running": None, "position_control": None, "speed_known": None, "runs": [],
@@ -209,3 +218,89 @@ def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_deci
     page = tmp_path / "out" / "m.html"
     assert "mean error, on Thu 7 Mar (elsewhere up to 1.20 K, " in words(page)
     assert "golden records, free run) 0.900 K 2 K" in words(page)
+
+
+def live_table(folders, last):
+    """A table of temperatures that goes on until ``last``, beside a log that ends earlier."""
+    path = folders.signals / "manifest.json"
+    known = json.loads(path.read_text())
+    known["files"]["thermo/a.csv"] = {
+        "sha256": "0" * 64, "read": 90_000, "kept": 90_000, "rejected": 0, "format": "csv",
+        "first": "2024-03-04T00:00:00Z", "last": last,
+    }  # fmt: skip
+    path.write_text(json.dumps(known))
+
+
+@pytest.mark.parametrize("announced", [True, False])
+def test_a_machine_whose_agent_said_unavailable_is_off_and_not_silent(tmp_path, announced):
+    folders = machine(tmp_path, "m", days=4)
+    live_table(folders, "2024-03-12T00:00:00Z")
+    end = machine_facts(folders).work.last
+    start = int((end if announced else end - 7200) * 10**9)
+    write_table(folders.clean / "gaps.parquet", {
+        "data_item": pa.array(["execution"], pa.string()), "start": pa.array([start], UTC_NS),
+        "end": pa.array([None], UTC_NS), "cause": ["unavailable"],
+    })  # fmt: skip
+    facts = machine_facts(folders)
+    assert facts.off is announced
+    assert (facts.silence is None) is announced
+    write_report([folders], FLEET, None, tmp_path / "out")
+    text = every_word(tmp_path / "out" / "m.html")
+    assert ("unavailable since then, as its agent said" in text) is announced
+    assert ("is silent" in text) is not announced
+
+
+def test_an_alarm_of_most_working_days_is_an_action(tmp_path):
+    facts = machine_facts(machine(tmp_path, "m", days=5))
+    rows = {row.action.what: row.action.why for row in machine_actions(facts, [], True, ENGLISH)}
+    assert rows["Find out why this alarm recurs"].startswith(
+        "217 COOLANT LEVEL LOW: 4 times on 4 of 5 working days, last on "
+    )
+    few = machine_facts(machine(tmp_path, "n", days=3))
+    asked = [row.action.what for row in machine_actions(few, [], True, ENGLISH)]
+    assert "Find out why this alarm recurs" not in asked
+
+
+def a_score(**parts):
+    given = {"mae": 4.0, "rmse": 5.0, "max": 9.0, "bias": 0.1, "limits": {"mae": 8.0}, **parts}
+    return Score(quantity="growth", unit="um", group="a", regime="", role="held_out", n=9, **given)
+
+
+def verdict_with(score):
+    return Verdict(
+        submodel="deformation", machine="m", origin="recorded", status="passed",
+        judged_role="held_out", scores=(score,), reasons=(), golden=None,
+    )  # fmt: skip
+
+
+def test_the_best_of_the_baselines_that_are_not_the_model_itself_is_shown():
+    same = Figures(mae=4.0, rmse=5.0, max=9.0, bias=0.1)
+    others = {"guess": same, "mean": Figures(mae=5.43), "persistence": Figures(mae=4.31)}
+    worst = worst_error(verdict_with(a_score(baselines=others)))
+    assert worst.baseline == (baseline_words("persistence"), "4.31\xa0µm")
+    assert worst_error(verdict_with(a_score(baselines={"guess": same}))).baseline is None
+    table = scores_table(verdict_with(a_score(baselines=others)), [])
+    assert "guess" not in {head.group for head in table.heads}
+
+
+def test_a_share_of_next_to_nothing_is_not_shown():
+    def shown(percent):
+        table = scores_table(verdict_with(a_score(relative_percent=percent)), [])
+        column = [head.name for head in table.heads].index("RMSE of its RMS")
+        return str(table.rows[0][column].text)
+
+    assert shown(6.69e8) == "–" and shown(45.0) == "45.0"
+
+
+def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said():
+    case = JudgedCase(case="a", group="a", role="held_out")
+
+    def line(**parts):
+        judged = replace(verdict_with(a_score(**parts)), cases=(case, replace(case, case="b")))
+        page = SubModelPage(verdict=PartVerdict(status="passed", sentence="", todo=""))
+        one = SimpleNamespace(name="deformation", title="growth", judged=judged, page=page)
+        return scorecard("m", [one], ENGLISH)[0]
+
+    assert line(bias=-3.7).figure.worse == "bias −3.70\xa0µm"
+    assert line(bias=0.3).figure.worse == ""
+    assert line().judged_on == "on records held out, 1 of them"

@@ -46,7 +46,8 @@ def test_a_twin_that_passed_says_nothing_of_the_machine() -> None:
 
 def test_generated_signals_that_failed_decide_nothing_and_are_said() -> None:
     found = verdict.machine_verdict(facts(spindle=PASSED, synthesis=FAILED))
-    assert (found.twin.status, found.twin.word) == ("passed", "spindle passed")
+    assert (found.twin.status, found.twin.word) == ("passed", "1 of 2 sub-models passed")
+    assert found.passed == (1, 2)  # as many as the table has rows
     assert found.twin.sentences == ["Synthesis failed; nothing else rests on it."]
 
 

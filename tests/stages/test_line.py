@@ -30,6 +30,15 @@ def test_a_stage_says_what_it_read_found_wrote_and_took(tmp_path: Path) -> None:
     ), said  # fmt: skip
 
 
+def test_the_verdict_of_a_stage_before_is_not_said(tmp_path: Path) -> None:
+    """A model is written into the folder that holds the verdict on the one before it."""
+    (tmp_path / "verdict.json").write_text(json.dumps({"status": "failed"}))
+    os.utime(tmp_path / "verdict.json", (1, 1))
+    (tmp_path / "model.json").write_text("{}")
+    said = line("identify_drive@mill01", [tmp_path], time.time() - 2)
+    assert "found" not in said and "wrote" in said
+
+
 def test_records_are_counted(tmp_path: Path) -> None:
     entries = {"a": {"read": 9, "kept": 7, "rejected": 2}, "b": {"read": 1, "kept": 1}}
     (tmp_path / "manifest.json").write_text(json.dumps({"files": entries}))

@@ -5,7 +5,13 @@ import pytest
 from numpy.typing import NDArray
 from skfuzzy import cmeans
 
-from pipeline.thermal.clusters import fuzzy_c_means, memberships, sensor_groups
+from pipeline.thermal.clusters import (
+    _at_rest,
+    fuzzy_c_means,
+    memberships,
+    objective,
+    sensor_groups,
+)
 
 Array = NDArray[np.float64]
 
@@ -39,6 +45,18 @@ def test_the_objective_is_least_there() -> None:
         other = np.clip(found + 0.01 * rng.normal(size=found.shape), 1e-9, None)
         assert objective(moved, found) > least
         assert objective(centres, other / other.sum(axis=1, keepdims=True)) > least
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_the_least_of_several_minima_is_found(seed: int) -> None:
+    """Two groups close together and two far off: many a start puts both centres into one."""
+    rng = np.random.default_rng(7)
+    middles = np.array([[0.0, 0.0], [0.9, 0.0], [30.0, 0.0], [31.0, 0.0], [0.0, 40.0]])
+    x = middles[np.repeat(range(5), 12)] + 0.1 * rng.normal(size=(60, 2))
+    starts = [_at_rest(x, x[rng.choice(60, 5, replace=False)]) for _ in range(40)]
+    costs = [objective(x, one) for one in starts]
+    assert max(costs) > 1.2 * min(costs)
+    assert objective(x, fuzzy_c_means(x, 5, seed=seed)[0]) < 1.0001 * min(costs)
 
 
 def test_a_point_on_a_centre_belongs_to_it_alone_and_to_centres_that_coincide_alike() -> None:

@@ -1,10 +1,8 @@
-"""Power and torque of a spindle drive over its speed, and the cutting force from its power.
+"""Power of a spindle drive over its speed, and of a cut.
 
 The motor gives constant torque up to its base speed and constant power from there to its top speed,
 P_rated min(1, n / n_base).  The power of the motor, here always that of its shaft, times the
-efficiency from there to the tool is the cutting power and the no-load power of the spindle, P_0(n);
-the cut's part over the cutting speed is the tangential force (Twin2026).  As printed there the
-force grows without bound as n goes to 0; here it is not determined (NaN) below a least speed.
+efficiency from there to the tool is the cutting power and the no-load power of the spindle, P_0(n).
 """
 
 from dataclasses import dataclass

@@ -57,6 +57,15 @@ class Match:
         """Whether all of the run is of the program as it is there."""
         return self.program is not None and not self.reason
 
+    @property
+    def left_out(self) -> str:
+        """Why the run, or what of it, is left out."""
+        if self.program is None:
+            return self.reason
+        lines = [f"{one.first} to {one.last}" for one in self.sections]
+        shown = ", ".join(lines[:3]) + (f" and {len(lines) - 3} more" if len(lines) > 3 else "")
+        return f"all but lines {shown}, which are as in {self.program}: {self.reason}"
+
     def parts(self) -> list[Run]:
         """The matched sections as runs, their lines numbered as in the program."""
         return [self.run] if self.whole else [_part(self.run, s) for s in self.sections]

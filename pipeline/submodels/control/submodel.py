@@ -145,7 +145,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
                     conditions=program_conditions(moves),
                 )
             )  # fmt: skip
-        left_out = [LeftOut(case=m.run.name, reason=m.reason) for m in matches if m.reason]
+        left_out = [LeftOut(case=m.run.name, reason=m.left_out) for m in matches if m.reason]
         refused = [LeftOut(case=name, reason=why) for name, why in programs.refused.items()]
         return Cases(cases=tuple(cases), left_out=tuple(left_out + refused))
 

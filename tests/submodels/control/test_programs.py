@@ -103,6 +103,8 @@ def test_another_revision_is_matched_in_the_sections_that_stayed(shelf, tmp_path
     assert [(s.first, s.shift) for s in found.sections] == [(at[1], 0), (at[3], 3)]
     assert found.sections[0].last == at[2]
     assert "log.txt: no program of the machine fits (lines up to" in found.reason
+    assert found.left_out.startswith("all but lines ")  # the rest is learnt from
+    assert f", which are as in {found.program}: log.txt: no program" in found.left_out
     assert f"T3 at line {at[3]}" in found.reason
 
 
