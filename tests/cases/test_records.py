@@ -10,6 +10,7 @@ import yaml
 
 from pipeline.app.fleet import use_fleet
 from pipeline.app.machine import machine_text, propose
+from pipeline.cutting.stability.frf_file import read_frf
 from pipeline.registry.store import client_of, experiment_of, versions
 from pipeline.signals.formats import (
     Batch,
@@ -416,7 +417,69 @@ def test_marks_of_thousands(tmp_path: Path, cell: str, decimal: str, value: floa
 def test_a_wav_recording_is_named_with_its_remedy(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
     source = RecordSource(format="csv", files="*", table=TableLayout(rest=True, rate=1e4))
-    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
         csv_table.read(tmp_path / "x.csv", source, tmp_path)
-    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
         list(log.read(tmp_path / "x.csv", RecordSource(format="shdr", files="*"), tmp_path))
+
+
+TABLE = "DAQ;;\n\nTime;X_ActPos;X cmd [mm];T front;Fx;probe;state\ns;mm;;degC;N;um;\n" + "".join(
+    f"{k / 1000:.4f};{k * 0.1:.3f};{k * 0.1:.3f};{20 + k / 100:.2f};{k % 7 - 3:.1f};{k};ok\n"
+    for k in range(50)
+).replace(".", ",")
+
+
+def test_a_machine_is_proposed_from_tables(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(TABLE)
+    found = propose("z", None, [tmp_path / "a.csv"], None, tmp_path / "raw")
+    text = machine_text(found)
+    records = yaml.safe_load(text)["records"][0]
+    assert records["table"] == {
+        "units_row": True, "decimal": ",", "time": "Time", "time_unit": "s", "rest": True,
+        "columns": {},
+    }  # fmt: skip
+    choices = yaml.safe_load("".join(
+        f"{line.lstrip(' #')}\n" for line in text.splitlines() if line.startswith("      #   ")
+    ))  # fmt: skip
+    assert {n: one.get("unit") for n, one in choices.items()} == {
+        "x_actpos": None, "x_cmd": "mm", "t_front": None, "fx": None, "probe": None, "state": "",
+    }  # fmt: skip
+    for name, kind in (("X_ActPos", "position"), ("X cmd", "command"), ("T front", "temperature"),
+                       ("Fx", "force"), ("probe", "displacement")):  # fmt: skip
+        line = next(one for one in text.splitlines() if f'"{name}' in one and "#   " in one)
+        assert f"could be a {kind}" in line
+    columns = {n: ColumnSource(**one) for n, one in choices.items()}
+    layout = TableLayout(**records["table"] | {"columns": columns, "text": ("state",)})
+    source = RecordSource(format="csv", files="*", table=layout)
+    assert csv_table.read(tmp_path / "a.csv", source, tmp_path).kept == 50
+
+
+def test_d15_zeros_that_fill_the_last_line_are_no_frequencies(tmp_path: Path) -> None:
+    path = tmp_path / "x.uff"
+    path.write_text(UNEVEN)
+    found = read_frf(path, direction="x")
+    assert found.frequency_Hz.tolist() == [5.0, 10.0, 20.0]
+    accelerance = found.receptance[:, 0, 0] * (2j * np.pi * found.frequency_Hz) ** 2
+    assert accelerance.real == pytest.approx([1.0, 2.0, 3.0])
+    path.write_text(UNEVEN.replace("         5         3", "         5         5"))
+    with pytest.raises(ValueError, match="announces 5 values and has 4: it is cut"):
+        read_frf(path, direction="x")
+
+
+UNEVEN = """    -1
+    58
+n
+n
+01-Jan-2026 00:00:00
+NONE
+NONE
+    4         0    0         0 p1              1   1 NONE               1   1
+         5         3         0  0.00000e+00  0.00000e+00  0.00000e+00
+        18    0    0    0                      Hz
+        12    0    0    0                      m/s^2
+        13    0    0    0                      N
+         0    0    0    0 NONE                 NONE
+  5.00000e+00  1.00000e+00  0.00000e+00  1.00000e+01  2.00000e+00  0.00000e+00
+  2.00000e+01  3.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00
+    -1
+"""
