@@ -5,6 +5,7 @@ from pathlib import Path
 import nptdms
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
@@ -25,6 +26,11 @@ from pipeline.signals.formats import (
 from pipeline.signals.mtconnect import xml_document
 from pipeline.signals.shdr import log
 from pipeline.signals.tables import cells, columnar, csv_table
+from pipeline.submodels.control.runs import read_runs
+from pipeline.submodels.deformation.features import input_maker
+from pipeline.submodels.deformation.methods import growth_record
+from pipeline.submodels.deformation.records import State
+from tests.submodels.deformation.growth_files import made
 
 ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
 
@@ -483,3 +489,28 @@ NONE
   2.00000e+01  3.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00
     -1
 """
+
+
+def test_growth_is_modelled_without_the_ambient_temperature() -> None:
+    """The expansion of the groups needs no air; the two nodes, which do, are left out."""
+    one = made(1)
+    state = State(period=60.0, temperatures=one.temperatures, speed=one.speed,
+                  ambient=np.full(len(one.speed), np.nan))  # fmt: skip
+    record = growth_record(input_maker([state], (600.0,)).of(state), one.growth)
+    assert record.ambient_C[0] == pytest.approx(one.temperatures[0].min(), abs=0.5)
+
+
+def test_a_controls_log_may_be_a_table(tmp_path: Path) -> None:
+    text = "t,Exec,Line,Fx\n" + "".join(
+        f"2026-06-11 00:00:{k:02d},{'ACTIVE' if 5 <= k < 50 else 'READY'},{k // 5},1\n"
+        for k in range(60)
+    )
+    columns = {"execution": ColumnSource(column="Exec"), "line": ColumnSource(column="Line")}
+    trace = table(tmp_path, text, columns=columns, time_unit="iso")
+    pq.write_table(trace.table, tmp_path / "log.parquet")
+    items = {"execution": "execution", "line": "line"}
+    (run,) = read_runs(tmp_path / "log.parquet", items, "log")
+    assert (run.start, run.end) == (5.0, 50.0)
+    pq.write_table(trace.table.rename_columns(["t", "execution", "line"]), tmp_path / "x.parquet")
+    with pytest.raises(ValueError, match="times count from its start: give its layout a start"):
+        read_runs(tmp_path / "x.parquet", items, "log")
