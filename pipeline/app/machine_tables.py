@@ -54,7 +54,9 @@ def table_lines(path: Path, form: str, files: str) -> list[str]:
     lines = [f"  - format: {form}", f"    files: {dumps(files, ensure_ascii=False)}", "    table:"]
     lines += ["      units_row: true"] if layout.units_row else []
     lines += ["      decimal: ','"] if layout.decimal == "," else []
-    if time is None:
+    if time is None and form == "tdms":
+        lines.append("      # rate: 1000.0   # [Hz], where the file does not state it")
+    elif time is None:
         lines.append("      rate: 1000.0   # [Hz]; no column is called a time: correct it")
     else:
         lines += _time(time, columns[time], units[time] or named.get(time, ""))
@@ -87,7 +89,7 @@ def _time(name: str, cells: pa.ChunkedArray, unit: str) -> list[str]:
     lines = [f"      time: {dumps(name, ensure_ascii=False)}"]
     if not pa.types.is_floating(cells.type):
         return [*lines, "      time_unit: iso", "      time_zone: UTC   # of times without a zone"]
-    first, *others = cells.drop_null().to_numpy()[:1000] if len(cells) else (0.0,)
+    first, *others = cells.drop_null().to_numpy()[:1000].tolist() or [0.0]
     step = float(np.median(np.diff([first, *others]))) if others else np.nan
     since_1970 = (u for u, n in _SINCE_1970.items() if first / n > _DATE_S)
     said = _SHORT.get(unit, unit)
