@@ -8,6 +8,7 @@ from pathlib import Path
 from shutil import copy2
 
 from pipeline.app.machine_signals import Choice, Found, find_signals
+from pipeline.app.machine_tables import table_lines
 from pipeline.app.records import ItemSeries, item_series
 from pipeline.schema.days import UTC, check_zone, days_of
 from pipeline.schema.identity import MachineIdentity
@@ -32,7 +33,7 @@ class Proposal:
         Of the machine.
     model : DeviceModel
         Of its one device.
-    devices, device : str
+    devices, device : str or None
         Its Devices document below the machine's folder, and how the device is called there.
     groups : tuple of (str, str)
         Format and pattern of its logs.
@@ -42,16 +43,19 @@ class Proposal:
         Which item is which signal.
     time_zone : str
         Of the plant's days.
+    tables : tuple of str
+        Lines of the records of its tables, as YAML.
     """
 
     name: str
     model: DeviceModel
-    devices: str
+    devices: str | None
     device: str | None
     groups: tuple[tuple[str, str], ...]
     series: dict[str, ItemSeries]
     found: Found
     time_zone: str = UTC
+    tables: tuple[str, ...] = ()
 
     @property
     def days(self) -> list[str]:
@@ -81,13 +85,13 @@ class Proposal:
 
 def propose(
     name: str,
-    devices: Path,
+    devices: Path | None,
     logs: Sequence[Path],
     device: str | None,
     raw: Path,
     time_zone: str = UTC,
 ) -> Proposal:
-    """What the machine's file may say, from its Devices document and its logs.
+    """What the machine's file may say, from its Devices document, its logs and its tables.
 
     ``devices`` and ``logs`` are copied to ``raw`` where they do not stand there.
 
@@ -97,25 +101,28 @@ def propose(
         When a file cannot be read, several devices could be meant, or no such zone is known.
     """
     check_zone(time_zone)
-    for path in (devices, *logs):
+    documents = [devices] if devices else []
+    for path in (*documents, *logs):
         if not path.is_file():
             raise ValueError(f"{path} is no file: name the Devices document and each log")
+    if not documents and not logs:
+        raise ValueError("nothing is named: give the Devices document, logs or tables")
     try:
-        every = read_devices(devices, device)
+        every = read_devices(devices, device) if devices else DeviceModel(items=())
     except UnreadableFile as error:
         raise ValueError(f"{devices}: {error}") from error
-    documents, records = _into(raw, [devices]), _into(raw, logs)
-    groups = _groups(raw, records)
+    documents, records = _into(raw, documents), _into(raw, logs)
+    groups, tables = _groups(raw, records)
     if len(every.devices) > 1:
         names = set(_read(raw, groups, name, None, None))
         device = _meant(every, names)
         every = chosen(every, device)
-    place = documents[0].relative_to(raw).as_posix()
+    place = documents[0].relative_to(raw).as_posix() if documents else None
     series = _read(raw, groups, name, place, device)
     items = [(every.item_name(i), i) for i in every.items]
     return Proposal(
         name=name, model=every, devices=place, device=device, groups=groups, series=series,
-        found=find_signals(items, series), time_zone=time_zone,
+        found=find_signals(items, series), time_zone=time_zone, tables=tables,
     )  # fmt: skip
 
 
@@ -136,20 +143,22 @@ def _into(raw: Path, files: Sequence[Path]) -> list[Path]:
     return placed
 
 
-def _groups(raw: Path, records: Sequence[Path]) -> tuple[tuple[str, str], ...]:
-    """Format and pattern of the logs: one for each folder, ending and format."""
-    found = []
+def _groups(
+    raw: Path, records: Sequence[Path]
+) -> tuple[tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Format and pattern of the logs, and lines for the tables: for each folder, ending, format."""
+    found: list[tuple[str, str]] = []
+    tables: dict[tuple[str, str], list[str]] = {}
     for path in records:
         form = format_of(path)
-        if form not in OBSERVING:
-            raise ValueError(
-                f"{path} is {form}, no log of an agent: describe tables under records of the "
-                "machine's file (docs/data.md)"
-            )
         below = path.relative_to(raw)
         folder = "".join(f"{glob.escape(part)}/" for part in below.parent.parts)
-        found.append((form, f"{folder}*{glob.escape(path.suffix)}"))
-    return tuple(dict.fromkeys(found))
+        group = (form, f"{folder}*{glob.escape(path.suffix)}")
+        if form in OBSERVING:
+            found.append(group)
+        elif group not in tables:
+            tables[group] = table_lines(path, *group)
+    return tuple(dict.fromkeys(found)), tuple(line for some in tables.values() for line in some)
 
 
 def _read(
@@ -189,8 +198,9 @@ def _meant(every: DeviceModel, names: set[str]) -> str:
 def machine_text(p: Proposal) -> str:
     """The proposed file as YAML, every signal with its reason."""
     lines = [
-        f"# Proposed by `kerf machine new {p.name}` from the Devices document"
-        + (" and the logs" if p.series else "") + "; check it and correct it.",
+        f"# Proposed by `kerf machine new {p.name}` from "
+        + " and ".join(["the Devices document"] * bool(p.devices) + ["the logs"] * bool(p.series)
+                       + ["the tables"] * bool(p.tables)) + "; check it and correct it.",
         "identity:",
         f"  name: {p.name}",
         f"  description: {_quoted(p.device or p.name)}   # make and kind, for people",
@@ -230,13 +240,15 @@ def _roles(p: Proposal) -> list[str]:
 
 
 def _records(p: Proposal) -> list[str]:
-    lines = ["records:"] if p.groups else ["records:   # which files there are; none was named"]
-    for form, files in p.groups or (("shdr", "*.txt"),):
-        lines += [f"  - format: {form}", f'    files: "{files}"', f"    devices: {p.devices}"]
+    there = p.groups or p.tables
+    lines = ["records:"] if there else ["records:   # which files there are; none was named"]
+    for form, files in p.groups if there else (("shdr", "*.txt"),):
+        lines += [f"  - format: {form}", f'    files: "{files}"']
+        lines += [f"    devices: {p.devices}"] if p.devices else []
         lines += [f"    device: {_quoted(p.device)}"] if p.device else []
         if form == "shdr":
             lines.append("    values: units   # or native, if an adapter wrote the log")
-    return lines
+    return [*lines, *p.tables]
 
 
 def _spindle(p: Proposal) -> list[str]:
@@ -269,8 +281,12 @@ def fleet_text(p: Proposal, submodels: Sequence[str]) -> str:
 
 def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
     """What was found, in lines; ``submodels`` are name, title and what to record for each."""
-    lines = [f"{len(p.model.items)} data items of {p.device or 'the device'} are described, "
-             f"{len(p.series)} stand in the logs"]  # fmt: skip
+    lines = []
+    if p.devices or p.groups:
+        lines.append(f"{len(p.model.items)} data items of {p.device or 'the device'} are "
+                     f"described, {len(p.series)} stand in the logs")  # fmt: skip
+    if p.tables:
+        lines.append("columns of tables stand in comments, with what each could be: choose")
     for choice in p.found.choices.values():
         where = choice.item or "open: " + " or ".join(choice.candidates)
         lines.append(f"  {choice.signal}: {where} ({choice.why})")

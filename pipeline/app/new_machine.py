@@ -14,7 +14,7 @@ from pipeline.signals.cleaning.settings import CleanMachine
 
 
 def write_machine(
-    name: str, devices: Path, logs: Sequence[Path], device: str | None, time_zone: str = UTC
+    name: str, devices: Path | None, logs: Sequence[Path], device: str | None, time_zone: str = UTC
 ) -> list[str]:
     """Propose ``conf/machine/<name>.yaml`` and a fleet of it; what was found, in lines.
 
@@ -55,11 +55,11 @@ def write_machine(
     ]
 
 
-def _files(logs: Sequence[Path], devices: Path) -> Iterator[Path]:
+def _files(logs: Sequence[Path], devices: Path | None) -> Iterator[Path]:
     """The logs that are named, and every file of a folder that is."""
     for path in logs:
         below = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
-        yield from (p for p in below if p.resolve() != devices.resolve())
+        yield from (p for p in below if not devices or p.resolve() != devices.resolve())
 
 
 def records_of(machine: str) -> list[ItemRecord]:

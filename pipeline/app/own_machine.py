@@ -21,9 +21,12 @@ def _machine() -> None:
 @machine_app.command()
 def new(
     name: Annotated[str, typer.Argument(help="Of the machine: letters, digits, _.")],
-    devices: Annotated[Path, typer.Option(help="The agent's Devices document.")],
+    devices: Annotated[
+        Path | None, typer.Option(help="The agent's Devices document, if there is one.")
+    ] = None,
     logs: Annotated[
-        list[Path] | None, typer.Option(help="A log, or a folder of them; may be repeated.")
+        list[Path] | None,
+        typer.Option(help="A log or table, or a folder of them; may be repeated."),
     ] = None,
     device: Annotated[str | None, typer.Option(help="Which device of that document.")] = None,
     time_zone: Annotated[

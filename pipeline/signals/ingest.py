@@ -262,8 +262,7 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         return _unreadable(NOT_NAMED, None)
     if source.format == "program":  # nothing of it is a signal
         return Outcome(format="program", kept=1)
-    module, _, function = READERS[source.format].partition(":")
-    read = getattr(import_module(f"pipeline.signals.{module}"), function)
+    read = reader_of(source.format)
     observing = source.format in OBSERVING
     target = f"{'observations' if observing else 'traces'}/{parquet_name(file.name)}"
     notes: dict[str, Any] = {}
@@ -283,6 +282,13 @@ def _read(file: RawFile, raw: Path, out: Path) -> Outcome:
         first=written.first, last=written.last, output=target, notes=notes,
         rejected=written.rejections,
     )  # fmt: skip
+
+
+def reader_of(form: str) -> Callable[..., Any]:
+    """The reader of a format: of a path, its source, and the folder of the raw files."""
+    module, _, function = READERS[form].partition(":")
+    reader: Callable[..., Any] = getattr(import_module(f"pipeline.signals.{module}"), function)
+    return reader
 
 
 def _unreadable(reason: str, form: str | None) -> Outcome:

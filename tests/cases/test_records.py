@@ -5,11 +5,13 @@ from pathlib import Path
 import nptdms
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
 from pipeline.app.fleet import use_fleet
 from pipeline.app.machine import machine_text, propose
+from pipeline.cutting.stability.frf_file import read_frf
 from pipeline.registry.store import client_of, experiment_of, versions
 from pipeline.signals.formats import (
     Batch,
@@ -24,6 +26,11 @@ from pipeline.signals.formats import (
 from pipeline.signals.mtconnect import xml_document
 from pipeline.signals.shdr import log
 from pipeline.signals.tables import cells, columnar, csv_table
+from pipeline.submodels.control.runs import read_runs
+from pipeline.submodels.deformation.features import input_maker
+from pipeline.submodels.deformation.methods import growth_record
+from pipeline.submodels.deformation.records import State
+from tests.submodels.deformation.growth_files import made
 
 ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
 
@@ -416,7 +423,94 @@ def test_marks_of_thousands(tmp_path: Path, cell: str, decimal: str, value: floa
 def test_a_wav_recording_is_named_with_its_remedy(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
     source = RecordSource(format="csv", files="*", table=TableLayout(rest=True, rate=1e4))
-    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
         csv_table.read(tmp_path / "x.csv", source, tmp_path)
-    with pytest.raises(UnreadableFile, match="a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
         list(log.read(tmp_path / "x.csv", RecordSource(format="shdr", files="*"), tmp_path))
+
+
+TABLE = "DAQ;;\n\nTime;X_ActPos;X cmd [mm];T front;Fx;probe;state\ns;mm;;degC;N;um;\n" + "".join(
+    f"{k / 1000:.4f};{k * 0.1:.3f};{k * 0.1:.3f};{20 + k / 100:.2f};{k % 7 - 3:.1f};{k};ok\n"
+    for k in range(50)
+).replace(".", ",")
+
+
+def test_a_machine_is_proposed_from_tables(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text(TABLE)
+    found = propose("z", None, [tmp_path / "a.csv"], None, tmp_path / "raw")
+    text = machine_text(found)
+    records = yaml.safe_load(text)["records"][0]
+    assert records["table"] == {
+        "units_row": True, "decimal": ",", "time": "Time", "time_unit": "s", "rest": True,
+        "columns": {},
+    }  # fmt: skip
+    choices = yaml.safe_load("".join(
+        f"{line.lstrip(' #')}\n" for line in text.splitlines() if line.startswith("      #   ")
+    ))  # fmt: skip
+    assert {n: one.get("unit") for n, one in choices.items()} == {
+        "x_actpos": None, "x_cmd": "mm", "t_front": None, "fx": None, "probe": None, "state": "",
+    }  # fmt: skip
+    for name, kind in (("X_ActPos", "position"), ("X cmd", "command"), ("T front", "temperature"),
+                       ("Fx", "force"), ("probe", "displacement")):  # fmt: skip
+        line = next(one for one in text.splitlines() if f'"{name}' in one and "#   " in one)
+        assert f"could be a {kind}" in line
+    columns = {n: ColumnSource(**one) for n, one in choices.items()}
+    layout = TableLayout(**records["table"] | {"columns": columns, "text": ("state",)})
+    source = RecordSource(format="csv", files="*", table=layout)
+    assert csv_table.read(tmp_path / "a.csv", source, tmp_path).kept == 50
+
+
+def test_d15_zeros_that_fill_the_last_line_are_no_frequencies(tmp_path: Path) -> None:
+    path = tmp_path / "x.uff"
+    path.write_text(UNEVEN)
+    found = read_frf(path, direction="x")
+    assert found.frequency_Hz.tolist() == [5.0, 10.0, 20.0]
+    accelerance = found.receptance[:, 0, 0] * (2j * np.pi * found.frequency_Hz) ** 2
+    assert accelerance.real == pytest.approx([1.0, 2.0, 3.0])
+    path.write_text(UNEVEN.replace("         5         3", "         5         5"))
+    with pytest.raises(ValueError, match="announces 5 values and has 4: it is cut"):
+        read_frf(path, direction="x")
+
+
+UNEVEN = """    -1
+    58
+n
+n
+01-Jan-2026 00:00:00
+NONE
+NONE
+    4         0    0         0 p1              1   1 NONE               1   1
+         5         3         0  0.00000e+00  0.00000e+00  0.00000e+00
+        18    0    0    0                      Hz
+        12    0    0    0                      m/s^2
+        13    0    0    0                      N
+         0    0    0    0 NONE                 NONE
+  5.00000e+00  1.00000e+00  0.00000e+00  1.00000e+01  2.00000e+00  0.00000e+00
+  2.00000e+01  3.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00  0.00000e+00
+    -1
+"""
+
+
+def test_growth_is_modelled_without_the_ambient_temperature() -> None:
+    """The expansion of the groups needs no air; the two nodes, which do, are left out."""
+    one = made(1)
+    state = State(period=60.0, temperatures=one.temperatures, speed=one.speed,
+                  ambient=np.full(len(one.speed), np.nan))  # fmt: skip
+    record = growth_record(input_maker([state], (600.0,)).of(state), one.growth)
+    assert record.ambient_C[0] == pytest.approx(one.temperatures[0].min(), abs=0.5)
+
+
+def test_a_controls_log_may_be_a_table(tmp_path: Path) -> None:
+    text = "t,Exec,Line,Fx\n" + "".join(
+        f"2026-06-11 00:00:{k:02d},{'ACTIVE' if 5 <= k < 50 else 'READY'},{k // 5},1\n"
+        for k in range(60)
+    )
+    columns = {"execution": ColumnSource(column="Exec"), "line": ColumnSource(column="Line")}
+    trace = table(tmp_path, text, columns=columns, time_unit="iso")
+    pq.write_table(trace.table, tmp_path / "log.parquet")
+    items = {"execution": "execution", "line": "line"}
+    (run,) = read_runs(tmp_path / "log.parquet", items, "log")
+    assert (run.start, run.end) == (5.0, 50.0)
+    pq.write_table(trace.table.rename_columns(["t", "execution", "line"]), tmp_path / "x.parquet")
+    with pytest.raises(ValueError, match="times count from its start: give its layout a start"):
+        read_runs(tmp_path / "x.parquet", items, "log")

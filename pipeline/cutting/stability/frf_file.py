@@ -207,6 +207,9 @@ def _one(
         name = direction
     values: NDArray[Any] = np.asarray(item["data"])
     frequency = np.asarray(item["x"], dtype=np.float64)
+    announced = int(item.get("num_pts", len(values)))
+    if not np.any(values[announced:]) and not np.any(frequency[announced:]):
+        values, frequency = values[:announced], frequency[:announced]  # zeros fill the last line
     if len(values) != len(frequency) or len(values) != int(item.get("num_pts", len(values))):
         raise ValueError(
             f"data set 58 announces {item.get('num_pts')} values and has {len(values)}: it is cut"

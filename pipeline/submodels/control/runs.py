@@ -226,7 +226,14 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
                 f"mapping.signals names no data item for {needed}, which runs of a program are "
                 "read from: name it in conf/machine/"
             )
-    table = pq.read_table(path, columns=["time", "data_item", "number", "text"]).to_pandas()
+    if "data_item" in (names := pq.read_schema(path).names):
+        table = pq.read_table(path, columns=["time", "data_item", "number", "text"]).to_pandas()
+    elif "time" in names:
+        table = _long(pq.read_table(path).to_pandas(), set(items.values()))
+    else:
+        raise ValueError(
+            f"{recording} is a table whose times count from its start: give its layout a start"
+        )
     if not len(table):
         return []
     table = table.sort_values("time", kind="stable")
@@ -239,6 +246,14 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
         for number, active in enumerate(activities(said, float(seconds[-1])), start=1)
     ]
     return [run for run in runs if len(run.line.time) > 1]
+
+
+def _long(trace: pd.DataFrame, items: set[str]) -> pd.DataFrame:
+    """Items of a control's log that was kept as a table, as observations."""
+    there = [name for name in trace.columns if name in items]
+    table = trace.melt("time", there, var_name="data_item", value_name="text").dropna()
+    table["number"] = pd.to_numeric(table["text"], errors="coerce")
+    return table
 
 
 def _series(table: pd.DataFrame, seconds: Floats, item: str | None) -> Series:

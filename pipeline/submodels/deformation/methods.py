@@ -207,12 +207,17 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
 
 
 def growth_record(inputs: Inputs, growth: Floats | None = None) -> GrowthRecord:
-    """Inputs as the thermal models take them: SI, the groups for sensors."""
+    """Inputs as the thermal models take them: SI, the groups for sensors.
+
+    The coldest group at the start stands for the air where that is not recorded.
+    """
     state = inputs.state
+    known = bool(np.isfinite(state.ambient).all())
+    coldest = np.full(len(inputs), np.min(inputs.group_temperatures[:1], initial=np.inf))
     return GrowthRecord(
         time_s=inputs.time,
         speed_rad_s=state.speed / RPM,
-        ambient_C=state.ambient,
+        ambient_C=state.ambient if known else coldest,
         temperatures_C=inputs.group_temperatures,
         growth_m=np.full(len(inputs), np.nan) if growth is None else growth * UM,
     )
