@@ -9,7 +9,7 @@ from pipeline.gcode.interpret import Interpreter, interpret
 from pipeline.gcode.moves import INCH, Kind
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from tests.gcode.following import follow, points, refusal
+from tests.gcode.following import follow, kinds, points, refusal
 
 TAPPING = "G20G90G17\nS200M3\nG0X0Y0Z1.\nG98G84Z-.292R.1Q.05F4.83\nX1.\nX2.\nX3.\nG80\nM30\n"
 
@@ -168,4 +168,24 @@ def test_the_unit_that_is_assumed_is_named(tmp_path):
     done = interpreted(tmp_path / "a.nc")
     assert "neither G20 nor G21 comes before the first move: millimetres are assumed" in done.output
     (tmp_path / "a.nc").write_text("G90 G20\nG0 X1.5\nM30\n")
-    assert "assumed" not in interpreted(tmp_path / "a.nc").output
+    assert "are assumed" not in interpreted(tmp_path / "a.nc").output
+
+
+def test_a_drilling_cycle_without_mcall_makes_one_hole_where_it_stands():
+    head = "G90 G17 F100 S1000 M3\nG0 X0 Y0 Z20\n"
+    moves = follow(head + "CYCLE81(10,0,2,-5)\nX9\nM30", dialect="siemens")
+    assert [z for _, _, z in points(moves)] == [20, 2, -5, 10, 10]
+    assert moves.length[moves.kind == Kind.FEED].sum() == 7
+    assert kinds(moves)[-2] == "RAPID"
+    moves = follow(head + "G91\nCYCLE82(10,0,2,-5,,1.5)\nM30", dialect="siemens")
+    assert moves.value[moves.kind == Kind.DWELL].tolist() == [1.5]
+    assert moves.end[-1, 2] == 10
+    assert "DPR" in refusal(head + "CYCLE81(10,0,2,,7)", dialect="siemens")
+    assert "under G17" in refusal(head + "G18\nCYCLE81(10,0,2,-5)", dialect="siemens")
+
+
+def test_mcall_cycle82_dwells_at_each_hole():
+    text = "G90 G17 F100 S1000 M3\nG0 Z10\nMCALL CYCLE82(10,0,2,-5,0,0.5)\nX1\nX2\nMCALL\nX3\nM30"
+    moves = follow(text, dialect="siemens")
+    assert moves.value[moves.kind == Kind.DWELL].tolist() == [0.5, 0.5]
+    assert moves.length[moves.kind == Kind.FEED].tolist() == [7, 7]
