@@ -279,14 +279,19 @@ def test_nothing_is_simulated_on_a_machine_without_a_control(project: Path) -> N
     )
 
 
-def test_an_empty_program_takes_no_time(project: Path) -> None:
+def test_an_empty_program_is_refused(project: Path) -> None:
     (project / "part.nc").write_text("%\n%\n")
+    assert "holds no block" in refused(
+        project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json"
+    )
+    assert not (project / "times.json").exists()
+
+
+def test_a_program_that_only_ends_takes_no_time(project: Path) -> None:
+    (project / "part.nc").write_text("M30\n")
     done = kerf(project, "simulate", "part.nc", "--machine", "hurco", "--json", "times.json")
     assert done.exit_code == 0
     assert json.loads((project / "times.json").read_text())["total_time_s"] == 0
-    assert "no rows" in refused(
-        project, "simulate", "part.nc", "--machine", "hurco", "--out", "t.parquet"
-    )
 
 
 def test_a_program_is_never_written_over(project: Path) -> None:

@@ -10,13 +10,12 @@ import pyarrow as pa
 from numpy.typing import NDArray
 from pyarrow import csv
 
-from pipeline.app.programs import PACKED
+from pipeline.app.programs import NOTHING, PACKED
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.schema.files import replacing
 
 ROWS_AT_ONCE = 50_000
 """Rows that are held in memory as a table: a program of 50 MB has two million."""
-NOTHING = "{} holds no block that the control carries out: name a part program"
 G_CODES = [f"G{number}" for number in range(100)]
 
 

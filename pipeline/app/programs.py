@@ -1,5 +1,6 @@
 """Part programs by hand: what they tell the machine, and what its control makes of them."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -37,11 +38,14 @@ PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
 """Compression of a table by the end of its file's name."""
 
 
+UNITS_HEAD = 100_000
+"""Bytes of a program in which its unit is looked for."""
 VERDICT_WORDS = {
     "passed": "passed", "failed": "failed", "not decided": "was not decided",
     "not judged": "was not judged",
 }  # fmt: skip
 """What a sentence about a model says of its verdict."""
+NOTHING = "{} holds no block that the control carries out: name a part program"
 ASKED_SHARE = 0.02
 """Share of a program's time by which units of a machine differ where it is asked which one [1]."""
 WITHOUT_TIME = {
@@ -196,14 +200,22 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     """
     program = program_at(path)
     lines = max(len(program), 1)
-    return interpret(program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0)))
+    moves = interpret(
+        program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0))
+    )
+    if len(moves) == 0:
+        raise ValueError(NOTHING.format(path.name))
+    return moves
 
 
 def passed_over(path: Path, setup: Setup) -> Iterator[str]:
     """Words of a program that move nothing and are not followed, a line of text each."""
+    program = program_at(path)
+    said = units_assumed(program, setup)
+    if said:
+        yield f"{path.name}: {said}"
     if setup.dialect != "fanuc":
         return
-    program = program_at(path)
     blocks = [] if program.ends_blocks else program.remarked_blocks()
     if blocks:
         where = ", ".join(map(str, blocks[:5])) + " …" * (len(blocks) > 5)
@@ -217,6 +229,22 @@ def passed_over(path: Path, setup: Setup) -> Iterator[str]:
             f"{path.name}: {word} is passed over (line {where}): it writes to a device or names "
             "variables, and moves nothing"
         )
+
+
+_UNITS = re.compile(rb"(?i)G0*(?:2[01]|7[01]0?)(?![.\d])|[XYZ]\s*=?[-+.\d#\[]")
+
+
+def units_assumed(program: Program, setup: Setup) -> str:
+    """Which unit a program counts in that moves before it says so; empty where it says so."""
+    first = _UNITS.search(re.sub(rb"\([^)\n]*\)|;[^\n]*", b"", program.data[:UNITS_HEAD]))
+    if first is None or first[0][:1] in b"Gg":
+        return ""
+    codes = "G70 nor G71" if setup.dialect == "siemens" else "G20 nor G21"
+    unit, other = ("inches", "false") if setup.inch else ("millimetres", "true")
+    return (
+        f"neither {codes} comes before the first move: {unit} are assumed; set setup.inch: {other} "
+        "in the machine's file where the control starts in the other unit"
+    )
 
 
 def program_at(path: Path) -> Program:

@@ -1,6 +1,5 @@
 """Interpreter of part programs: a program and the control's setup to moves."""
 
-import re
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -20,6 +19,7 @@ from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
+from pipeline.gcode.foreign import refuse_foreign
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
 from pipeline.gcode.moves import Kind, Moves, Rows
 from pipeline.gcode.program import Program
@@ -59,7 +59,7 @@ def interpret(
     GcodeError
         At the first word that cannot be interpreted.
     """
-    _refuse_foreign(program)
+    refuse_foreign(program, setup.dialect)
     return Interpreter(program, setup, progress).moves()
 
 
@@ -80,25 +80,8 @@ def interpret_in_parts(
     GcodeError
         At the first word that cannot be interpreted, after the parts before it.
     """
-    _refuse_foreign(program)
+    refuse_foreign(program, setup.dialect)
     yield from Interpreter(program, setup, progress).parts(rows)
-
-
-_FOREIGN = {
-    "conversational": re.compile(rb"\s*(?:\d+\s+)?BEGIN\s+PGM\b", re.I),
-    "ISO": re.compile(rb"\s*%\w+\s+G7[01]\s*\*"),
-}
-"""How a program for a Heidenhain control begins."""
-
-
-def _refuse_foreign(program: Program) -> None:
-    for kind, head in _FOREIGN.items():
-        if head.match(program.data):
-            raise GcodeError(
-                program.name, 1, 1, "program",
-                f"this is a Heidenhain {kind} program, which is not followed: post it for a Fanuc, "
-                "LinuxCNC or Siemens control",
-            )  # fmt: skip
 
 
 VARIABLES: dict[str, Callable[[Run], Variables]] = {

@@ -9,7 +9,7 @@ from pipeline.gcode.interpret import Interpreter, interpret
 from pipeline.gcode.moves import INCH, Kind
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from tests.gcode.following import follow, points, refusal
+from tests.gcode.following import follow, kinds, points, refusal
 
 TAPPING = "G20G90G17\nS200M3\nG0X0Y0Z1.\nG98G84Z-.292R.1Q.05F4.83\nX1.\nX2.\nX3.\nG80\nM30\n"
 
@@ -137,3 +137,55 @@ def test_g28_alone_sends_all_axes_home():
     moves = follow("G21 G90\nG1 X10 Z5 F100\nG28\nM30", references={"G28": (1, 2, 3, 0, 0, 0)})
     assert moves.end[-1, :3].tolist() == [1, 2, 3]
     assert "as on a Haas (line 3)" in moves.notices[0]
+
+
+@pytest.mark.parametrize("first", ["G71 P45 Q60 U0 W0 D.025 F.01", "G71 U2. R1."])
+def test_a_turning_cycle_is_named_and_not_to_be_deleted(first):
+    text = f"G20 G18 G99\nG0 X2. Z.1\n{first}\nN45 G0 X1.1\nN60 G1 Z-1.\nM30\n"
+    with pytest.raises(GcodeError, match="this is a lathe's program") as refused:
+        interpret(parse_program(text.encode(), "P"), Setup())
+    assert refused.value.line <= 3
+    assert "delete" not in str(refused.value)
+
+
+def test_a_program_in_utf_16_is_named(tmp_path):
+    (tmp_path / "a.nc").write_bytes("G21 G90\nG1 X10 F100\nM30\n".encode("utf-16"))
+    done = interpreted(tmp_path / "a.nc")
+    assert done.exit_code == 2
+    assert "UTF-16" in done.output
+
+
+@pytest.mark.parametrize("text", ["", "%\n%\n", "(nothing)\n", "\n; G1 X10\n"])
+def test_a_program_without_a_block_is_refused(tmp_path, text):
+    (tmp_path / "a.nc").write_text(text)
+    done = interpreted(tmp_path / "a.nc")
+    assert done.exit_code == 2
+    assert "holds no block" in done.output
+
+
+def test_the_unit_that_is_assumed_is_named(tmp_path):
+    (tmp_path / "a.nc").write_text("G90 G17\nG0 X1.5 Y.25\nG1 X4.5 F25.\nM30\n")
+    done = interpreted(tmp_path / "a.nc")
+    assert "neither G20 nor G21 comes before the first move: millimetres are assumed" in done.output
+    (tmp_path / "a.nc").write_text("G90 G20\nG0 X1.5\nM30\n")
+    assert "are assumed" not in interpreted(tmp_path / "a.nc").output
+
+
+def test_a_drilling_cycle_without_mcall_makes_one_hole_where_it_stands():
+    head = "G90 G17 F100 S1000 M3\nG0 X0 Y0 Z20\n"
+    moves = follow(head + "CYCLE81(10,0,2,-5)\nX9\nM30", dialect="siemens")
+    assert [z for _, _, z in points(moves)] == [20, 2, -5, 10, 10]
+    assert moves.length[moves.kind == Kind.FEED].sum() == 7
+    assert kinds(moves)[-2] == "RAPID"
+    moves = follow(head + "G91\nCYCLE82(10,0,2,-5,,1.5)\nM30", dialect="siemens")
+    assert moves.value[moves.kind == Kind.DWELL].tolist() == [1.5]
+    assert moves.end[-1, 2] == 10
+    assert "DPR" in refusal(head + "CYCLE81(10,0,2,,7)", dialect="siemens")
+    assert "under G17" in refusal(head + "G18\nCYCLE81(10,0,2,-5)", dialect="siemens")
+
+
+def test_mcall_cycle82_dwells_at_each_hole():
+    text = "G90 G17 F100 S1000 M3\nG0 Z10\nMCALL CYCLE82(10,0,2,-5,0,0.5)\nX1\nX2\nMCALL\nX3\nM30"
+    moves = follow(text, dialect="siemens")
+    assert moves.value[moves.kind == Kind.DWELL].tolist() == [0.5, 0.5]
+    assert moves.length[moves.kind == Kind.FEED].tolist() == [7, 7]

@@ -21,7 +21,7 @@ from pipeline.gcode.dialects.siemens_line import (
 )
 from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream
 from pipeline.gcode.program import Line
-from pipeline.gcode.statements import Binary, Number, Statement, WordItem
+from pipeline.gcode.statements import Binary, Expression, Number, Statement, WordItem
 
 
 class SiemensReader:
@@ -75,6 +75,10 @@ class SiemensReader:
             tuple(reader.assignments),
             reader.control,
             tuple(stream.comments),
+            tuple(
+                Statement(line.number, line.skip, None, words, (), None, ())
+                for words in reader.rest
+            ),
         )
 
     def _remember(self, reader: LineReader) -> None:
@@ -83,6 +87,8 @@ class SiemensReader:
             value = constant(word.value)
             if word.letter == "G" and value in (0.0, 1.0, 2.0, 3.0):
                 memory.motion = value
+            elif word.letter == "G" and value in (17.0, 18.0, 19.0):
+                memory.plane = value
             elif word.letter == "G" and value in (90.0, 91.0):
                 memory.absolute = value == 90.0
             elif word.letter == "M" and value == 6:
@@ -128,7 +134,7 @@ class SiemensReader:
             return words
         if not self.memory.absolute:
             raise reader.stream.error(_token(moved), "holes under G91 are not followed: write G90")
-        retract, reference, clearance, depth = drilling
+        retract, reference, clearance, depth, dwell = drilling
         level = constant(retract)
         if self.memory.motion != 0 or level is None or self.memory.at["Z"] != level:
             raise reader.stream.error(
@@ -137,7 +143,13 @@ class SiemensReader:
                 "plane: position there before MCALL, in numbers",
             )
         plane = Binary("+", reference, clearance)
-        hole = (("G", Number(81.0)), ("Z", depth), ("R", plane))
+        hole: list[tuple[str, Expression]] = [
+            ("G", Number(82.0 if constant(dwell) else 81.0)),
+            ("Z", depth),
+            ("R", plane),
+        ]
+        if constant(dwell):
+            hole.append(("P", dwell))
         rapid = ("G", Number(0.0))
         kept = [w for w in words if w.letter != "Z" and (w.letter, w.value) != rapid]
         return kept + [WordItem(name, value, moved.column, moved.text) for name, value in hole]

@@ -141,6 +141,11 @@ FRAMES = frozenset((
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
 """Without an axis they end every frame, as TRANS does."""
+HOLES = {
+    "CYCLE81": ("RTP", "RFP", "SDIS", "DP", "DPR"),
+    "CYCLE82": ("RTP", "RFP", "SDIS", "DP", "DPR", "DTB"),
+}
+"""Drilling cycle -> its arguments."""
 SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
 SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
@@ -166,7 +171,9 @@ class ModalMemory:
     motion : float
         G code of group 1 in force.
     drilling : tuple of Expression or None
-        RTP, RFP, SDIS and DP of the CYCLE81 that MCALL put in force.
+        RTP, RFP, SDIS, DP and dwell of the CYCLE81 or CYCLE82 that MCALL put in force.
+    plane : float
+        17, 18 or 19.
     frame : (3, 3) array
         AROT: from the program's axes to the workpiece's.
     shift : dict of str to Expression
@@ -184,6 +191,7 @@ class ModalMemory:
     tool: Expression = field(default_factory=lambda: Number(0.0))
     motion: float = 0.0
     drilling: tuple[Expression, ...] | None = None
+    plane: float = 17.0
     frame: Matrix = field(default_factory=lambda: UNROTATED)
     shift: dict[str, Expression] = field(default_factory=dict)
     absolute: bool = True
@@ -210,6 +218,7 @@ class LineReader:
         self.control: Control | None = None
         self.centres: set[str] = set()
         self.used: set[str] = set()
+        self.rest: list[tuple[WordItem, ...]] = []
         self.machine = self.shifts = self.calls = False
 
     def read(self) -> None:
@@ -457,6 +466,9 @@ class LineReader:
         if token.head in SUBPROGRAMS | COMPUTED:
             self.named(token)
             return
+        if token.head in HOLES:
+            self.drill(token)
+            return
         start = self.stream.at
         arguments = self.stream.arguments()
         self._uses(start)
@@ -610,16 +622,51 @@ class LineReader:
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if call.head != "CYCLE81":
-            raise self.stream.error(call, "MCALL is known with CYCLE81 only: post single moves")
+        if call.head not in HOLES:
+            raise self.stream.error(
+                call, "MCALL is known with CYCLE81 and CYCLE82 only: post single moves"
+            )
+        self.memory.drilling = self._hole(call)
+
+    def _hole(self, call: Token) -> tuple[Expression, ...]:
+        """RTP, RFP, SDIS, DP and the dwell of a drilling cycle."""
         start = self.stream.at
         arguments = self.stream.arguments()
         self._uses(start)
-        if len(arguments) != 4:
+        names = HOLES[call.head]
+        if not 4 <= len(arguments) <= len(names):
             raise self.stream.error(
-                call, "CYCLE81 is known as (RTP, RFP, SDIS, DP): write these four"
+                call, f"{call.head} is known as ({', '.join(names)}): write the first four at least"
             )
-        self.memory.drilling = arguments
+        relative, dwell = (*arguments[4:], Number(0.0), Number(0.0))[:2]
+        if constant(relative) != 0:
+            raise self.stream.error(call, "DPR is not followed: write the depth as DP")
+        if not (constant(dwell) or 0.0) >= 0 or constant(dwell) is None:
+            raise self.stream.error(call, "DTB is followed as a number of seconds: write it so")
+        return (*arguments[:4], dwell)
+
+    def drill(self, token: Token) -> None:
+        """CYCLE81 or CYCLE82 without MCALL: one hole where the tool stands."""
+        self._by_itself(token)
+        retract, reference, clearance, depth, dwell = self._hole(token)
+        memory = self.memory
+        if memory.transformed or not np.array_equal(memory.frame, UNROTATED) or memory.plane != 17:
+            raise self.stream.error(
+                token, f"{token.head} is followed along Z, under G17: post single moves"
+            )
+
+        def block(*words: tuple[str, Expression]) -> tuple[WordItem, ...]:
+            return tuple(WordItem(one, v, token.column, token.text, True) for one, v in words)
+
+        rapid, feed = ("G", Number(0.0)), ("G", Number(1.0))
+        self.rest = [
+            block(rapid, ("Z", Binary("+", reference, clearance))),
+            block(feed, ("Z", depth)),
+            *([block(("G", Number(4.0)), ("P", dwell))] if constant(dwell) else []),
+            block(rapid, ("Z", retract)),
+            block(("G", Number(memory.motion))),
+        ]
+        memory.at["Z"] = constant(retract)
 
 
 def constant(value: Expression) -> float | None:
