@@ -348,6 +348,16 @@ def test_what_is_done_in_no_time_is_told(project: Path) -> None:
     assert told == {"tool_change": 1, "spindle_acceleration": 1}
 
 
+def test_a_restart_is_said_without_a_file_of_moves(project: Path) -> None:
+    done = kerf(project, "interpret", "part.nc", "--at", "8")
+    assert done.exit_code == 0
+    for words in ("in force before line 8", "T1", "S6000 M3", "G94 F300", "X0 Y0 Z-1"):
+        assert words in done.stdout
+    found = json.loads(kerf(project, "interpret", "part.nc", "--at", "8", "--json").stdout)
+    assert found["program"][:3] == [0.0, 0.0, -1.0] and found["words"]["plane"] == "G17"
+    assert "--out is missing" in refused(project, "interpret", "part.nc")
+
+
 BEYOND = "G21 G90 G54\nT4 M6\nS30000 M3\nG0 X5000 Y0 Z5\nG1 Z-1 F99000\nM30\n"
 
 

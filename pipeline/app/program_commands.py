@@ -31,11 +31,22 @@ def _working() -> Iterator[Outputs]:
 @app.command()
 def interpret(
     program: kerf.Program,
-    out: Annotated[Path, typer.Option(help="CSV to write, a row a move.")],
+    out: Annotated[Path | None, typer.Option(help="CSV to write, a row a move.")] = None,
     machine: kerf.Setup = None,
     dialect: kerf.Dialect = None,
+    at: Annotated[
+        int | None, typer.Option(help="Line to restart at: say what is in force before it.")
+    ] = None,
+    json: kerf.Json = False,
 ) -> None:
-    """Follow PROGRAM block by block and write its moves."""
+    """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
+    if at is not None:
+        _restart(program, machine, dialect, at, json=json)
+    if out is None:
+        if at is None:
+            with one_sentence():
+                raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
+        return
     from pipeline.app.fleet import check_outputs
     from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
     from pipeline.app.programs import machine_setup, moves_in_parts, passed_over
@@ -52,6 +63,23 @@ def interpret(
         for note in (*notes, *told):
             to.say(note)
         to.say(f"{count} moves, {length:.3f} mm, wrote {to.names(file)}")
+
+
+def _restart(
+    program: Path, machine: str | None, dialect: kerf.DialectName | None, line: int, *, json: bool
+) -> None:
+    from pipeline.app.programs import machine_setup, program_at, setup_beside
+    from pipeline.gcode.interpret import restart_at
+    from pipeline.gcode.restart import restart_lines
+
+    with _working():
+        setup = setup_beside(machine_setup(machine, dialect), program)
+        found = restart_at(program_at(program), setup, line)
+    if json:
+        say_json(asdict(found))
+        return
+    for text in restart_lines(found):
+        typer.echo(text)
 
 
 @app.command()

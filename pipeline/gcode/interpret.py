@@ -23,6 +23,7 @@ from pipeline.gcode.foreign import refuse_foreign
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
 from pipeline.gcode.moves import Kind, Moves, Rows
 from pipeline.gcode.program import Program
+from pipeline.gcode.restart import Restart, restart_of
 from pipeline.gcode.run import Block, Run
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import Statement
@@ -82,6 +83,25 @@ def interpret_in_parts(
     """
     refuse_foreign(program, setup.dialect)
     yield from Interpreter(program, setup, progress).parts(rows)
+
+
+def restart_at(program: Program, setup: Setup, line: int) -> Restart:
+    """The state before a line of a program.
+
+    Raises
+    ------
+    ValueError
+        When the program has no such line or never comes to it.
+    GcodeError
+        At the first word before it that cannot be interpreted.
+    """
+    if not 1 <= line <= len(program):
+        raise ValueError(f"{program.name} has no line {line}: name one from 1 to {len(program)}")
+    refuse_foreign(program, setup.dialect)
+    interpreter = Interpreter(program, setup)
+    if not interpreter.until(line):
+        raise ValueError(f"{program.name} never comes to line {line}: name one that is executed")
+    return restart_of(interpreter.run, line, inside=len(interpreter.calls.levels) > 1)
 
 
 VARIABLES: dict[str, Callable[[Run], Variables]] = {
@@ -144,6 +164,7 @@ class Interpreter:
         self.reported = 0
         self.ended = False
         self.modal_depth = 0
+        self.stop_line = 0
 
     def moves(self) -> Moves:
         """Moves of the program, interpreted to its end."""
@@ -164,6 +185,16 @@ class Interpreter:
                 origin = part.end[-1].tolist()
                 yield part
         yield self._rest(origin)
+
+    def until(self, line: int) -> bool:
+        """Interpret up to before a line of the program; whether it comes to it."""
+        self.stop_line = line
+        while not self.ended:
+            level = self.calls.current
+            if level.source.program is self.program and level.line == line:
+                return True
+            self._step()
+        return False
 
     def _rest(self, origin: list[float]) -> Moves:
         """Rows that stand at the end of the program."""
@@ -194,6 +225,7 @@ class Interpreter:
         compiled = self.compiled and not self.run.straight_next and self.run.corner is None
         if compiled and not isinstance(self.variables, SiemensVariables):
             stop = min(level.source.body.stop, line + FAST_LINES_AT_ONCE)
+            stop = min(stop, self.stop_line) if line < self.stop_line else stop
             after = run_fast_lines(level.source.program, line, stop, self.run, self.variables)
             if after > line:
                 self._count(after - line, after - 1)
