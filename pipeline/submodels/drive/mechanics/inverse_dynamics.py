@@ -229,6 +229,8 @@ STARTS = 3
 """Greatest number of starts of the search [1]."""
 COARSE = 4
 """Step through the velocities of the table on the grid of starts [1]."""
+AT_BOUND = 1e-5
+"""Share of the range of a parameter within which it is at the end [1]."""
 RIDGE = 1e-12
 """Ridge on scaled normal equations of the grid [1]."""
 
@@ -251,6 +253,8 @@ class Dynamics:
         Measured less modelled force [N].
     evaluations : int
         How often the model was evaluated on all rows.
+    limits : (ndarray, ndarray) or None
+        Least and greatest value of each parameter that was searched, shape (D,) each.
     """
 
     names: tuple[str, ...]
@@ -259,6 +263,7 @@ class Dynamics:
     weights: Floats
     residuals: Floats
     evaluations: int
+    limits: tuple[Floats, Floats] | None = None
 
     @property
     def cost(self) -> float:
@@ -268,6 +273,15 @@ class Dynamics:
     def is_fitted(self, name: str) -> bool:
         """Whether the parameter ``name`` was fitted."""
         return bool(self.fitted[self.names.index(name)])
+
+    def at_bound(self, name: str) -> bool:
+        """Whether the search stopped the parameter ``name`` at its least or greatest value."""
+        if self.limits is None:
+            return False
+        k = self.names.index(name)
+        low, high = (float(one[k]) for one in self.limits)
+        margin = AT_BOUND * (high - low)
+        return self.is_fitted(name) and not low + margin < self.values[k] < high - margin
 
     def value(self, name: str) -> float:
         """Value of the parameter ``name``; 0 when the table has none of that name."""
@@ -388,6 +402,7 @@ def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> 
     return Dynamics(
         names=parameter_names(rows), values=best, fitted=fitted, weights=weights,
         residuals=rows.force - modelled_force(rows, best), evaluations=int(answer.nfev),
+        limits=(low, high),
     )  # fmt: skip
 
 
