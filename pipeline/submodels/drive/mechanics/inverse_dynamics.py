@@ -17,7 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.motion import Motion, first_difference, gaussian, reach
+from pipeline.submodels.drive.mechanics.motion import (
+    Motion,
+    eroded,
+    first_difference,
+    gaussian,
+    reach,
+)
 
 LINEAR = (
     "mass", "viscous_positive", "viscous_negative", "coulomb_level_positive",
@@ -161,7 +167,7 @@ def _rows(motion: Motion, velocities: Floats, names: tuple[str, ...]) -> Regress
     """Rows of one recording, filtered and decimated, away from samples that do not count."""
     keep, every = motion.known & motion.moving, 1
     if motion.bandwidth is not None:
-        keep = _eroded(keep, reach(motion.period, motion.bandwidth))
+        keep = eroded(keep, reach(motion.period, motion.bandwidth))
         every = max(int(0.25 / (motion.bandwidth * motion.period)), 1)
     place = np.flatnonzero(keep[::every]) * every
     instruments = motion.instruments
@@ -208,15 +214,6 @@ def _columns(v: Floats, a: Floats, motion: Motion, names: tuple[str, ...]) -> Fl
             np.full_like(v, motion.load is not None),
         ]
     return np.column_stack(columns).astype(np.float64)
-
-
-def _eroded(flags: Bools, reach: int) -> Bools:
-    """True where all within ``reach`` samples are."""
-    bad = np.flatnonzero(np.r_[True, ~flags, True]) - 1
-    after = np.searchsorted(bad, np.arange(len(flags)))
-    place = np.arange(len(flags))
-    clear: Bools = (bad[after] - place > reach) & (place - bad[after - 1] > reach)
-    return clear & flags
 
 
 AMPLITUDES = ("stribeck_amplitude_positive", "stribeck_amplitude_negative")
