@@ -116,6 +116,35 @@ def test_one_speed_gives_its_level_and_neither_coulomb_nor_viscous_friction():
         assert twin.coulomb + 0.1 * twin.viscous == pytest.approx(level, rel=0.05)
 
 
+@pytest.fixture(scope="module")
+def reversed_command() -> FeedDriveFit:
+    """The command counts against the position's direction."""
+    one = recording(AXIS, 2, speeds=FAST)
+    axis = replace(one.axes["X"], command=-one.axes["X"].command)
+    return identified(replace(one, axes={"X": axis}))
+
+
+def test_force_against_the_motion_is_named_a_wrong_sign_and_determines_nothing(reversed_command):
+    assert not reversed_command.determined.any()
+    assert all("factor: -1" in one and "correlation -0." in one for one in reversed_command.remedy)
+
+
+def test_no_interval_ends_below_its_beginning(reversed_command):
+    for value, low, high, _ in table(reversed_command).values():
+        assert low <= high, value
+
+
+def test_a_model_that_leaves_most_of_the_force_over_determines_nothing():
+    one = recording(AXIS, 2, speeds=FAST)
+    command = one.axes["X"].command
+    # a force of something else, as large again, at the frequency of neither motion nor friction
+    other = 2.5 * np.std(command) * np.sin(2 * np.pi * 3.7 * 1e-3 * np.arange(len(command)))
+    axis = replace(one.axes["X"], command=command + other)
+    fit = identified(replace(one, axes={"X": axis}))
+    assert fit.relative_error_percent > 70 and not fit.determined.any()
+    assert "of the force over" in fit.how[0]
+
+
 def test_without_strong_acceleration_the_mass_stays_open():
     light = SimulatedAxis(motor_mass=1.0, carriage_mass=1.0, stiffness=4e5, damping=40.0,
                           velocity_gain=20.0, integral_gain=300.0)  # fmt: skip

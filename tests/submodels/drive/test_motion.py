@@ -6,6 +6,9 @@ import pytest
 from pipeline.submodels.drive.mechanics.motion import (
     NOISE,
     PRESLIDING,
+    SURVIVES,
+    _bandwidth,
+    _surviving,
     first_difference,
     gaussian,
     motion,
@@ -116,3 +119,32 @@ def test_records_with_all_derivatives_in_a_full_band_are_taken_as_they_are():
     found = motion(one, "X", None)
     assert np.array_equal(found.acceleration, jumps)
     assert found.known.all()
+
+
+def strokes(period: float, ramp: float = 0.1, held: float = 0.6, rest: float = 0.5):
+    """Velocity [m/s] of sixteen strokes from stop to stop, ramped by half a cosine."""
+    rng, parts = np.random.default_rng(0), [np.zeros(round(1.0 / period))]
+    rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(round(ramp / period)) * period / ramp)
+    for k in range(16):
+        speed = float(rng.uniform(0.01, 0.05)) * (1 if k % 2 else -1)
+        parts += [speed * rise, np.full(round(held / period), speed), speed * rise[::-1],
+                  np.zeros(round(rest / period))]  # fmt: skip
+    return np.concatenate(parts)
+
+
+@pytest.mark.parametrize(("period", "step", "wider"), [(2e-3, 1e-6, False), (1e-2, 1e-4, True)])
+def test_the_acceleration_survives_the_cut_around_stops(period, step, wider):
+    """A coarse position asks for a narrow filter, whose memory cuts all ramps away."""
+    velocity = strokes(period)
+    place = np.round(np.cumsum(velocity) * period / step) * step
+    axis = AxisRecord(command=velocity, position=place, constants=AxisConstants())
+    one = Recording(name="a", trained=True, period=period, air=np.ones(len(place), bool),
+                    axes={"X": axis})  # fmt: skip
+    power, narrow, _ = _bandwidth(one, "X", 8.0)
+    assert narrow is not None
+    true = float(np.sqrt(np.mean(np.gradient(velocity, period) ** 2)))
+    assert np.sqrt(power) == pytest.approx(true, rel=0.15)  # noise is no acceleration
+    assert (_surviving(one, "X", narrow) < SURVIVES * true) == wider
+    found = parallel_bandwidth([one], "X", 0.2)
+    assert found is not None and (found > narrow) == wider
+    assert _surviving(one, "X", found) > SURVIVES * true

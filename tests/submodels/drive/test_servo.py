@@ -1,6 +1,8 @@
 """A servo found from records of one that shares nothing with the twin, by its own equation."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +12,8 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.drive.prior import DriveFitSettings
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
-from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, identify_servo
+from pipeline.submodels.drive.servo.equation import TERMS, Nominal
+from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, _at_end, identify_servo
 from pipeline.twin.drive import DriveStart
 from pipeline.twin.drive_population import simulate_traces
 from tests.submodels.drive.servo_rig import PERIOD, Rig, recorded, recording, strokes
@@ -210,6 +213,38 @@ def test_constant_feed_does_not_tell_the_velocity_loop():
         assert "record" in fit.remedy[fit.names.index(name)]
     assert fit.servo is not None
     assert fit.servo.velocity_scale == pytest.approx(1.0, rel=BIAS)  # as the list has it
+
+
+def test_lags_at_their_longest_and_scales_at_either_end_are_at_an_end():
+    nominal, longest = Nominal.of(listed(KINDS["PI"])), 4e-3
+    low, high = nominal.bounds(longest)
+    inside = nominal.fixed
+    equation: Any = SimpleNamespace(nominal=nominal, longest=longest)
+
+    def ends(**changed) -> set[str]:
+        values = inside.copy()
+        for name, value in changed.items():
+            values[TERMS.index(name)] = value
+        best: Any = SimpleNamespace(values=values, fitted=np.ones(len(TERMS), bool))
+        return {TERMS[k] for k in np.flatnonzero(_at_end(equation, best))}
+
+    assert ends() == set()  # a lag of zero is one that a loop may have
+    assert ends(position_lag=longest, velocity_lag=0.9999 * longest) == {
+        "position_lag", "velocity_lag",
+    }  # fmt: skip
+    for end in (low, high):
+        k = TERMS.index("velocity_scale")
+        assert ends(velocity_scale=end[k]) == {"velocity_scale"}
+
+
+def test_a_loop_that_explains_little_of_the_command_determines_nothing():
+    one = recording(KINDS["PI"], REFERENCE, 0, listed(KINDS["PI"]), None)
+    axis = one.axes["X"]
+    time = PERIOD * np.arange(len(axis.command))
+    other = 5 * np.std(axis.command) * np.sin(2 * np.pi * 7.3 * time)
+    noisy = replace(one, axes={"X": replace(axis, command=axis.command + other)})
+    fit = identify_servo([noisy], "X", ALONE)
+    assert fit.relative_error_percent > 70 and not determined(fit)
 
 
 def test_without_list_and_without_excitation_there_is_no_servo():

@@ -92,6 +92,19 @@ INSTRUMENTAL = "instrumental variables: the reference's motion in place of the n
 SAME = "not determined; static friction is taken as Coulomb friction"
 LEFT = "not determined by these recordings; the twin uses the best value all the same"
 
+IMPOSSIBLE = "not determined: no drive has such a value; the twin uses the best value all the same"
+MISFIT_PERCENT = 70.0
+"""Force that the model leaves over, of what was measured, from which nothing is determined [%]: it
+explains less than half of the mean square."""
+UNEXPLAINED = "not determined: the model leaves {:.3g} % of the force over"
+OPPOSED = -0.5
+"""Correlation of force with motion below which one of the two has the wrong sign [1]."""
+REVERSED = (
+    "the force falls as the {} rises (correlation {:.2f}), so that one of them has the wrong sign: "
+    "set factor: -1 at the command's column in conf/machine/, or at that of the position"
+)
+BY_SIGN = "not determined: force and motion have opposite signs"
+
 _SLOW = (
     "record strokes of constant speed from a tenth of the Stribeck velocity (0.1 to 1 mm/s) "
     "upward, each as long as a turn of the screw or more"
@@ -259,16 +272,70 @@ def estimates(
     scale[-1] = max(scale[-1], abs(coulomb))  # an offset may well be 0
     determined: Bools = (half <= widest * scale) & (scale > 0)
     determined &= np.array([_components_fitted(found, name, split) for name in NAMES])
+    possible = (values > 0) | (np.array(NAMES) == "offset")
+    possible[0] &= not found.at_bound("mass")
+    determined &= possible
     low, high = values - half, values + half
     for k in (5, 6):  # fitted on a logarithmic scale
         factor = np.exp(half[k] / max(values[k], 1e-300)) if np.isfinite(half[k]) else np.inf
         low[k], high[k] = values[k] / factor, values[k] * factor
-    low[:-1] = np.maximum(low[:-1], 0.0)
+    low[:-1] = np.minimum(np.maximum(low[:-1], 0.0), high[:-1])
     return Estimates(
         names=NAMES, values=values, low=low, high=high, determined=determined,
-        how=tuple(_how(n, t, split, how) for n, t in zip(NAMES, determined, strict=True)),
+        how=tuple(
+            _how(name, known, split, how) if can or not np.isfinite(value) else IMPOSSIBLE
+            for name, value, known, can in zip(NAMES, values, determined, possible, strict=True)
+        ),
         remedy=tuple(REMEDY[_kind(name)] for name in NAMES),
     )  # fmt: skip
+
+
+def with_misfit(estimated: Estimates, error_percent: float) -> Estimates:
+    """Nothing is determined by a model that leaves most of the force over.
+
+    Parameters
+    ----------
+    estimated : Estimates
+        Of the drive.
+    error_percent : float
+        RMS of what the model leaves over, of the measured force [%].
+    """
+    if not error_percent > MISFIT_PERCENT:
+        return estimated
+    return _undetermined(estimated, UNEXPLAINED.format(error_percent), estimated.remedy)
+
+
+def with_signs(
+    estimated: Estimates, acceleration: Floats, speed: Floats, force: Floats
+) -> Estimates:
+    """Nothing is determined where the force opposes the motion that it makes.
+
+    A motor's force rises with the acceleration and with the direction of the motion, since friction
+    takes energy; a constant force has no part in a correlation.
+
+    Parameters
+    ----------
+    estimated : Estimates
+        Of the drive.
+    acceleration, speed, force : ndarray, shape (N,)
+        Of the rows.
+    """
+    found = {"acceleration": _correlation(acceleration, force),
+             "speed": _correlation(np.sign(speed), force)}  # fmt: skip
+    name = min(found, key=lambda one: found[one])
+    if found[name] > OPPOSED or max(found.values()) > -OPPOSED:
+        return estimated
+    words = REVERSED.format(name, found[name])
+    return _undetermined(estimated, BY_SIGN, (words,) * len(estimated.names))
+
+
+def _correlation(x: Floats, y: Floats) -> float:
+    return float(np.corrcoef(x, y)[0, 1]) if np.ptp(x) > 0 and np.ptp(y) > 0 else 0.0
+
+
+def _undetermined(estimated: Estimates, how: str, remedy: tuple[str, ...]) -> Estimates:
+    many = len(estimated.names)
+    return replace(estimated, determined=np.zeros(many, bool), how=(how,) * many, remedy=remedy)
 
 
 def with_load(

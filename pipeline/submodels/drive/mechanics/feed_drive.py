@@ -30,6 +30,8 @@ from pipeline.submodels.drive.mechanics.estimates import (
     gravity_split,
     units,
     with_load,
+    with_misfit,
+    with_signs,
 )
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     DIRECTIONS,
@@ -187,12 +189,16 @@ def identify_feed_drive(
         widest=settings.widest, how=how,
     )  # fmt: skip
     estimated = with_load(estimated, constant, factor, settings.widest)
+    error = _percent(found.residuals, rows.force)
+    estimated = with_misfit(estimated, error)
+    mass = rows.linear[:, rows.names.index("mass")]
+    estimated = with_signs(estimated, mass, rows.velocity, rows.force)
     return FeedDriveFit(
         **vars(estimated), command_unit=record.command_unit, force_unit=record.force_unit,
         units=units(record.force_unit, estimated.names, record.command_unit),
         feed_drive=feed_drive_of(estimated, record.force_constant),
         points=tuple(points), methods=methods, samples=len(rows.force), delay=delay,
-        relative_error_percent=_percent(found.residuals, rows.force),
+        relative_error_percent=error,
         bandwidth_Hz=np.nan if bandwidth is None else bandwidth, condition=uncertainty.condition,
         rank=_rank(rows, found), correlation=uncertainty.correlation,
         correlated=tuple(n for n, s in zip(found.names, found.fitted, strict=True) if s),

@@ -17,7 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.motion import Motion, first_difference, gaussian, reach
+from pipeline.submodels.drive.mechanics.motion import (
+    Motion,
+    eroded,
+    first_difference,
+    gaussian,
+    reach,
+)
 
 LINEAR = (
     "mass", "viscous_positive", "viscous_negative", "coulomb_level_positive",
@@ -161,7 +167,7 @@ def _rows(motion: Motion, velocities: Floats, names: tuple[str, ...]) -> Regress
     """Rows of one recording, filtered and decimated, away from samples that do not count."""
     keep, every = motion.known & motion.moving, 1
     if motion.bandwidth is not None:
-        keep = _eroded(keep, reach(motion.period, motion.bandwidth))
+        keep = eroded(keep, reach(motion.period, motion.bandwidth))
         every = max(int(0.25 / (motion.bandwidth * motion.period)), 1)
     place = np.flatnonzero(keep[::every]) * every
     instruments = motion.instruments
@@ -210,15 +216,6 @@ def _columns(v: Floats, a: Floats, motion: Motion, names: tuple[str, ...]) -> Fl
     return np.column_stack(columns).astype(np.float64)
 
 
-def _eroded(flags: Bools, reach: int) -> Bools:
-    """True where all within ``reach`` samples are."""
-    bad = np.flatnonzero(np.r_[True, ~flags, True]) - 1
-    after = np.searchsorted(bad, np.arange(len(flags)))
-    place = np.arange(len(flags))
-    clear: Bools = (bad[after] - place > reach) & (place - bad[after - 1] > reach)
-    return clear & flags
-
-
 AMPLITUDES = ("stribeck_amplitude_positive", "stribeck_amplitude_negative")
 LOGS = ("log_velocity_positive", "log_velocity_negative")
 HUBER = 2.0
@@ -229,6 +226,8 @@ STARTS = 3
 """Greatest number of starts of the search [1]."""
 COARSE = 4
 """Step through the velocities of the table on the grid of starts [1]."""
+AT_BOUND = 1e-5
+"""Share of the range of a parameter within which it is at the end [1]."""
 RIDGE = 1e-12
 """Ridge on scaled normal equations of the grid [1]."""
 
@@ -251,6 +250,8 @@ class Dynamics:
         Measured less modelled force [N].
     evaluations : int
         How often the model was evaluated on all rows.
+    limits : (ndarray, ndarray) or None
+        Least and greatest value of each parameter that was searched, shape (D,) each.
     """
 
     names: tuple[str, ...]
@@ -259,6 +260,7 @@ class Dynamics:
     weights: Floats
     residuals: Floats
     evaluations: int
+    limits: tuple[Floats, Floats] | None = None
 
     @property
     def cost(self) -> float:
@@ -268,6 +270,15 @@ class Dynamics:
     def is_fitted(self, name: str) -> bool:
         """Whether the parameter ``name`` was fitted."""
         return bool(self.fitted[self.names.index(name)])
+
+    def at_bound(self, name: str) -> bool:
+        """Whether the search stopped the parameter ``name`` at its least or greatest value."""
+        if self.limits is None:
+            return False
+        k = self.names.index(name)
+        low, high = (float(one[k]) for one in self.limits)
+        margin = AT_BOUND * (high - low)
+        return self.is_fitted(name) and not low + margin < self.values[k] < high - margin
 
     def value(self, name: str) -> float:
         """Value of the parameter ``name``; 0 when the table has none of that name."""
@@ -388,6 +399,7 @@ def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> 
     return Dynamics(
         names=parameter_names(rows), values=best, fitted=fitted, weights=weights,
         residuals=rows.force - modelled_force(rows, best), evaluations=int(answer.nfev),
+        limits=(low, high),
     )  # fmt: skip
 
 

@@ -7,10 +7,13 @@ impulse response ends, so that the samples around a stop can be cut out cleanly.
 passes through such a filter unchanged, whatever its bandwidth.
 
 Unless it is given, the bandwidth holds ``HELD`` of the power of the acceleration, or, where that is
-more, lets the filter settle in half of the shortest stretch of constant speed; but it is at most
-where the noise of the position adds ``NOISE`` to the power of the acceleration, which would make
-the mass too small by as much, and ``TOP`` of half the sampling rate.  Records whose velocity and
-acceleration were recorded need no derivative; when their band is full they are not filtered.
+more, lets the filter settle in half of the shortest stretch of constant speed, and is doubled while
+the cut around stops, which is as long as the filter's memory, leaves less than ``SURVIVES`` of the
+acceleration: short moves from stop to stop would show no inertia (there noise may add ``LOUD``).
+But it is at most where the noise of the position adds ``NOISE`` to the power of the acceleration,
+which would make the mass too small by as much, and ``TOP`` of half the sampling rate.  Records
+whose velocity and acceleration were recorded need no derivative; when their band is full they are
+not filtered.
 """
 
 from collections.abc import Sequence
@@ -84,6 +87,15 @@ def gaussian(places: Ints, samples: int, period: float, bandwidth: float) -> Any
     columns = (places[:, None] + offsets).ravel()
     starts = np.arange(len(places) + 1) * len(offsets)
     return csr_array((np.tile(weights, len(places)), columns, starts), shape=(len(places), samples))
+
+
+def eroded(flags: Bools, reach: int) -> Bools:
+    """True where all within ``reach`` samples are."""
+    bad = np.flatnonzero(np.r_[True, ~flags, True]) - 1
+    after = np.searchsorted(bad, np.arange(len(flags)))
+    place = np.arange(len(flags))
+    clear: Bools = (bad[after] - place > reach) & (place - bad[after - 1] > reach)
+    return clear & flags
 
 
 def reach(period: float, bandwidth: float) -> int:
@@ -281,8 +293,13 @@ def _standstill(record: "AxisRecord", period: float, cut: float | None) -> float
 
 HELD = 0.95
 """Share of the power of the acceleration below the bandwidth [1]."""
+SURVIVES = 0.2
+"""Least RMS of the acceleration that the regression sees, over that of the record [1]."""
 NOISE = 1e-3
 """Greatest share of noise in the power of the acceleration [1]."""
+LOUD = 0.03
+"""The same where the acceleration would not survive otherwise [1]: a mass too small by as much is
+better than none, and the fits at other bandwidths widen its interval."""
 TOP = 0.25
 """Greatest bandwidth over half the sampling rate [1]."""
 
@@ -303,11 +320,31 @@ def parallel_bandwidth(
     """
     shown = [one for one in recordings if axis in one.axes]
     found = [_bandwidth(one, axis, 4 * REACH / shortest) for one in shown]
-    return max(found, key=lambda one: one[0])[1] if found else None
+    if not found:
+        return None
+    power, bandwidth, most = max(found, key=lambda one: one[0])
+    at = [one[0] for one in found].index(power)
+    while bandwidth is not None and bandwidth < most:
+        if _surviving(shown[at], axis, bandwidth) >= SURVIVES * np.sqrt(power):
+            break
+        bandwidth = min(2 * bandwidth, most)
+    return bandwidth
 
 
-def _bandwidth(recording: "Recording", axis: str, settled: float) -> tuple[float, float | None]:
-    """Power of the acceleration, and the bandwidth by the rule above."""
+def _surviving(recording: "Recording", axis: str, bandwidth: float) -> float:
+    """RMS of the acceleration where it is neither cut away nor filtered out [m/s^2]."""
+    one = motion(recording, axis, bandwidth)
+    places = np.flatnonzero(eroded(one.known & one.moving, reach(one.period, bandwidth)))
+    if not len(places):
+        return 0.0
+    through = gaussian(places, len(one.time), one.period, bandwidth) @ one.acceleration
+    return float(np.sqrt(np.mean(through**2)))
+
+
+def _bandwidth(
+    recording: "Recording", axis: str, settled: float
+) -> tuple[float, float | None, float]:
+    """Mean square of the acceleration, the bandwidth by the rule above, and the greatest [Hz]."""
     record, period = recording.axes[axis], recording.period
     half = 0.5 / period
     _, acceleration = derivatives(
@@ -319,15 +356,24 @@ def _bandwidth(recording: "Recording", axis: str, settled: float) -> tuple[float
         noise = 2 * period * white_noise(record.position) * (2 * np.pi * frequency) ** 4
     signal = np.cumsum(np.maximum(power - noise, 0))
     if signal[-1] <= 0:
-        return 0.0, TOP * half
+        return 0.0, TOP * half, TOP * half
     power_held = float(signal[-1])
-    clear = np.flatnonzero(np.cumsum(noise) <= NOISE * signal)
-    quiet = float(frequency[max(int(clear[-1]), 1)]) if len(clear) else float(frequency[1])
+
+    def clear(share: float) -> float:
+        """Frequency up to which noise adds at most a share of the power [Hz]."""
+        below = np.flatnonzero(np.cumsum(noise) <= share * signal)
+        return float(frequency[max(int(below[-1]), 1)]) if len(below) else float(frequency[1])
+
+    quiet = clear(NOISE)
     below = signal[frequency <= quiet]
     held = float(frequency[np.searchsorted(below, HELD * below[-1])])
     if held > TOP * half and record.velocity is not None and record.acceleration is not None:
-        return power_held, None
-    return power_held, max(min(max(held, settled), quiet, TOP * half), 4 / recording.seconds)
+        return power_held * (frequency[1] - frequency[0]), None, TOP * half
+    chosen = max(min(max(held, settled), quiet, TOP * half), 4 / recording.seconds)
+    most = min(clear(LOUD), TOP * half)
+    # quantisation is no white noise while the axis moves: what lies above is no acceleration
+    inside = float(signal[frequency <= most][-1])
+    return inside * (frequency[1] - frequency[0]), chosen, most
 
 
 def _power(values: Floats, period: float) -> tuple[Floats, Floats]:

@@ -18,7 +18,12 @@ import numpy as np
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Bools
 from pipeline.schema.drive import Method
-from pipeline.submodels.drive.mechanics.estimates import AxisFit, Estimates, compared_methods
+from pipeline.submodels.drive.mechanics.estimates import (
+    MISFIT_PERCENT,
+    AxisFit,
+    Estimates,
+    compared_methods,
+)
 from pipeline.submodels.drive.prior import DriveFitSettings
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import (
@@ -54,6 +59,8 @@ FITTED = "the servo's own equation on recorded reference, position and command"
 LISTED = "as conf/machine/ has it; these records do not tell it better"
 WITHOUT = "not determined by these records; the twin goes without"
 LOOSE = "not determined by these records; the twin uses the best value all the same"
+AT_BOUND = 1e-3
+"""Share of a bound within which a term is at it [1]."""
 SHORTEST = 1e-7
 """Lags below are none [s]."""
 NONE_SEEN = "the records want none"
@@ -112,6 +119,8 @@ def identify_servo(
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest
     )
+    determined &= ~_at_end(equation, best)
+    determined &= 100 * best.error <= MISFIT_PERCENT * equation.spread
     slopes = equation.jacobian(best.values, best.fitted)
     length = np.linalg.norm(slopes, axis=0)
     rank = int(np.linalg.matrix_rank(slopes / np.where(length > 0, length, 1.0)))
@@ -137,6 +146,16 @@ def identify_servo(
         correlated=tuple(t for t, fitted in zip(TERMS, best.fitted, strict=True) if fitted),
         left_out=tuple(others),
     )  # fmt: skip
+
+
+def _at_end(equation: ServoEquation, best: ServoOptimum) -> Bools:
+    """Terms that the search stopped at their greatest value, and scales at their least; (D,)."""
+    low, high = equation.nominal.bounds(equation.longest)
+    scales = np.isin(np.arange(len(TERMS)), SCALES)
+    ends: Bools = (best.values >= (1 - AT_BOUND) * high) | (
+        scales & (best.values <= (1 + AT_BOUND) * low)
+    )
+    return ends & best.fitted
 
 
 def _estimates(
