@@ -18,6 +18,7 @@ __all__ = [
     "golden",
     "identity",
     "imports",
+    "imports",
     "interval",
     "limits",
     "model",

@@ -429,8 +429,8 @@ def _share_of_quantity(score: Score, target: Target) -> tuple[list[str], list[st
     if not most or part is None:
         return [], []
     said = (
-        f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the RMS "
-        "of what was measured"
+        f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the "
+        "RMS of what was measured"
     )
     spread = score.spread.get("relative_percent", 0.0)
     if abs(part - most) < spread:
