@@ -97,9 +97,9 @@ class Setup(Ranged, section="setup"):
         What ``X10`` without a decimal point means on a Fanuc: ``"calculator"`` 10 mm,
         ``"increment"`` 10 least input increments (0.001 mm, 0.0001 inch).
     peck_increments : bool or None
-        Whether Q of G73, G76, G83 and G87 counts least input increments where it has no decimal
-        point, as Q5000 for 5 mm, though other words count millimetres; None asks where it would be
-        more than the hole is deep.
+        Whether Q of G73, G74, G76, G83, G84 and G87 counts least input increments where it has no
+        decimal point, as Q5000 for 5 mm, though other words count millimetres; None asks where it
+        would be more than the hole is deep.
     parameters : mapping of (int or str) to float
         ``#`` variables that have a value at the start, by number or name.
     folders : tuple of Path

@@ -189,3 +189,32 @@ def test_mcall_cycle82_dwells_at_each_hole():
     moves = follow(text, dialect="siemens")
     assert moves.value[moves.kind == Kind.DWELL].tolist() == [0.5, 0.5]
     assert moves.length[moves.kind == Kind.FEED].tolist() == [7, 7]
+
+
+@pytest.mark.parametrize("dialect", ["fanuc", "linuxcnc", "siemens"])
+@pytest.mark.parametrize(
+    ("code", "sign", "said"),
+    [
+        ("utf-8", "\u2212", "U+2212 (MINUS SIGN) stands for the minus sign -: type - instead"),
+        ("utf-8", "\u2013", "U+2013 (EN DASH) stands for the minus sign -"),
+        ("cp1252", "\u2013", "U+2013 (EN DASH) stands for the minus sign -"),
+        ("utf-8", "\uff11", "U+FF11 (FULLWIDTH DIGIT ONE) stands for 1: type 1 instead"),
+        ("utf-8", "\u00b5", "U+00B5 (MICRO SIGN) has no meaning in a program"),
+    ],
+)
+def test_a_character_that_looks_like_another_is_named(dialect, code, sign, said):
+    text = f"G90\nG1 X{sign}10 F100\n".encode(code)
+    with pytest.raises(GcodeError) as refused:
+        interpret(parse_program(text, "P"), Setup(dialect=dialect))
+    assert said in str(refused.value)
+    assert refused.value.line == 2
+
+
+def test_a_cyrillic_letter_is_named():
+    assert "(CYRILLIC CAPITAL LETTER HA) stands for X" in refusal("G90\nG1 \u042510 F9")
+
+
+def test_no_remedy_takes_an_unknown_code_out_of_the_program():
+    for text in ("G47 X1", "G1 X1 F9 Q5", "M98 P1"):
+        assert "delete" not in refusal(text)
+    assert "delete" not in refusal("M98 P1", dialect="siemens")

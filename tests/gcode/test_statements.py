@@ -140,7 +140,7 @@ def test_assignments() -> None:
         ("fanuc", "G1 X", "p.nc:1:4: X: X is followed by no value: add a number"),
         ("fanuc", "G1 X.", "1:5: .: a number, # parameter, function or"),
         ("fanuc", "G1 X1.2.3", "1:8: .: this character has no meaning here"),
-        ("fanuc", "G1 é", "1:4: \xc3: this character has no meaning here"),
+        ("fanuc", "G1 é", "1:4: \xc3: U+00E9 (LATIN SMALL LETTER E WITH ACUTE)"),
         ("fanuc", "G1 (open", "1:4: (: the comment is not closed: add )"),
         ("fanuc", "G1 /2", "1:4: /: block skip stands only at the head of a line"),
         ("fanuc", "G1 %", "1:4: %: % stands only on a line of its own"),

@@ -154,7 +154,10 @@ def _g_word(block: Block, run: Run, item: WordItem, value: float) -> None:
     step = step_of(code, run.dialect) if whole else None
     if step is None:
         reason = UNSUPPORTED.get((run.dialect, code)) or UNSUPPORTED.get(("", code))
-        unknown = f"G{value:g} is not known in the dialect {run.dialect}: delete it or rewrite it"
+        unknown = (
+            f"G{value:g} is not known in the dialect {run.dialect}, and what it moves is not "
+            "followed: post it as single moves, or name the control's dialect"
+        )
         raise block.error(item, reason or unknown)
     for index, (_, kind, other, _) in enumerate(block.actions):
         if kind != "G" or not excludes(code, other):
@@ -205,7 +208,7 @@ def _refuse_rest(block: Block, run: Run) -> None:
     elif letter in ("U", "V", "W"):
         reason = f"the machine has no axis {letter}: use X Y Z A B C"
     else:
-        reason = "nothing in this block takes the word: delete it or add the code it belongs to"
+        reason = "nothing in this block takes the word: add the code that it belongs to"
     raise block.error(item, reason)
 
 

@@ -278,7 +278,9 @@ def _linuxcnc_m(run: Run, block: Block, code: int, item: WordItem) -> None:
             value = given if given is not None and letter == "P" else value
         run.add_row(Kind.STOP if code == 60 else Kind.M_CODE, block.line, code=code, value=value)
     else:
-        raise block.error(item, f"M{code} is not known to LinuxCNC: delete it or remap it by hand")
+        raise block.error(
+            item, f"M{code} is not known to LinuxCNC: write what it does on this machine"
+        )
 
 
 LOCALS = {

@@ -265,7 +265,8 @@ class LineReader:
             self._tool(Number(token.value), token)
         elif token.head == "M" and token.value in FOREIGN_M:
             raise self.stream.error(
-                token, "subprograms are not called by M codes in the dialect siemens: delete it"
+                token,
+                "subprograms are not called by M codes in the dialect siemens: put its blocks here",
             )
         elif token.head in LETTERS:
             self.word(token.head, token.value, token)

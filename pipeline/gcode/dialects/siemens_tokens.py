@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.errors import GcodeError, strange_character
 from pipeline.gcode.statements import Binary, Call, Expression, Number, Parameter, Unary
 
 DEEPEST = 60
@@ -103,9 +103,10 @@ class TokenStream:
         while start < len(text):
             match = _TOKEN.match(text, start)
             if match is None:
-                reason = "this character has no meaning here: delete it"
+                reason = "this character has no meaning here: correct it"
                 if text[start] == "[":
                     reason = "fields and texts are not followed: use a variable for each value"
+                reason = strange_character(text, start) or reason
                 raise self.error(Token("", text[start], start + 1, "", 0.0), reason)
             kind = next(kind for kind in _KINDS if match[kind] is not None)
             if kind == "comment":

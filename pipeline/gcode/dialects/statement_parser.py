@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from pipeline.gcode.dialects.expression_parser import Cursor, ExpressionParser
-from pipeline.gcode.errors import GcodeError
+from pipeline.gcode.errors import GcodeError, strange_character
 from pipeline.gcode.program import OUTPUT, Line, Program, TokenKind, is_block, number_text
 from pipeline.gcode.statements import (
     LARGEST,
@@ -148,6 +148,10 @@ class _LineParser:
                 if macro and self.dialect == "linuxcnc"
                 else "this is no word of the dialect: correct it, or choose another dialect",
             )
+        strange = "" if cursor.ended else self._strange()
+        if strange:
+            cursor.at += 1
+            raise cursor.error(start, strange)
         if cursor.ended or cursor.peek() not in _VALUE:
             raise cursor.error(start, f"{letter} is followed by no value: add a number")
         if self.dialect == "fanuc" and _SIGNS.issuperset(cursor.peek(2)):
@@ -165,10 +169,14 @@ class _LineParser:
         column = cursor.columns[start]
         self.words.append(WordItem(letter, value, column, cursor.written(start)))
 
+    def _strange(self) -> str:
+        """What is said of a character here that is not ASCII."""
+        return strange_character(self.cursor.source, self.cursor.column - 1)
+
     def _unexpected(self, reason: str) -> GcodeError:
-        start = self.cursor.at
+        start, strange = self.cursor.at, self._strange()
         self.cursor.at += 1
-        return self.cursor.error(start, reason)
+        return self.cursor.error(start, strange or reason)
 
     def _check_comments(self) -> None:
         word = next((f"({c})" for c in self.cursor.comments if "(" in c), None)
