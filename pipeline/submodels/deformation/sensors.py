@@ -253,9 +253,12 @@ class SensorModel:
         unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
         smoothed = np.abs(lag(time, found, self.settings.smooth_s)) / unsettled[:, None]
         jumps = np.zeros(found.shape)
-        if len(found) > JUMP_SAMPLES:
-            before = np.median(sliding_window_view(found, JUMP_SAMPLES, axis=0)[:-1], axis=-1)
-            jumps[JUMP_SAMPLES:] = np.abs(found[JUMP_SAMPLES:] - before)
+        if len(found) > JUMP_SAMPLES + 1:  # a jump counts when the sample after it is there too
+            before = np.median(sliding_window_view(found, JUMP_SAMPLES, axis=0)[:-2], axis=-1)
+            first, second = found[JUMP_SAMPLES:-1] - before, found[JUMP_SAMPLES + 1 :] - before
+            jumps[JUMP_SAMPLES + 1 :] = np.where(
+                first * second > 0, np.minimum(np.abs(first), np.abs(second)), 0.0
+            )
         return smoothed, jumps
 
     def ratios(self, vector: Floats, gone: frozenset[int]) -> Floats:

@@ -133,8 +133,16 @@ def test_a_jump_in_half_of_the_training_recordings_is_no_part_of_what_is_usual(
     for k, one in enumerate(some):
         faults = model.check(one.state).faults
         assert [fault.sensor for fault in faults] == ([NAMES[sensor]] if k % 2 else [])
-        if faults:  # the sample of the jump
-            assert faults[0].since_s == 60.0 * (45 + 4 * k) and faults[0].kind == JUMPED
+        if faults:  # the sample after that of the jump, which keeps it
+            assert faults[0].since_s == 60.0 * (46 + 4 * k) and faults[0].kind == JUMPED
+
+
+def test_a_single_odd_sample_is_no_jump() -> None:
+    model = fit_sensors(TRAINING, NAMES, SensorSettings())
+    for one in TRAINING:
+        odd = jumped(jumped(one, 1, 3.0, 60), 1, -3.0, 61)
+        assert not model.check(odd.state).faults
+        assert model.check(jumped(one, 1, 3.0, 60).state).faults
 
 
 def test_an_offset_that_stays_from_a_date_on_is_told_from_the_recordings_before() -> None:
