@@ -18,7 +18,6 @@ __all__ = [
     "golden",
     "identity",
     "imports",
-    "imports",
     "interval",
     "limits",
     "model",
