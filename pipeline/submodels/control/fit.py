@@ -271,30 +271,8 @@ def identify_control(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
             "control: log more runs of programs"
         )
-    values = bounded(free, found.values, active | ~fitted)
-    if (values != found.values).any():  # what the others make up for is found again
-        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
-        uncertainty = _uncertainty(found, clusters(observed))
     control = {unit: control_of(start, free, found.values, unit) for unit in units}
     return _fit(free, found, rates, active, uncertainty, control, scale_s=settings.scales_s[-1])
-
-
-def bounded(free: Sequence[FreeParameter], values: Floats, determined: Bools) -> Floats:
-    """Values of which those that are not determined lie where they can be; shape (D,).
-
-    That is between the determined ones of the same kind, of other axes and units; without any,
-    within the factor e of the start that the weak prior allows.
-    """
-    out = values.copy()
-    for i, one in enumerate(free):
-        if determined[i] or not one.log_scale:
-            continue
-        alike = [
-            values[k] for k, other in enumerate(free) if determined[k] and other.key == one.key
-        ]
-        low, high = (min(alike), max(alike)) if alike else (one.start / np.e, one.start * np.e)
-        out[i] = max(min(max(values[i], low), high), one.low)
-    return out
 
 
 def _determined(

@@ -6,12 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.fit import (
-    ControlFitSettings,
-    bounded,
-    identify_control,
-    planned,
-)
+from pipeline.submodels.control.fit import ControlFitSettings, identify_control, planned
 from pipeline.submodels.control.parameters import control_of, free_parameters
 from pipeline.submodels.control.segments import observe, rapid_rates
 from tests.submodels.control.part_programs import (
@@ -254,21 +249,3 @@ def test_a_lathe_without_y_has_no_y_to_find():
 def test_settings_out_of_range_are_refused_by_name(name, value):
     with pytest.raises(ValueError, match=rf"^control_fit.{name} "):
         ControlFitSettings(**{name: value})
-
-
-def test_what_is_not_determined_lies_between_what_is_of_its_kind():
-    """A rapid of 63.8 m/min beside 27 and 29; without any of its kind, the weak prior's width."""
-    free = free_parameters(start(), [""])
-    names = [one.name for one in free]
-    rapids = [i for i, one in enumerate(free) if one.key == "rapid_speed"]
-    values = np.array([one.start for one in free])
-    determined = np.ones(len(free), dtype=bool)
-    values[rapids] = 27000.0, 63800.0, 29000.0
-    determined[rapids[1]] = False
-    jump = next(i for i, one in enumerate(free) if one.key == "corner_jump")
-    values[jump], determined[jump] = 1e3 * free[jump].start, False
-    found = bounded(free, values, determined)
-    assert found[rapids].tolist() == [27000.0, 29000.0, 29000.0]
-    assert found[jump] == pytest.approx(np.e * free[jump].start)
-    others = [i for i in range(len(names)) if i not in (rapids[1], jump)]
-    np.testing.assert_array_equal(found[others], values[others])
