@@ -7,16 +7,18 @@ import re
 import shutil
 import subprocess
 from collections.abc import Iterable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 from pipeline.schema.bundle import VERDICT, Bundle
-from pipeline.schema.imports import libraries, modules
+from pipeline.schema.imports import Module, libraries, modules
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 
 CHAMPIONS = Path("champions.json")
 LOCK = Path("requirements.lock")
+PACKAGE = Path(__file__).parents[1]
 
 
 def requirements(submodels: Iterable[str], root: Path = Path()) -> list[str]:
@@ -24,16 +26,21 @@ def requirements(submodels: Iterable[str], root: Path = Path()) -> list[str]:
 
     One that the lock does not name is pinned to what is installed.
     """
-    package = Path(__file__).parents[1]
-    entries = [f"{package.name}.submodels.{name}.submodel" for name in submodels]
-    whose = importlib.metadata.packages_distributions()
-    needed = {whose[one][0].lower() for one in libraries(modules(package), entries)}
+    entries = [f"{PACKAGE.name}.submodels.{name}.submodel" for name in submodels]
+    own, whose = _known()
+    needed = {whose[one][0].lower() for one in libraries(own, entries)}
     lock = root / LOCK
     lines = lock.read_text().splitlines() if lock.exists() else []
     pinned = dict(line.split("==", 1) for line in lines if re.match(r"[\w.-]+==", line))
     return [
         f"{name}=={pinned.get(name) or importlib.metadata.version(name)}" for name in sorted(needed)
     ]
+
+
+@cache
+def _known() -> tuple[Mapping[str, Module], Mapping[str, list[str]]]:
+    """Modules of this process's code, and the distributions of importable names."""
+    return modules(PACKAGE), importlib.metadata.packages_distributions()
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
