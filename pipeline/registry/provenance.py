@@ -38,7 +38,7 @@ def requirements(submodels: Iterable[str], root: Path = Path()) -> list[str]:
 
 
 @cache
-def _known() -> tuple[Mapping[str, Module], Mapping[str, list[str]]]:
+def _known() -> tuple[dict[str, Module], Mapping[str, list[str]]]:
     """Modules of this process's code, and the distributions of importable names."""
     return modules(PACKAGE), importlib.metadata.packages_distributions()
 
