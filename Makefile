@@ -7,6 +7,8 @@ PYTHON ?= python3
 BIN := $(VENV)/bin
 export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PYTHONHASHSEED := 0
+# each file is compiled once, not by each of the hundred processes of a build (containers often forbid it)
+export PYTHONDONTWRITEBYTECODE :=
 READY := $(VENV)/ready
 TESTS := $(VENV)/ready-for-tests
 PIP = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.lock
