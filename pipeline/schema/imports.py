@@ -1,15 +1,20 @@
 """Modules of the package, what each imports, and the libraries that some of them need."""
 
 import ast
+import json
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from hashlib import sha256
 from pathlib import Path
 
-from pipeline.schema.cache import code_hash
+from pipeline.schema import cache
+from pipeline.schema.cache import code_hash, content_key, keep, kept
 
 SHOWN = {"page", "serve", "example", "curves"}
 """Methods of a sub-model that the report and the registry call, no identification or judgement."""
+REMEMBERED = 5000
+"""Sources whose contents are kept, before those of other copies of the package are forgotten."""
 BY_NAME = "submodels"
 """Room whose modules are imported by name: a stage's entries say which."""
 
@@ -64,12 +69,44 @@ def libraries(known: dict[str, Module], entries: Iterable[str]) -> set[str]:
 
 
 def modules(package: Path) -> dict[str, Module]:
-    """Every module of a package by its dotted name."""
-    found = {}
+    """Every module of a package by its dotted name.
+
+    What a source holds is kept by its content: to parse a whole package takes seconds.
+    """
+    before = _remembered()
+    found, new = {}, {}
     for path in sorted(package.rglob("*.py")):
+        source = path.read_bytes()
+        key = sha256(source).hexdigest()
         name = ".".join(path.relative_to(package.parent).with_suffix("").parts)
-        found[name.removesuffix(".__init__")] = _module(ast.parse(path.read_bytes()))
+        new[key] = module = before.get(key) or _module(ast.parse(source))
+        found[name.removesuffix(".__init__")] = module
+    if not new.keys() <= before.keys():
+        _remember(new if len(before) > REMEMBERED else {**before, **new})
     return found
+
+
+def _place() -> str:
+    """Name of what is kept: it ages with the code that made it and with the syntax of Python."""
+    own = (Path(file).read_text() for file in (__file__, cache.__file__))
+    return content_key((), sys.version, *own)
+
+
+def _remembered() -> dict[str, Module]:
+    try:
+        entries = json.loads(kept("sources", _place()) or "{}")
+        return {
+            key: Module(digest=digest, imports=frozenset(imports), shown=frozenset(shown))
+            for key, (digest, imports, shown) in entries.items()
+        }
+    except (ValueError, TypeError, AttributeError):  # somebody else's bytes
+        return {}
+
+
+def _remember(entries: dict[str, Module]) -> None:
+    texts = {key: (one.digest, sorted(one.imports), sorted(one.shown))
+             for key, one in entries.items()}  # fmt: skip
+    keep("sources", _place(), json.dumps(texts).encode())
 
 
 def _module(tree: ast.Module) -> Module:

@@ -5,7 +5,6 @@ parameters it was read with.  Only what changed is read again; what vanished is 
 is the one that a build from nothing gives.
 """
 
-import ast
 import hashlib
 import json
 import os
@@ -16,8 +15,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pipeline.parallel import mapped
-from pipeline.schema.cache import code_hash
 from pipeline.schema.identity import MachineIdentity
+from pipeline.schema.imports import modules
 from pipeline.signals.formats import RecordSource, Rejection, UnreadableFile
 from pipeline.signals.store import (
     Entry,
@@ -108,16 +107,16 @@ def _hash_of(path: Path) -> tuple[str, str | None]:
 
 
 _DOWNSTREAM = (
-    "cleaning/",
-    "conditions.py",
-    "contracts.py",
-    "parts.py",
-    "recordings.py",
-    "sampling.py",
-    "wear_lives.py",
-    "wear_records.py",
-    "wear_windows.py",
-    "windows.py",
+    "cleaning",
+    "conditions",
+    "contracts",
+    "parts",
+    "recordings",
+    "sampling",
+    "wear_lives",
+    "wear_records",
+    "wear_windows",
+    "windows",
 )
 """Modules that read what the ingest wrote; they have no part in it."""
 
@@ -125,10 +124,10 @@ _DOWNSTREAM = (
 def _code() -> str:
     """Hash of the code that reads: every module of this folder and below, without docstrings."""
     folder, digest = Path(__file__).parent, hashlib.sha256()
-    for path in sorted(folder.rglob("*.py")):
-        name = path.relative_to(folder).as_posix()
-        if not name.startswith(_DOWNSTREAM):
-            digest.update(f"{name}\0{code_hash(ast.parse(path.read_bytes()))}".encode())
+    for name, module in modules(folder).items():
+        inner = name.partition(".")[2]
+        if not inner.startswith(_DOWNSTREAM):
+            digest.update(f"{inner}\0{module.digest}".encode())
     return digest.hexdigest()
 
 
