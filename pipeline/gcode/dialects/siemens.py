@@ -1,7 +1,7 @@
 """Programs of the Sinumerik 840D, line by line to statements of ISO 6983.
 
 Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
-G53, CYCLE81 as G81, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
+G53, CYCLE81 as G0 and G1, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
 :data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Lines
 are read each time that they are carried out, and in that order, so that a reader may remember what
 it read: the tool, the modal call, the turned work plane.
@@ -16,12 +16,17 @@ from pipeline.gcode.dialects.siemens_line import (
     SQUARE,
     LineReader,
     ModalMemory,
-    constant,
     tilt,
 )
 from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream
+from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
-from pipeline.gcode.statements import Binary, Expression, Number, Statement, WordItem
+from pipeline.gcode.statements import Statement, WordItem, constant
+
+UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
+"""G code -> millimetres in its unit of length."""
+SYSTEMS = (53.0, 54.0, 55.0, 56.0, 57.0, 500.0)
+"""G codes after which a coordinate means another place."""
 
 
 class SiemensReader:
@@ -38,6 +43,8 @@ class SiemensReader:
         Names of variables that the control has before the program begins.
     skipped : collection of int
         Levels of ``/`` that are switched on: their lines are not read.
+    unit : float
+        Millimetres in the unit of length in force before the first line.
     """
 
     def __init__(
@@ -46,10 +53,11 @@ class SiemensReader:
         tools: Mapping[str, int] | None = None,
         variables: Iterable[str | int] = (),
         skipped: Collection[int] = (),
+        unit: float = 1.0,
     ) -> None:
         self.file, self.skipped = file, skipped
         defined = {str(name).lower(): "REAL" for name in variables}
-        self.memory = ModalMemory(dict(tools or {}), defined=defined)
+        self.memory = ModalMemory(dict(tools or {}), defined=defined, unit=unit)
 
     def statement(self, line: Line) -> Statement:
         """Statement of the next line.
@@ -67,11 +75,14 @@ class SiemensReader:
         if not reader.shifts:
             self._remember(reader)
             self._check(reader)
+            moved = any(word.letter in "XYZ" for word in reader.words)
+            if moved and not (reader.calls or reader.rest):
+                reader.drilled()
         return Statement(
             line.number,
             line.skip,
             reader.number,
-            tuple(self._drilled(reader)),
+            tuple(reader.words),
             tuple(reader.assignments),
             reader.control,
             tuple(stream.comments),
@@ -93,10 +104,28 @@ class SiemensReader:
                 memory.absolute = value == 90.0
             elif word.letter == "M" and value == 6:
                 memory.tool = memory.selected
-            elif word.letter in memory.at:
-                absolute = memory.absolute if word.absolute is None else word.absolute
-                unknown = not absolute or (word.letter == "Z" and reader.machine)
-                memory.at[word.letter] = None if unknown else value
+            elif word.letter == "G" and value in (*UNITS, *SYSTEMS):
+                memory.unit = UNITS.get(value, memory.unit)
+                memory.at["X"] = memory.at["Y"] = None
+            elif word.letter == "F":
+                memory.feed = word.value
+            elif word.letter == "S":
+                memory.speed = word.value
+        self._remember_places(reader)
+
+    def _remember_places(self, reader: LineReader) -> None:
+        """Where the axes stand, as far as numbers say so."""
+        at = self.memory.at
+        for word in reader.words:
+            if word.letter not in at:
+                continue
+            absolute = self.memory.absolute if word.absolute is None else word.absolute
+            linear, value = word.letter in "XY", constant(word.value)
+            before = 0.0 if absolute else at[word.letter] if linear else None
+            if before is None or value is None or (linear and reader.machine):
+                at[word.letter] = None
+            else:
+                at[word.letter] = before + value
 
     def _check(self, reader: LineReader) -> None:
         """Refuse motion that the turned work plane or table does not allow."""
@@ -125,34 +154,6 @@ class SiemensReader:
         else:
             return
         raise reader.stream.error(_token(moved), reason)
-
-    def _drilled(self, reader: LineReader) -> list[WordItem]:
-        """The words; in a block that moves under MCALL with the hole."""
-        drilling, words = self.memory.drilling, reader.words
-        moved = next((word for word in words if word.letter in "XYZ"), None)
-        if drilling is None or reader.calls or reader.shifts or moved is None:
-            return words
-        if not self.memory.absolute:
-            raise reader.stream.error(_token(moved), "holes under G91 are not followed: write G90")
-        retract, reference, clearance, depth, dwell = drilling
-        level = constant(retract)
-        if self.memory.motion != 0 or level is None or self.memory.at["Z"] != level:
-            raise reader.stream.error(
-                _token(moved),
-                "holes are followed where G0 is in force and Z stands at CYCLE81's retraction "
-                "plane: position there before MCALL, in numbers",
-            )
-        plane = Binary("+", reference, clearance)
-        hole: list[tuple[str, Expression]] = [
-            ("G", Number(82.0 if constant(dwell) else 81.0)),
-            ("Z", depth),
-            ("R", plane),
-        ]
-        if constant(dwell):
-            hole.append(("P", dwell))
-        rapid = ("G", Number(0.0))
-        kept = [w for w in words if w.letter != "Z" and (w.letter, w.value) != rapid]
-        return kept + [WordItem(name, value, moved.column, moved.text) for name, value in hole]
 
 
 def _token(word: WordItem) -> Token:
