@@ -15,13 +15,11 @@ from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRang
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import listed_range, tool_range
-from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import FeedMode, Moves
-from pipeline.gcode.program import Program, parse_program
-from pipeline.gcode.setup import Setup
+from pipeline.gcode.program import parse_program
 from pipeline.optimisation.operations import MAY_BE, told_operations
 from pipeline.optimisation.problem.arrays import Rows
-from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.proof.prove import Proof, proved
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
 
@@ -33,11 +31,12 @@ TABLE = "the tool table"
 
 def check_programs(
     before: Path, after: Path, machine: str | None, dialect: str | None, *, splits: bool = False
-) -> Proof:
-    """Compare two programs with the set-up of ``machine``, read in ``dialect``.
+) -> tuple[Proof, tuple[Moves, Moves] | None]:
+    """Compare two programs with the set-up of ``machine``, read in ``dialect``; and their moves.
 
-    Subprograms of both are searched in the folder of ``before``.  With ``splits`` the second may
-    have more points on the path of straight cuts.
+    There are none where the texts differ in more than F and S.  Subprograms of both are searched in
+    the folder of ``before``.  With ``splits`` the second may have more points on the path of
+    straight cuts.
 
     Raises
     ------
@@ -48,7 +47,7 @@ def check_programs(
     for path in (before, after):
         check_program(path)
     texts = before.read_bytes(), after.read_bytes()
-    return prove(*texts, before.name, after.name, setup, splits=splits)
+    return proved(*texts, before.name, after.name, setup, splits=splits)
 
 
 def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
@@ -77,25 +76,23 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
 
 
 def range_lines(
-    before: Path, after: Path, machine: str | None, dialect: str | None, tool_table: str,
-    material: str | None = None,
-) -> Iterator[str]:  # fmt: skip
+    after: Path, moves: tuple[Moves, Moves], tool_table: str, material: str | None = None
+) -> Iterator[str]:
     """Lines of AFTER whose F or S is not that of BEFORE and leaves the range of the tool.
 
     Cuts at feed count, with the F and S in force; feeds of threads, cycles of tapping and G93 are
     no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
     catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
-    milling, since there is no cut.
+    milling, since there is no cut.  ``moves`` are those of both programs.
 
     Raises
     ------
     ValueError
-        When tool table or material cannot be read, or a program cannot be followed.
+        When tool table or material cannot be read.
     """
-    setup = setup_beside(machine_setup(machine, dialect), before)
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))
-    (_, old), (program, new) = (moves_of(path, setup) for path in (before, after))
+    program, (old, new) = parse_program(after.read_bytes(), after.name), moves
     lines = len(old) == len(new)
     known = set(in_force(old, np.arange(len(old)), lines=lines))
     known_speeds = {speed_of(key) for key in known}
@@ -155,12 +152,6 @@ def _limits(
         feed_of=catalogue if tool.feed_per_tooth_mm is None else TABLE,
         speed_of=catalogue if tool.cutting_speed_m_min is None else TABLE,
     )
-
-
-def moves_of(path: Path, setup: Setup) -> tuple[Program, Moves]:
-    """A program, and as it is interpreted."""
-    program = parse_program(path.read_bytes(), path.name)
-    return program, interpret(program, setup)
 
 
 def _cuts(moves: Moves) -> Rows:

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.app.check import NEAR, moves_of, place
-from pipeline.app.programs import machine_setup, setup_beside
+from pipeline.app.check import NEAR, place
 from pipeline.gcode.moves import Moves
+from pipeline.gcode.program import parse_program
 from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import at_speed, cuts_at_feed
@@ -15,21 +15,13 @@ from pipeline.schema.arrays import Bools
 from pipeline.schema.limits import MachiningPractice
 
 
-def machine_lines(
-    before: Path, after: Path, machine: str | None, dialect: str | None
-) -> Iterator[str]:
+def machine_lines(after: Path, moves: tuple[Moves, Moves]) -> Iterator[str]:
     """Warnings of F and S of AFTER that are far from those of BEFORE: one for each pair of values.
 
     Far is a factor of change beyond the default of ``kerf optimise``; what the machine cannot do
-    is said by :mod:`pipeline.twin.preflight`.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine, or a program cannot be followed.
+    is said by :mod:`pipeline.twin.preflight`.  ``moves`` are those of both programs.
     """
-    setup = setup_beside(machine_setup(machine, dialect), before)
-    (_, old), (program, new) = (moves_of(path, setup) for path in (before, after))
+    program, (old, new) = parse_program(after.read_bytes(), after.name), moves
     fed = cuts_at_feed(new)
     turns = at_speed(new) & ~new.constant_surface_speed & (new.length > 0)
     if len(old) == len(new):  # with points put in, rows are not each other’s

@@ -311,7 +311,7 @@ def _sweep(
     """Stations of a path at ``bins`` angles, and the stock that it leaves."""
     from pipeline.cutting.engagement.sweep_stations import PIECE, SCALARS, STATE, sweep_path
 
-    grid, profiles, counts = _grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
+    grid, profiles, counts = grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
     station, out = station_accumulator(bins, SCALARS), station_buffer(_ROWS, bins)
     state = np.zeros(STATE, np.int64)
     # one layout, one compiled kernel
@@ -332,7 +332,7 @@ def _sweep(
     return StationColumns(*whole), replace(stock, heights=grid.heights)
 
 
-def _grid_of(stock: HeightMap, tools: Sequence[Tool]) -> Grid:
+def grid_of(stock: HeightMap, tools: Sequence[Tool]) -> Grid:
     """Copy of the map, to be cut by the tools."""
     heights = stock.heights.copy()
     floor = float(np.float32(stock.floor))

@@ -1,0 +1,145 @@
+"""Clearance of shank and holder: cylinders above the cutting edges, over the stock as it is then.
+
+The tool is followed in steps of a cell; at each it cuts the columns under its end, and those that
+still stand higher than the underside of shank or holder, within its radius, are in its way.  What
+the holder's own cylinder touches stays: it does not cut.  What is above the holder is not known.
+"""
+
+from collections.abc import Sequence
+from math import ceil, floor, hypot, inf, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.cutting.engagement.engagement import ToolPath, grid_of
+from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.engagement.sweep_columns import SKIN, end_height
+from pipeline.cutting.engagement.sweep_workspace import tool_profiles
+from pipeline.cutting.tool import Tool
+from pipeline.kernels import compiled
+from pipeline.schema.arrays import Floats, Ints
+
+BODIES = ("shank", "holder")
+MM = 1e-3
+
+
+class Contacts(NamedTuple):
+    """Where a body of a tool is in the material; N of them, in the order of the path.
+
+    ``piece`` of the path, ``body``: index into :data:`BODIES`, ``depth`` of its underside below the
+    highest column in its way, at most along the piece [m].
+    """
+
+    piece: Ints
+    body: Ints
+    depth: Floats
+
+
+def bodies(tool: Tool) -> Floats:
+    """Radius of shank and holder and the height of their undersides above the tip [m]; (2, 2).
+
+    One that is not listed, or no wider than the cutting edges, begins at infinity.
+    """
+    found = np.array([[0.0, inf], [0.0, inf]])
+    if tool.flute_length_mm is not None and tool.shank_diameter > tool.diameter:
+        found[0] = tool.shank_diameter / 2, tool.flute_length_mm * MM
+    if tool.stickout_mm is not None and tool.holder_diameter_mm is not None:
+        found[1] = tool.holder_diameter_mm / 2 * MM, tool.stickout_mm * MM
+    return found
+
+
+def contacts(path: ToolPath, tools: Sequence[Tool], stock: HeightMap) -> Contacts:
+    """Where shank or holder of a tool is in the material along a path.
+
+    Parameters
+    ----------
+    path : ToolPath
+        In the stock's frame.
+    tools : sequence of Tool
+        Those that ``path.tool`` counts.
+    stock : HeightMap
+        Before the path; it is not changed.
+    """
+    each = np.array([bodies(tool) for tool in tools]).reshape(-1, 2, 2)
+    top = float(stock.heights.max(initial=stock.floor))
+    # only a tip this deep brings a body below the top of the blank
+    lowest = np.minimum(path.start[:, 2], path.end[:, 2])
+    deep = np.flatnonzero(lowest + each[path.tool, :, 1].min(axis=1) < top)
+    depth = np.zeros((len(path), len(BODIES)))
+    if len(deep):
+        many = int(deep[-1]) + 1
+        _follow(
+            np.ascontiguousarray(path.start[:many]), np.ascontiguousarray(path.end[:many]),
+            np.ascontiguousarray(path.tool[:many]), tool_profiles(tools), each,
+            grid_of(stock, tools), depth,
+        )  # fmt: skip
+    piece, body = np.nonzero(depth > SKIN)
+    return Contacts(piece, body, depth[piece, body])
+
+
+@compiled
+def _follow(start, end, tool_of, profiles, bodies, grid, depth):  # type: ignore[no-untyped-def]
+    """Fill ``depth``, shape (pieces, 2) [m]."""
+    for piece in range(start.shape[0]):
+        tool, x, y, z = tool_of[piece], start[piece, 0], start[piece, 1], start[piece, 2]
+        dx, dy, dz = end[piece, 0] - x, end[piece, 1] - y, end[piece, 2] - z
+        if min(z, z + dz) >= grid.top:
+            continue  # the tip is above everything
+        steps = max(1, ceil(hypot(dx, dy) / grid.cell))
+        for step in range(steps + 1):
+            share = step / steps
+            at, along, level = x + share * dx, y + share * dy, z + share * dz
+            if level >= grid.top:
+                continue
+            _stamp(grid, profiles, tool, at, along, level)
+            for body in range(bodies.shape[1]):
+                radius, under = bodies[tool, body, 0], level + bodies[tool, body, 1]
+                if under < grid.top:
+                    above = _highest(grid, at, along, radius) - under
+                    depth[piece, body] = max(depth[piece, body], above)
+
+
+@compiled
+def _cells(origin, cell, low, high, many):  # type: ignore[no-untyped-def]
+    """First cell and cell after the last of ``many`` that reach into ``low`` to ``high`` [m]."""
+    first = floor(min(max((low - origin) / cell - 1.0, 0.0), float(many)))
+    return first, ceil(min(max((high - origin) / cell + 1.0, 0.0), float(many)))
+
+
+@compiled
+def _stamp(grid, profiles, tool, x, y, z):  # type: ignore[no-untyped-def]
+    """Cut the columns under a tool whose tip stands at a place."""
+    heights, cell, radius = grid.heights, grid.cell, profiles.radius[tool]
+    rows, columns = heights.shape
+    kind, flat = profiles.kind[tool], profiles.flat[tool]
+    corner, cone = profiles.corner[tool], profiles.cone[tool]
+    first, after = _cells(grid.y0, cell, y - radius, y + radius, rows)
+    one, end = _cells(grid.x0, cell, x - radius, x + radius, columns)
+    for row in range(first, after):
+        for column in range(one, end):
+            if heights[row, column] <= z:
+                continue
+            dx = grid.x0 + (column + grid.x_shifts[row + grid.margin]) * cell - x
+            dy = grid.y0 + (row + grid.y_shifts[column + grid.margin]) * cell - y
+            square = dx * dx + dy * dy
+            if square < radius * radius:
+                left = z + end_height(kind, flat, corner, cone, sqrt(square))
+                heights[row, column] = min(heights[row, column], np.float32(max(left, grid.floor)))
+
+
+@compiled
+def _highest(grid, x, y, radius):  # type: ignore[no-untyped-def]
+    """Top of the highest column within a radius of a place; the floor where there is none [m]."""
+    heights, cell, highest = grid.heights, grid.cell, grid.floor
+    rows, columns = heights.shape
+    first, after = _cells(grid.y0, cell, y - radius, y + radius, rows)
+    one, end = _cells(grid.x0, cell, x - radius, x + radius, columns)
+    for row in range(first, after):
+        for column in range(one, end):
+            if heights[row, column] <= highest:
+                continue
+            dx = grid.x0 + (column + grid.x_shifts[row + grid.margin]) * cell - x
+            dy = grid.y0 + (row + grid.y_shifts[column + grid.margin]) * cell - y
+            if dx * dx + dy * dy < radius * radius:
+                highest = float(heights[row, column])
+    return highest
