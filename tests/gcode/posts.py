@@ -860,6 +860,129 @@ def turned(job: Job) -> None:
     job.say(job.g(94), *job.fed(always=True))
 
 
+def inverse_time(job: Job) -> None:
+    """G93: F is one over the minutes of each block."""
+    job.say(job.g(93))
+    place = job.point
+    for _ in range(2):
+        step = np.array([job.between(1, 9), job.between(1, 9), 0.0])
+        minutes = float(job.rng.choice([0.5, 0.25, 0.1]))
+        job.feed = float(np.linalg.norm(step)) * job.unit / minutes
+        place = job.point + step
+        job.say(*job.mode(False), job.g(1), *job.axes({"X": step[0], "Y": step[1]}),
+                f"F{1 / minutes:g}" + "." * (job.fanuc and minutes != 0.4))  # fmt: skip
+        job.go(False, place)
+    job.motion, job.feed = job.g(1), 0.0
+    job.say(job.g(94), *job.mode(True), *job.fed(always=True))
+
+
+def modal_macro(job: Job) -> None:
+    """G66: a macro after each move, and G67."""
+    number, step = job.next_program, job.between(1, 3)
+    job.next_program += 1
+    place = [(job.between(-20, 20), job.between(-20, 20)) for _ in range(2)]
+    feed = float(job.rng.integers(2, 60) * 10)
+    job.feed = feed * job.unit
+    job.tail += [f"O{number:04d}", f"G91 G1 Z-#2 F{feed:g}.", "G0 Z#2", "G90", "M99"]
+    job.say(job.g(90), job.g(0))
+    job.absolute = True
+    job.say(f"G66 P{number} B{step:.{job.digits}f}")
+    for x, y in place:
+        job.say(job.g(0), *job.axes({"X": x, "Y": y}))
+        job.go(True, np.array([x, y, job.point[2]]))
+        job.go(False, job.point - np.array([0, 0, step]))
+        job.go(True, job.point + np.array([0, 0, step]))
+    job.say(job.g(67))
+    job.motion = ""
+
+
+def nested(job: Job) -> None:
+    """A subprogram that calls another, in a loop, that leaves by M99 and by its last line."""
+    outer, inner = job.next_program, job.next_program + 1
+    job.next_program += 2
+    x, y, times = job.between(1, 4), job.between(1, 4), int(job.rng.integers(1, 4))
+    job.say(f"M98 P{outer} L{times}")
+    job.tail += [f"O{outer:04d}", f"G91 G0 X{job.n(x)}", f"M98 P{inner}", "M99", f"O{inner:04d}",
+                 f"G91 G0 Y{job.n(y)}", "IF[#500EQ#0]GOTO7", "X99.", "N7 M99"]  # fmt: skip
+    for _ in range(times):
+        job.go(True, job.point + np.array([x, 0, 0]))
+        job.go(True, job.point + np.array([0, y, 0]))
+    job.absolute, job.motion = False, ""
+    job.say(*job.mode(True))
+
+
+def outline(job: Job) -> None:
+    """A rectangle round which the tool goes with G41: at the corners an arc, or lines that meet."""
+    place(job)
+    x, y, a, b = (
+        job.between(-20, 20),
+        job.between(-20, 20),
+        job.between(20, 30),
+        job.between(20, 30),
+    )
+    z, r = job.point[2], DIAMETERS[job.tool] / 2 / job.unit
+    far = job.grid(30 / job.unit)
+    begin = np.array([x, job.grid(y - far), z])
+    job.say(*job.mode(True), *job.moded(0), *job.at(begin))
+    job.go(True, begin)
+    # clockwise with the tool to the left: up the left side, and round
+    right, up = job.grid(x + a), job.grid(y + b)
+    corners = [(x, y), (x, up), (right, up), (right, y), (x, y)]
+    d = [] if job.style == "siemens" else [f"D{job.tool}"]
+    job.say(job.g(41), *d, *job.moded(1), *job.at(corners[0]), *job.fed(always=True))
+    for corner in corners[1:]:
+        job.say(*job.moded(1), *job.at(corner))
+    off = np.array([[-r, 0], [0, r], [r, 0], [0, -r]])
+    job.go(False, np.array([x - r, y, z]))
+    for i, corner in enumerate(corners[1:]):
+        here, after = np.array(corner), off[(i + 1) % 4]
+        last = i == 3
+        ahead = here + off[i]
+        if job.fanuc and not last:
+            job.go(False, np.array([*(here + off[i] + after), z]))  # the lines meet
+            continue
+        job.go(False, np.array([*ahead, z]))
+        if not last:
+            job.turn(np.array([*here, z]), -math.pi / 2, 0.0)
+    leave = np.array([job.grid(right + far), y, z])
+    job.say(job.g(40), *job.moded(0), *job.at(leave))
+    job.go(True, leave)
+
+
+def added_rotation(job: Job) -> None:
+    """G68 with R that adds up under G91, and a mirrored, shifted frame inside of G52."""
+    x, y = job.between(-10, 10), job.between(-10, 10)
+    first, second = (float(job.rng.integers(5, 60)) for _ in range(2))
+    shift = np.array([job.between(-20, 20), job.between(-20, 20), 0.0])
+    job.say(job.g(52), *job.at(shift))
+    job.say(*job.mode(True), job.g(68), *job.at((x, y)), f"R{first:.3f}")
+    a = math.radians(first + second)
+    job.say(*job.mode(False), job.g(68), *job.at((x, y)), f"R{second:.3f}")
+    job.say(*job.mode(True))
+    turn = np.array([[math.cos(a), -math.sin(a), 0], [math.sin(a), math.cos(a), 0], [0, 0, 1]])
+    job.matrix = turn
+    job.shift = _about(turn, np.array([x, y, 0]) * job.unit) + shift * job.unit
+    _flat(job)
+    job.say(job.g(69))
+    job.say(job.g(52), "X0", "Y0", "Z0")
+    job.matrix, job.shift = np.eye(3), np.zeros(3)
+    place(job)
+
+
+def centre_of_its_own(job: Job) -> None:
+    """An arc of a Sinumerik whose centre counts from the origin, with turns of a helix."""
+    place(job)
+    start = job.point
+    radius, rise = job.between(3, 9), job.between(-5, 5)
+    turns = int(job.rng.integers(0, 3))
+    centre = np.array([job.grid(start[0] + radius), start[1], start[2]])
+    end = np.array([start[0], start[1], job.grid(start[2] + rise)])
+    more = [f"TURN={turns}"] if turns else []
+    job.say(*job.moded(3), *job.at(end), f"I=AC({job.n(centre[0])})", f"J=AC({job.n(centre[1])})",
+            *more, *job.fed(always=True))  # fmt: skip
+    _arc_to(job, centre, 2 * math.pi * (turns + 1), end, end[2] - start[2])
+
+
 def skipped(job: Job) -> None:
     """Blocks that a switch leaves out, and comments."""
     if job.fanuc:
@@ -878,11 +1001,13 @@ def skipped(job: Job) -> None:
 
 EVERY = (lines, lines, arc, arc, holes, holes, local, subprogram, macro, pocket, pause, home)
 OPERATIONS: dict[str, Sequence[Callable[[Job], None]]] = {
-    "fanuc": (*EVERY, rotated, scaled, polar, corner, written_offset, turned, skipped, tool),
-    "haas": (*EVERY, rotated, scaled, written_offset, turned, skipped, tool),
+    "fanuc": (*EVERY, inverse_time, modal_macro, nested, outline, added_rotation, rotated, scaled,
+              polar, corner, written_offset, turned, skipped, tool),
+    "haas": (*EVERY, inverse_time, modal_macro, nested, outline, rotated, scaled, written_offset,
+             turned, skipped, tool),
     "siemens": (lines, lines, arc, arc, holes, holes, holes, local, macro, pocket, pause, home,
-                turned, skipped, tool),
-    "linuxcnc": (*EVERY, turned, skipped, written_offset),
+                centre_of_its_own, outline, inverse_time, turned, skipped, tool),
+    "linuxcnc": (*EVERY, inverse_time, outline, turned, skipped, written_offset),
 }  # fmt: skip
 
 

@@ -53,9 +53,10 @@ def moved(moves):
             a = moves.angle[row] / 2
             middle[i, u] = moves.centre[row, u] + arm[0] * np.cos(a) - arm[1] * np.sin(a)
             middle[i, v] = moves.centre[row, v] + arm[0] * np.sin(a) + arm[1] * np.cos(a)
-    feed = np.where(
-        moves.feed_mode == FeedMode.PER_REVOLUTION, moves.feed * moves.speed, moves.feed
-    )
+    factor = {FeedMode.PER_REVOLUTION: moves.speed, FeedMode.INVERSE_TIME: length}
+    feed = moves.feed.copy()
+    for mode, by in factor.items():
+        feed = np.where(moves.feed_mode == mode, feed * by, feed)
     rapid = moves.kind[rows] == Kind.RAPID
     return rapid, moves.end[rows, :3], middle, length[rows], feed[rows], moves.line[rows]
 
