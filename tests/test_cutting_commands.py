@@ -428,6 +428,4 @@ def test_tools_whose_holder_is_not_listed_are_said(project: Path) -> None:
     assert "not checked: shank and holder" in kerf(
         project, "preflight", "part.nc", *CUT[:2]
     ).stdout  # fmt: skip
-    assert "--stock is given without --tool-table" in refused(
-        project, "preflight", "part.nc", *CUT[:4]
-    )
+    assert "--tool-table is missing" in refused(project, "preflight", "part.nc", *CUT[:4])

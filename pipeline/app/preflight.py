@@ -1,8 +1,9 @@
 """The command `kerf preflight`: a program by hand against what the machine can reach."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 from pipeline.app.cut import REMEDY, RESOLUTION
 from pipeline.app.fleet import machine_parameters
@@ -27,37 +28,13 @@ from pipeline.twin.preflight import (
 NO_BLANK = "not checked: shank and holder against the part (give --stock and --tool-table)"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Clearance:
-    """Blank and tool table that shanks and holders are held against, as the options give them."""
+class Clearance(NamedTuple):
+    """Options of the blank and the tools whose shanks and holders are held against it."""
 
-    stock: str
-    tool_table: str
-    resolution: float = RESOLUTION
-    work_offset: str | None = None
-
-    @classmethod
-    def of(
-        cls, stock: str | None, tool_table: str | None, resolution: float | None,
-        work_offset: str | None,
-    ) -> "Clearance | None":  # fmt: skip
-        """The options; None where no blank is given.
-
-        Raises
-        ------
-        ValueError
-            When a part of them is missing.
-        """
-        if stock is None and (resolution, work_offset) != (None, None):
-            raise ValueError(f"--stock is missing: {REMEDY['stock']}")
-        if stock is not None and tool_table is None:
-            raise ValueError(f"--stock is given without --tool-table: {REMEDY['tool_table']}")
-        if stock is None or tool_table is None:
-            return None
-        return cls(
-            stock=stock, tool_table=tool_table, resolution=resolution or RESOLUTION,
-            work_offset=work_offset,
-        )  # fmt: skip
+    stock: str | None
+    tool_table: str | None
+    resolution: float | None
+    work_offset: str | None
 
 
 def preflight_program(
@@ -66,28 +43,20 @@ def preflight_program(
 ) -> Preflight:  # fmt: skip
     """Hold the program at ``path`` against the limits of ``machine``, and its tools' bodies.
 
-    Parameters
-    ----------
-    path, machine, dialect
-        As the command names them.
-    beside : Path, optional
-        Program whose folder is searched for subprograms too.
-    clearance : Clearance, optional
-        Blank and tools; without, shanks and holders are not held against the part.
-    moves : Moves, optional
-        Of the program, where it was followed with this set-up before.
+    ``beside`` is a program whose folder is searched for subprograms too; ``moves`` are those of the
+    program, where it was followed with this set-up before.
 
     Raises
     ------
     ValueError
-        When there is no such machine, or the program cannot be followed.
+        When there is no such machine, the program cannot be followed, or an option is missing.
     """
     setup = machine_setup(machine, dialect)
     setup = setup if beside is None else setup_beside(setup, beside)
     sections = machine_parameters(machine)["machine"][machine]
     moves = read_moves(path, setup, lambda done: None) if moves is None else moves
     found = preflight(moves, setup, machine_limits(sections, setup))
-    if clearance is None:
+    if clearance is None or not any(clearance[:1] + clearance[2:]):
         return found
     control = section(dict(sections), "control", ControlParameters)
     return _with_contacts(found, moves, setup, clearance, control)
@@ -98,8 +67,11 @@ def _with_contacts(
     control: ControlParameters | None,
 ) -> Preflight:  # fmt: skip
     """The preflight with what of shanks and holders meets the part."""
+    if clearance.stock is None or clearance.tool_table is None:
+        missing = "stock" if clearance.stock is None else "tool_table"
+        raise ValueError(f"--{missing.replace('_', '-')} is missing: {REMEDY[missing]}")
     tools = read_tools(clearance.tool_table).tools
-    resolution = clearance.resolution * METRE
+    resolution = (clearance.resolution or RESOLUTION) * METRE
     path = cutting_path(
         moves, sorted(tools), chord=CHORD * resolution, offsets=setup.work_offsets,
         offset=clearance.work_offset,

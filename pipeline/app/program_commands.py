@@ -152,7 +152,7 @@ def preflight(
     )
 
     with _working():
-        clearance = Clearance.of(stock, tool_table, resolution, work_offset)
+        clearance = Clearance(stock, tool_table, resolution, work_offset)
         found = preflight_program(program, machine, dialect, clearance=clearance)
     if json:
         say_json({"program": program.name, "machine": machine} | asdict(found))
@@ -206,8 +206,8 @@ def check(
                 "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
                 "file"
             )
-        clearance = Clearance.of(stock, tool_table, resolution, work_offset)
-        if clearance is not None and machine is None:
+        clearance = Clearance(stock, tool_table, resolution, work_offset)
+        if stock is not None and machine is None:
             raise ValueError("--stock is given without --machine: name the machine that cuts it")
         with step(f"compared {before} and {after}") as found:
             proof, moves = check_programs(before, after, machine, dialect, splits=splits)

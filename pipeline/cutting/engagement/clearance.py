@@ -6,14 +6,14 @@ the holder's own cylinder touches stays: it does not cut.  What is above the hol
 """
 
 from collections.abc import Sequence
-from math import ceil, floor, hypot, inf, sqrt
+from math import ceil, hypot, inf
 from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.cutting.engagement.engagement import ToolPath, grid_of
 from pipeline.cutting.engagement.height_map import HeightMap
-from pipeline.cutting.engagement.sweep_columns import SKIN, end_height
+from pipeline.cutting.engagement.sweep_columns import SKIN, cell_range, end_height
 from pipeline.cutting.engagement.sweep_workspace import tool_profiles
 from pipeline.cutting.tool import Tool
 from pipeline.kernels import compiled
@@ -81,65 +81,42 @@ def contacts(path: ToolPath, tools: Sequence[Tool], stock: HeightMap) -> Contact
 def _follow(start, end, tool_of, profiles, bodies, grid, depth):  # type: ignore[no-untyped-def]
     """Fill ``depth``, shape (pieces, 2) [m]."""
     for piece in range(start.shape[0]):
-        tool, x, y, z = tool_of[piece], start[piece, 0], start[piece, 1], start[piece, 2]
+        x, y, z = start[piece, 0], start[piece, 1], start[piece, 2]
         dx, dy, dz = end[piece, 0] - x, end[piece, 1] - y, end[piece, 2] - z
-        if min(z, z + dz) >= grid.top:
-            continue  # the tip is above everything
         steps = max(1, ceil(hypot(dx, dy) / grid.cell))
         for step in range(steps + 1):
             share = step / steps
-            at, along, level = x + share * dx, y + share * dy, z + share * dz
-            if level >= grid.top:
-                continue
-            _stamp(grid, profiles, tool, at, along, level)
-            for body in range(bodies.shape[1]):
-                radius, under = bodies[tool, body, 0], level + bodies[tool, body, 1]
-                if under < grid.top:
-                    above = _highest(grid, at, along, radius) - under
-                    depth[piece, body] = max(depth[piece, body], above)
+            if z + share * dz < grid.top:
+                _pass(
+                    grid, profiles, tool_of[piece], bodies, x + share * dx, y + share * dy,
+                    z + share * dz, depth[piece],
+                )  # fmt: skip
 
 
 @compiled
-def _cells(origin, cell, low, high, many):  # type: ignore[no-untyped-def]
-    """First cell and cell after the last of ``many`` that reach into ``low`` to ``high`` [m]."""
-    first = floor(min(max((low - origin) / cell - 1.0, 0.0), float(many)))
-    return first, ceil(min(max((high - origin) / cell + 1.0, 0.0), float(many)))
-
-
-@compiled
-def _stamp(grid, profiles, tool, x, y, z):  # type: ignore[no-untyped-def]
-    """Cut the columns under a tool whose tip stands at a place."""
+def _pass(grid, profiles, tool, bodies, x, y, z, depth):  # type: ignore[no-untyped-def]
+    """Cut the columns under a tool whose tip is at a place; how deep its bodies are in others."""
     heights, cell, radius = grid.heights, grid.cell, profiles.radius[tool]
-    rows, columns = heights.shape
-    kind, flat = profiles.kind[tool], profiles.flat[tool]
-    corner, cone = profiles.corner[tool], profiles.cone[tool]
-    first, after = _cells(grid.y0, cell, y - radius, y + radius, rows)
-    one, end = _cells(grid.x0, cell, x - radius, x + radius, columns)
+    widest = radius
+    for body in range(bodies.shape[1]):
+        if z + bodies[tool, body, 1] < grid.top:
+            widest = max(widest, bodies[tool, body, 0])
+    first, after = cell_range(grid.y0, cell, y - widest, y + widest, heights.shape[0], 0)
+    one, end = cell_range(grid.x0, cell, x - widest, x + widest, heights.shape[1], 0)
     for row in range(first, after):
         for column in range(one, end):
             if heights[row, column] <= z:
                 continue
             dx = grid.x0 + (column + grid.x_shifts[row + grid.margin]) * cell - x
             dy = grid.y0 + (row + grid.y_shifts[column + grid.margin]) * cell - y
-            square = dx * dx + dy * dy
-            if square < radius * radius:
-                left = z + end_height(kind, flat, corner, cone, sqrt(square))
+            r = hypot(dx, dy)
+            if r < radius:
+                left = z + end_height(
+                    profiles.kind[tool], profiles.flat[tool], profiles.corner[tool],
+                    profiles.cone[tool], r,
+                )  # fmt: skip
                 heights[row, column] = min(heights[row, column], np.float32(max(left, grid.floor)))
-
-
-@compiled
-def _highest(grid, x, y, radius):  # type: ignore[no-untyped-def]
-    """Top of the highest column within a radius of a place; the floor where there is none [m]."""
-    heights, cell, highest = grid.heights, grid.cell, grid.floor
-    rows, columns = heights.shape
-    first, after = _cells(grid.y0, cell, y - radius, y + radius, rows)
-    one, end = _cells(grid.x0, cell, x - radius, x + radius, columns)
-    for row in range(first, after):
-        for column in range(one, end):
-            if heights[row, column] <= highest:
-                continue
-            dx = grid.x0 + (column + grid.x_shifts[row + grid.margin]) * cell - x
-            dy = grid.y0 + (row + grid.y_shifts[column + grid.margin]) * cell - y
-            if dx * dx + dy * dy < radius * radius:
-                highest = float(heights[row, column])
-    return highest
+            for body in range(bodies.shape[1]):
+                if r < bodies[tool, body, 0]:
+                    above = heights[row, column] - z - bodies[tool, body, 1]
+                    depth[body] = max(depth[body], above)

@@ -17,11 +17,12 @@ from pipeline.gcode.dialects.siemens_line import (
     LineReader,
     ModalMemory,
     tilt,
+    token_of,
 )
-from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream
+from pipeline.gcode.dialects.siemens_tokens import TokenStream
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
-from pipeline.gcode.statements import Statement, WordItem, constant
+from pipeline.gcode.statements import Statement, constant
 
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
 """G code -> millimetres in its unit of length."""
@@ -153,8 +154,4 @@ class SiemensReader:
             reason = "TRANS under TRAORI is not supported: shift the coordinates in the program"
         else:
             return
-        raise reader.stream.error(_token(moved), reason)
-
-
-def _token(word: WordItem) -> Token:
-    return Token("", word.text, word.column, "", 0.0)
+        raise reader.stream.error(token_of(moved), reason)

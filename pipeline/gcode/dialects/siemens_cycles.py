@@ -48,18 +48,9 @@ class CycleError(ValueError):
 def hole(
     name: str, arguments: Sequence[Expression], *, unit: float, feed: Expression, speed: Expression
 ) -> list[Words]:
-    """Blocks of one hole.
+    """Blocks of one hole by CYCLE81 to CYCLE84, whose ``arguments`` are as the call gives them.
 
-    Parameters
-    ----------
-    name : str
-        ``"CYCLE81"`` to ``"CYCLE84"``.
-    arguments : sequence of Expression
-        As the call gives them.
-    unit : float
-        Millimetres in the program's unit of length.
-    feed, speed : Expression
-        F and S in force.
+    ``unit``: millimetres in the program's unit of length; ``feed`` and ``speed``: F and S in force.
 
     Raises
     ------

@@ -55,6 +55,11 @@ SQUARE = 1e-6
 UNROTATED: Matrix = np.eye(3)
 
 
+def token_of(word: WordItem) -> Token:
+    """The token of a word, for errors."""
+    return Token("", word.text, word.column, "", 0.0)
+
+
 def rotation(axis: int, degrees: float) -> Matrix:
     """Matrix (3, 3) of a rotation about X (0), Y (1) or Z (2)."""
     first, second = (axis + 1) % 3, (axis + 2) % 3
@@ -306,7 +311,7 @@ class LineReader:
         relative = next((word for word in given if word.letter not in self.centres), None)
         if self.centres and relative is not None:
             raise self.stream.error(
-                Token("", relative.text, relative.column, "", 0.0),
+                token_of(relative),
                 "the other centre of the block is given with AC: give all of them so, or none",
             )
         first = given[0]
@@ -319,7 +324,7 @@ class LineReader:
         if dwell is not None:
             if not any(word.letter == "F" for word in self.words):
                 raise self.stream.error(
-                    Token("", dwell.text, dwell.column, "", 0.0),
+                    token_of(dwell),
                     "G4 is followed with seconds: write G4 F and the seconds",
                 )
             self.words = [
@@ -440,7 +445,7 @@ class LineReader:
         found = next((word for word in self.words if word.absolute is False), None)
         if self.machine and found is not None:
             raise self.stream.error(
-                Token("", found.text, found.column, "", 0.0),
+                token_of(found),
                 "IC beside SUPA or G53 is not followed: write the machine's coordinate",
             )
 

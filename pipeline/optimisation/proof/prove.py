@@ -92,31 +92,18 @@ class Proof:
 
 
 def prove(
-    before: bytes,
-    after: bytes,
-    name_before: str,
-    name_after: str,
-    setup: Setup,
-    *,
+    before: bytes, after: bytes, name_before: str, name_after: str, setup: Setup, *,
     splits: bool = False,
-) -> Proof:
-    """Compare two texts, then what they make a machine do.
-
-    Parameters and errors as of :func:`proved`.
-    """
+) -> Proof:  # fmt: skip
+    """The comparison of :func:`proved`."""
     return proved(before, after, name_before, name_after, setup, splits=splits)[0]
 
 
 def proved(
-    before: bytes,
-    after: bytes,
-    name_before: str,
-    name_after: str,
-    setup: Setup,
-    *,
+    before: bytes, after: bytes, name_before: str, name_after: str, setup: Setup, *,
     splits: bool = False,
-) -> tuple[Proof, tuple[Moves, Moves] | None]:
-    """The comparison, and the moves of both programs; None where the texts differ in more.
+) -> tuple[Proof, tuple[Moves, Moves] | None]:  # fmt: skip
+    """Compare two texts, then what they make a machine do; and the moves of both, where made.
 
     Parameters
     ----------
