@@ -319,7 +319,7 @@ def optimise(
     )
     from pipeline.app.optimise_lines import optimise_lines
     from pipeline.app.preflight import beyond_lines, not_checked_lines, preflight_program
-    from pipeline.app.programs import machine_moves
+    from pipeline.app.programs import machine_setup, read_moves
     from pipeline.twin.preflight import preflight_warnings
 
     with _working() as to:
@@ -337,7 +337,7 @@ def optimise(
             ),
         )  # fmt: skip
         check_outputs(program, *files.named, inputs=request.cut.files)
-        moves = machine_moves(program, machine)
+        moves = read_moves(program, machine_setup(machine, None), lambda done: None)
         checked = preflight_program(program, machine, moves=moves)
         for line in beyond_lines(checked, program, machine):
             to.say(line)

@@ -208,17 +208,6 @@ def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     return moves
 
 
-def machine_moves(path: Path, machine: str) -> Moves:
-    """Moves of the program at ``path`` with the set-up of ``machine``.
-
-    Raises
-    ------
-    ValueError
-        As :func:`read_moves`.
-    """
-    return read_moves(path, machine_setup(machine, None), lambda done: None)
-
-
 def passed_over(path: Path, setup: Setup) -> Iterator[str]:
     """Words of a program that move nothing and are not followed, a line of text each."""
     program = program_at(path)

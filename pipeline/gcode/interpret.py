@@ -21,7 +21,7 @@ from pipeline.gcode.fast_lines import run_fast_lines
 from pipeline.gcode.flow import Flow
 from pipeline.gcode.foreign import refuse_foreign
 from pipeline.gcode.modal import CANCELLED, LINUXCNC
-from pipeline.gcode.moves import INCH, Kind, Moves, Rows
+from pipeline.gcode.moves import Kind, Moves, Rows
 from pipeline.gcode.program import Program
 from pipeline.gcode.restart import Restart, restart_of
 from pipeline.gcode.run import Block, Run
@@ -115,15 +115,6 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 """Dialect -> class that stores its variables."""
 
 
-def _siemens_reader(program: Program, setup: Setup) -> SiemensReader | None:
-    if setup.dialect != "siemens":
-        return None
-    return SiemensReader(
-        program.name, setup.tool_names, setup.parameters, setup.block_skip,
-        unit=INCH if setup.inch else 1.0,
-    )  # fmt: skip
-
-
 def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, int], Statement]:
     """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
     if siemens is not None:
@@ -169,7 +160,7 @@ class Interpreter:
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
-        self.siemens = _siemens_reader(program, setup)
+        self.siemens = SiemensReader(program.name, setup) if setup.dialect == "siemens" else None
         self.calls = CallStack(self.run, self.variables, _reader(self.siemens, setup), program)
         self.flow = Flow(self.calls, self.variables)
         self.blocks = 0

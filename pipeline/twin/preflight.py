@@ -166,16 +166,7 @@ def contact_violations(
 ) -> tuple[Violation, ...]:
     """Lines in which shank or holder of a tool goes into the material, each at its deepest.
 
-    Parameters
-    ----------
-    moves : Moves
-        M rows.
-    path : CuttingPath
-        Of them, its tools counting those of ``tools`` by rising number.
-    tools : mapping of int to Tool
-        Of the tool table.
-    blank : HeightMap
-        Before the program.
+    ``path`` is that of the moves; it counts ``tools`` by their rising numbers.
     """
     numbers = sorted(tools)
     found = contacts(path.pieces, [tools[number] for number in numbers], blank)

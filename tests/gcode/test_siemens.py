@@ -34,7 +34,7 @@ SETUP = Setup(dialect="siemens")
 
 def statements(text):
     program = parse_program(text.encode("latin-1"), "test.mpf")
-    reader = SiemensReader("test.mpf")
+    reader = SiemensReader("test.mpf", SETUP)
     return [reader.statement(line) for line in program.lines]
 
 

@@ -49,18 +49,11 @@ def bodies(tool: Tool) -> Floats:
 
 
 def contacts(path: ToolPath, tools: Sequence[Tool], stock: HeightMap) -> Contacts:
-    """Where shank or holder of a tool is in the material along a path.
+    """Where shank or holder of a tool is in the material along a path in the stock's frame.
 
-    Parameters
-    ----------
-    path : ToolPath
-        In the stock's frame.
-    tools : sequence of Tool
-        Those that ``path.tool`` counts.
-    stock : HeightMap
-        Before the path; it is not changed.
+    ``tools`` are those that ``path.tool`` counts; the stock is not changed.
     """
-    each = np.array([bodies(tool) for tool in tools]).reshape(-1, 2, 2)
+    each = np.array([bodies(tool) for tool in tools])
     top = float(stock.heights.max(initial=stock.floor))
     # only a tip this deep brings a body below the top of the blank
     lowest = np.minimum(path.start[:, 2], path.end[:, 2])

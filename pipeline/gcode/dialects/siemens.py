@@ -9,8 +9,6 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
     SQUARE,
@@ -22,6 +20,7 @@ from pipeline.gcode.dialects.siemens_line import (
 from pipeline.gcode.dialects.siemens_tokens import TokenStream
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
+from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import Statement, constant
 
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
@@ -37,28 +36,17 @@ class SiemensReader:
     ----------
     file : str
         Name for errors.
-    tools : mapping of str to int, optional
-        Number in the tool table of a tool's name; names that are not in it get the next free
-        numbers in the order in which they are called.
-    variables : iterable of (str or int)
-        Names of variables that the control has before the program begins.
-    skipped : collection of int
-        Levels of ``/`` that are switched on: their lines are not read.
-    unit : float
-        Millimetres in the unit of length in force before the first line.
+    setup : Setup
+        Of the control: numbers of tool names (others get the next free ones in the order in which
+        they are called), variables that it has before the program begins, levels of ``/`` that are
+        switched on (their lines are not read), inches.
     """
 
-    def __init__(
-        self,
-        file: str,
-        tools: Mapping[str, int] | None = None,
-        variables: Iterable[str | int] = (),
-        skipped: Collection[int] = (),
-        unit: float = 1.0,
-    ) -> None:
-        self.file, self.skipped = file, skipped
-        defined = {str(name).lower(): "REAL" for name in variables}
-        self.memory = ModalMemory(dict(tools or {}), defined=defined, unit=unit)
+    def __init__(self, file: str, setup: Setup) -> None:
+        self.file, self.skipped = file, setup.block_skip
+        defined = {str(name).lower(): "REAL" for name in setup.parameters}
+        unit = INCH if setup.inch else 1.0
+        self.memory = ModalMemory(dict(setup.tool_names), defined=defined, unit=unit)
 
     def statement(self, line: Line) -> Statement:
         """Statement of the next line.
