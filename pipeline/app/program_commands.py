@@ -191,8 +191,7 @@ def check(
 
     With machine, tool table and blank it warns of a shank or holder that meets the part.
     """
-    from pipeline.app.check import check_lines, check_programs, range_lines
-    from pipeline.app.check_machine import machine_lines
+    from pipeline.app.check import check_lines, check_programs, machine_lines, range_lines
     from pipeline.app.preflight import (
         Clearance,
         clearance_lines,
