@@ -429,3 +429,13 @@ def test_tools_whose_holder_is_not_listed_are_said(project: Path) -> None:
         project, "preflight", "part.nc", *CUT[:2]
     ).stdout  # fmt: skip
     assert "--tool-table is missing" in refused(project, "preflight", "part.nc", *CUT[:4])
+
+
+def test_a_rapid_straight_down_into_the_blank_is_named(project: Path) -> None:
+    text = PART.replace("X-10.", "X30.").replace("G1 Z-2. F300.", "Z-2.")
+    (project / "part.nc").write_text(text.replace("X70.", "G1 X70."))
+    done = kerf(project, "preflight", "part.nc", *CUT[:6], *CUT[8:])
+    assert done.exit_code == 1
+    assert "line 7: a rapid of T4 goes 2 mm through the material" in done.stdout
+    done = kerf(project, "simulate", "part.nc", *CUT)
+    assert "WARNING: rapids go through the material, 1 block, line 7. Retract" in done.stdout

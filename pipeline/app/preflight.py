@@ -9,7 +9,6 @@ from pipeline.app.cut import REMEDY, RESOLUTION
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.programs import machine_limits, machine_setup, read_moves, setup_beside
 from pipeline.app.tables import read_tools, section
-from pipeline.cutting.engagement.clearance import BODIES
 from pipeline.cutting.engagement.height_map import height_map
 from pipeline.cutting.engagement.stock import stock_of
 from pipeline.gcode.moves import METRE, Moves
@@ -18,10 +17,12 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.twin.cut import CHORD, rapid_speeds
 from pipeline.twin.cutting_path import cutting_path
 from pipeline.twin.preflight import (
+    IN_MATERIAL,
     Preflight,
     clearance_not_checked,
     contact_violations,
     preflight,
+    rapid_violations,
     violation_lines,
 )
 
@@ -78,10 +79,9 @@ def _with_contacts(
         rapid_speeds=None if control is None else rapid_speeds(control),
     )  # fmt: skip
     blank = height_map(stock_of(clearance.stock), resolution)
-    met = contact_violations(moves, path, tools, blank)
-    return replace(
-        found, violations=(*found.violations, *met), clearance=clearance_not_checked(moves, tools)
-    )
+    at = moves, path, tools, blank
+    met = (*found.violations, *contact_violations(*at), *rapid_violations(*at))
+    return replace(found, violations=met, clearance=clearance_not_checked(moves, tools))
 
 
 def preflight_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]:
@@ -102,10 +102,10 @@ def beyond_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]
     """Each violation, and how many there are."""
     for said in violation_lines(found.violations):
         yield f"warning: {said}"
-    met = sum(one.what in BODIES for one in found.violations)
+    met = sum(one.what in IN_MATERIAL for one in found.violations)
     for many, does in (
         (len(found.violations) - met, f"leaves the limits of {machine}"),
-        (met, "brings a shank or holder into the part"),
+        (met, "brings a shank, a holder or a rapid into the part"),
     ):
         if many:
             yield (

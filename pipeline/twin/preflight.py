@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.cutting.engagement.clearance import BODIES, bodies, contacts
+from pipeline.cutting.engagement.engagement import engage
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import AXES, METRE, FeedMode, Kind, Moves
@@ -27,6 +28,9 @@ IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 """Plane -> the two axes that an arc moves, in the order in which it turns anticlockwise."""
 MOST_SAID = 5
 """Violations of one axis or word that are printed; documents hold all of them."""
+RAPID = "rapid"
+IN_MATERIAL = (*BODIES, RAPID)
+"""What of violations is held against the part, not against the machine."""
 _BEYOND, _CONTACT = "The program leaves the machine’s limits", "A tool’s body meets the part"
 _CLEAR = "Clamp the tool longer, take a slimmer holder, or cut what is in its way before."
 SAID = {"S": ("spindle speed", "rev/min"), "F": ("feed", "mm/min"), "length": ("tool length", "mm")}
@@ -44,7 +48,8 @@ class Violation:
     file : str
         Name of the subprogram; empty for the program itself.
     what : str
-        Letter of the axis or word, ``length`` of a tool, or its ``shank`` or ``holder``.
+        Letter of the axis or word, ``length`` of a tool, its ``shank`` or ``holder``, or
+        ``rapid``.
     value : float
         Position in machine coordinates, value of the word, or depth in the material [mm, deg,
         rev/min, mm/min].
@@ -75,6 +80,8 @@ class Violation:
         """Where, what, value, limit."""
         low, high = self.limit
         where = f"{self.file} line {self.line}" if self.file else f"line {self.line}"
+        if self.what == RAPID:
+            return f"{where}: a rapid of T{self.tool} goes {self.value:.3g} mm through the material"
         if self.what in BODIES:
             return (
                 f"{where}: the {self.what} of T{self.tool} ({self.body}) goes {self.value:.3g} mm "
@@ -182,6 +189,16 @@ def contact_violations(
         if key not in seen or one.value > seen[key].value:
             seen[key] = one
     return tuple(seen.values())
+
+
+def rapid_violations(
+    moves: Moves, path: CuttingPath, tools: Mapping[int, Tool], blank: HeightMap
+) -> Iterator[Violation]:
+    """Rapids that go through the material; arguments as of :func:`contact_violations`."""
+    swept, _ = engage(path.pieces, [tools[number] for number in sorted(tools)], blank)
+    depth = swept.rapid_depth / METRE
+    for row in np.flatnonzero(depth).tolist():
+        yield _violation(moves, Setup(), row, RAPID, (0.0, 0.0), float(depth[row]))
 
 
 def clearance_not_checked(moves: Moves, tools: Mapping[int, Tool]) -> tuple[str, ...]:

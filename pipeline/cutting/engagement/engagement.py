@@ -230,6 +230,20 @@ class Engagement:
         return np.asarray(np.abs(self.slope) > 1 - 1e-9)
 
     @property
+    def rapid_depth(self) -> Floats:
+        """Depth of the material that rapids go through in each block [m]; shape (B,).
+
+        Straight down it is the way in the material, since the end of a tool has no height; contact
+        with less than two columns, or less deep than the map resolves, is none.
+        """
+        depth, down = np.zeros(self.blocks), self.plunge
+        wide = self.volume > 2 * self.resolution**2 * self.length
+        across, into = ~self.feed & ~down, ~self.feed & down & wide
+        np.maximum.at(depth, self.block[across], self.axial_depth[across])
+        np.add.at(depth, self.block[into], self.length[into])
+        return np.where(depth > self.resolution * (1 + 1e-6), depth, 0.0)
+
+    @property
     def entry(self) -> Floats:
         """phi_st: where the longest engaged arc begins [rad], NaN without one; shape (N,)."""
         return engaged_arc(self.upper - self.lower)[0]
