@@ -388,3 +388,54 @@ def test_a_recorded_program_faces_what_lies_above_its_zero(project: Path, tmp_pa
     assert cut["summary"]["blank_cm3"] - cut["summary"]["left_cm3"] == pytest.approx(
         cut["summary"]["volume_cm3"], rel=1e-4
     )
+
+
+DEEP = PART.replace("Z-2. F300.", "Z-9. F300.").replace("X-10. Y20.", "X-20. Y20.")
+BODIES = {4: {
+    "kind": "flat", "diameter_mm": 12.0, "flutes": 3, "flute_length_mm": 6.0, "stickout_mm": 7.5,
+    "shank_diameter_mm": 14.0, "holder_diameter_mm": 30.0,
+}}  # fmt: skip
+SAID = (
+    "line 8: the holder of T4 (⌀ 30 mm from 7.5 mm above the tip) goes 1.5 mm deep into the "
+    "material"
+)
+
+
+def test_a_holder_or_shank_that_meets_the_part_is_named_by_every_command(project: Path) -> None:
+    (project / "part.nc").write_text(DEEP)
+    (project / "tools.yaml").write_text(yaml.safe_dump({"tools": BODIES}))
+    blank = [*CUT[:6], *CUT[8:]]
+    done = kerf(project, "preflight", "part.nc", *blank)
+    assert done.exit_code == 1 and SAID in done.stdout
+    assert "line 8: the shank of T4 (⌀ 14 mm from 6 mm above the tip) goes 3 mm" in done.stdout
+    found = json.loads(kerf(project, "preflight", "part.nc", *blank, "--json").stdout)
+    assert {one["what"] for one in found["violations"]} == {"holder", "shank"}
+    assert SAID in kerf(project, "check", "part.nc", "part.nc", *blank).stdout
+    done = kerf(project, "simulate", "part.nc", *CUT, "--json", "cut.json")
+    assert done.exit_code == 0 and SAID in done.stdout
+    (grave,) = [
+        one for one in json.loads((project / "cut.json").read_text())["cut"]["warnings"]
+        if "holder" in one["what"]
+    ]  # fmt: skip
+    assert grave["grave"] and grave["lines"][0] == 8
+
+
+def test_tools_whose_holder_is_not_listed_are_said(project: Path) -> None:
+    words = "holder of T4 (stickout_mm and holder_diameter_mm in the tool table)"
+    done = kerf(project, "preflight", "part.nc", *CUT[:6], *CUT[8:])
+    assert done.exit_code == 0 and f"not checked: {words}" in done.stdout
+    assert words in kerf(project, "simulate", "part.nc", *CUT).stdout
+    assert "not checked: shank and holder" in kerf(
+        project, "preflight", "part.nc", *CUT[:2]
+    ).stdout  # fmt: skip
+    assert "--tool-table is missing" in refused(project, "preflight", "part.nc", *CUT[:4])
+
+
+def test_a_rapid_straight_down_into_the_blank_is_named(project: Path) -> None:
+    text = PART.replace("X-10.", "X30.").replace("G1 Z-2. F300.", "Z-2.")
+    (project / "part.nc").write_text(text.replace("X70.", "G1 X70."))
+    done = kerf(project, "preflight", "part.nc", *CUT[:6], *CUT[8:])
+    assert done.exit_code == 1
+    assert "line 7: a rapid of T4 goes 2 mm through the material" in done.stdout
+    done = kerf(project, "simulate", "part.nc", *CUT)
+    assert "WARNING: rapids go through the material, 1 block, line 7. Retract" in done.stdout

@@ -1,5 +1,5 @@
-"""Two programs by hand: the proof that they differ in F and S alone, and F and S that leave the
-range of a tool.
+"""Two programs by hand: proof that they differ in F and S alone; F and S that leave the range of a
+tool, or changed by very much.
 """
 
 from collections.abc import Iterator, Mapping
@@ -15,15 +15,15 @@ from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRang
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import listed_range, tool_range
-from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import FeedMode, Moves
-from pipeline.gcode.program import Program, parse_program
-from pipeline.gcode.setup import Setup
+from pipeline.gcode.program import parse_program
 from pipeline.optimisation.operations import MAY_BE, told_operations
 from pipeline.optimisation.problem.arrays import Rows
-from pipeline.optimisation.proof.prove import Proof, prove
+from pipeline.optimisation.proof.prove import Proof, proved
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
+from pipeline.schema.arrays import Bools
+from pipeline.schema.limits import MachiningPractice
 
 ADDED = "-"
 NEAR = 1e-3
@@ -33,11 +33,12 @@ TABLE = "the tool table"
 
 def check_programs(
     before: Path, after: Path, machine: str | None, dialect: str | None, *, splits: bool = False
-) -> Proof:
-    """Compare two programs with the set-up of ``machine``, read in ``dialect``.
+) -> tuple[Proof, tuple[Moves, Moves] | None]:
+    """Compare two programs with the set-up of ``machine``, read in ``dialect``; and their moves.
 
-    Subprograms of both are searched in the folder of ``before``.  With ``splits`` the second may
-    have more points on the path of straight cuts.
+    There are none where the texts differ in more than F and S.  Subprograms of both are searched in
+    the folder of ``before``.  With ``splits`` the second may have more points on the path of
+    straight cuts.
 
     Raises
     ------
@@ -48,7 +49,7 @@ def check_programs(
     for path in (before, after):
         check_program(path)
     texts = before.read_bytes(), after.read_bytes()
-    return prove(*texts, before.name, after.name, setup, splits=splits)
+    return proved(*texts, before.name, after.name, setup, splits=splits)
 
 
 def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
@@ -77,25 +78,23 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
 
 
 def range_lines(
-    before: Path, after: Path, machine: str | None, dialect: str | None, tool_table: str,
-    material: str | None = None,
-) -> Iterator[str]:  # fmt: skip
+    after: Path, moves: tuple[Moves, Moves], tool_table: str, material: str | None = None
+) -> Iterator[str]:
     """Lines of AFTER whose F or S is not that of BEFORE and leaves the range of the tool.
 
     Cuts at feed count, with the F and S in force; feeds of threads, cycles of tapping and G93 are
     no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
     catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
-    milling, since there is no cut.
+    milling, since there is no cut.  ``moves`` are those of both programs.
 
     Raises
     ------
     ValueError
-        When tool table or material cannot be read, or a program cannot be followed.
+        When tool table or material cannot be read.
     """
-    setup = setup_beside(machine_setup(machine, dialect), before)
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))
-    (_, old), (program, new) = (moves_of(path, setup) for path in (before, after))
+    program, (old, new) = parse_program(after.read_bytes(), after.name), moves
     lines = len(old) == len(new)
     known = set(in_force(old, np.arange(len(old)), lines=lines))
     known_speeds = {speed_of(key) for key in known}
@@ -157,12 +156,6 @@ def _limits(
     )
 
 
-def moves_of(path: Path, setup: Setup) -> tuple[Program, Moves]:
-    """A program, and as it is interpreted."""
-    program = parse_program(path.read_bytes(), path.name)
-    return program, interpret(program, setup)
-
-
 def _cuts(moves: Moves) -> Rows:
     """Rows at feed with a turning spindle and a tool, whose S is a speed and F a feed."""
     runs = LineRuns.among(moves)
@@ -218,3 +211,50 @@ def _outside(
                 f"warning: {where}: {said} is {value:.3g} {unit}, outside of {span[0]:g} to "
                 f"{span[1]:g} of {whose}"
             )
+
+
+def machine_lines(after: Path, moves: tuple[Moves, Moves]) -> Iterator[str]:
+    """Warnings of F and S of AFTER that are far from those of BEFORE: one for each pair of values.
+
+    Far is a factor of change beyond the default of ``kerf optimise``; what the machine cannot do
+    is said by :mod:`pipeline.twin.preflight`.  ``moves`` are those of both programs.
+    """
+    program, (old, new) = parse_program(after.read_bytes(), after.name), moves
+    fed = cuts_at_feed(new)
+    turns = at_speed(new) & ~new.constant_surface_speed & (new.length > 0)
+    if len(old) == len(new):  # with points put in, rows are not each other’s
+        yield from _far(old, new, (fed, turns), FeedWords(program, new))
+
+
+def _far(old: Moves, new: Moves, rows: tuple[Bools, Bools], words: FeedWords) -> Iterator[str]:
+    """F and S that changed by more than the default change."""
+    low, high = MachiningPractice().change
+    then, now = words.written(old.feed), words.written(new.feed)
+    for letter, own, value, mine in (
+        ("F", then, now, rows[0]), ("S", old.speed, new.speed, rows[1]),
+    ):  # fmt: skip
+        ratio = np.divide(value, own, out=np.ones(len(own)), where=mine & (own > 0))
+        far = (ratio > high * (1 + NEAR)) | (ratio < low * (1 - NEAR))
+        for found in _alike(np.flatnonzero(far), own, value):
+            first = found[0]
+            yield (
+                f"warning: {_where(new, found)}: {letter}{own[first]:g} became "
+                f"{letter}{value[first]:g}, ×{ratio[first]:.3g}, outside of ×{low:g} to "
+                f"×{high:g}: look whether it is meant"
+            )
+
+
+def _alike(rows: Rows, *values: np.ndarray) -> Iterator[Rows]:
+    """Rows of equal values, in the order of the first of each."""
+    found: dict[tuple[float, ...], list[int]] = {}
+    for row in rows.tolist():
+        found.setdefault(tuple(float(one[row]) for one in values), []).append(row)
+    for alike in found.values():
+        yield np.array(alike, dtype=np.intp)
+
+
+def _where(moves: Moves, rows: Rows) -> str:
+    """Line and tool of the first row, and how many other lines."""
+    more = len(set(moves.line[rows].tolist())) - 1
+    others = f" and {more} more line{'s' * (more > 1)}" if more else ""
+    return f"{place(moves, int(rows[0]))}{others}"

@@ -26,6 +26,7 @@ from pipeline.app.programs import (
     write_document,
 )
 from pipeline.app.tables import section
+from pipeline.gcode.moves import Moves
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import Progress, machine_models, part_job
@@ -137,7 +138,8 @@ def part_options(
 class PartRequest:
     """All options of ``kerf optimise`` but the files to write.
 
-    ``beyond`` is what of the program leaves the machine, for its documents.
+    ``beyond`` is what of the program leaves the machine, for its documents; ``moves`` are those of
+    the program, where it was followed before.
     """
 
     program: Path
@@ -148,6 +150,7 @@ class PartRequest:
     search: SearchOptions
     model: str = CHAMPION
     beyond: tuple[CutWarning, ...] = ()
+    moves: Moves | None = None
 
 
 def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, OptimisedPart]:
@@ -174,6 +177,7 @@ def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, Opt
         models=models,
         setup=setup_beside(on.setup, request.program),
         settings=settings,
+        moves=request.moves,
     )
     workshop = workshop_of(on, request.machine, request.cut, settings.wear)
     with named_as_options():

@@ -1,29 +1,87 @@
 """The command `kerf preflight`: a program by hand against what the machine can reach."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
+from pipeline.app.cut import REMEDY, RESOLUTION
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.programs import machine_limits, machine_setup, read_moves, setup_beside
-from pipeline.twin.preflight import Preflight, preflight, violation_lines
+from pipeline.app.tables import read_tools, section
+from pipeline.cutting.engagement.height_map import height_map
+from pipeline.cutting.engagement.stock import stock_of
+from pipeline.gcode.moves import METRE, Moves
+from pipeline.gcode.setup import Setup
+from pipeline.machine.control.parameters import ControlParameters
+from pipeline.twin.cut import CHORD, rapid_speeds
+from pipeline.twin.cutting_path import cutting_path
+from pipeline.twin.preflight import (
+    IN_MATERIAL,
+    Preflight,
+    clearance_not_checked,
+    contact_violations,
+    preflight,
+    rapid_violations,
+    violation_lines,
+)
+
+NO_BLANK = "not checked: shank and holder against the part (give --stock and --tool-table)"
+
+
+class Clearance(NamedTuple):
+    """Options of the blank and the tools whose shanks and holders are held against it."""
+
+    stock: str | None
+    tool_table: str | None
+    resolution: float | None
+    work_offset: str | None
 
 
 def preflight_program(
-    path: Path, machine: str, dialect: str | None = None, beside: Path | None = None
-) -> Preflight:
-    """Hold the program at ``path`` against the limits of ``machine``.
+    path: Path, machine: str, dialect: str | None = None, *, beside: Path | None = None,
+    clearance: Clearance | None = None, moves: Moves | None = None,
+) -> Preflight:  # fmt: skip
+    """Hold the program at ``path`` against the limits of ``machine``, and its tools' bodies.
 
-    Subprograms are searched in its folder, and in that of the program ``beside``.
+    ``beside`` is a program whose folder is searched for subprograms too; ``moves`` are those of the
+    program, where it was followed with this set-up before.
 
     Raises
     ------
     ValueError
-        When there is no such machine, or the program cannot be followed.
+        When there is no such machine, the program cannot be followed, or an option is missing.
     """
     setup = machine_setup(machine, dialect)
     setup = setup if beside is None else setup_beside(setup, beside)
-    limits = machine_limits(machine_parameters(machine)["machine"][machine], setup)
-    return preflight(read_moves(path, setup, lambda done: None), setup, limits)
+    sections = machine_parameters(machine)["machine"][machine]
+    moves = read_moves(path, setup, lambda done: None) if moves is None else moves
+    found = preflight(moves, setup, machine_limits(sections, setup))
+    if clearance is None or not any(clearance[:1] + clearance[2:]):
+        return found
+    control = section(dict(sections), "control", ControlParameters)
+    return _with_contacts(found, moves, setup, clearance, control)
+
+
+def _with_contacts(
+    found: Preflight, moves: Moves, setup: Setup, clearance: Clearance,
+    control: ControlParameters | None,
+) -> Preflight:  # fmt: skip
+    """The preflight with what of shanks and holders meets the part."""
+    if clearance.stock is None or clearance.tool_table is None:
+        missing = "stock" if clearance.stock is None else "tool_table"
+        raise ValueError(f"--{missing.replace('_', '-')} is missing: {REMEDY[missing]}")
+    tools = read_tools(clearance.tool_table).tools
+    resolution = (clearance.resolution or RESOLUTION) * METRE
+    path = cutting_path(
+        moves, sorted(tools), chord=CHORD * resolution, offsets=setup.work_offsets,
+        offset=clearance.work_offset,
+        rapid_speeds=None if control is None else rapid_speeds(control),
+    )  # fmt: skip
+    blank = height_map(stock_of(clearance.stock), resolution)
+    at = moves, path, tools, blank
+    met = (*found.violations, *contact_violations(*at), *rapid_violations(*at))
+    return replace(found, violations=met, clearance=clearance_not_checked(moves, tools))
 
 
 def preflight_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]:
@@ -32,15 +90,28 @@ def preflight_lines(found: Preflight, program: Path, machine: str) -> Iterator[s
     yield from not_checked_lines(found, machine)
 
 
+def clearance_lines(found: Preflight) -> Iterator[str]:
+    """What of shanks and holders was not held against the part, in one line."""
+    if found.clearance is None:
+        yield NO_BLANK
+    elif found.clearance:
+        yield f"not checked: {'; '.join(found.clearance)}"
+
+
 def beyond_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]:
     """Each violation, and how many there are."""
     for said in violation_lines(found.violations):
         yield f"warning: {said}"
-    if many := len(found.violations):
-        yield (
-            f"warning: {program.name} leaves the limits of {machine} {many} "
-            f"time{'s' * (many > 1)}: do not run it as it is"
-        )
+    met = sum(one.what in IN_MATERIAL for one in found.violations)
+    for many, does in (
+        (len(found.violations) - met, f"leaves the limits of {machine}"),
+        (met, "brings a shank, a holder or a rapid into the part"),
+    ):
+        if many:
+            yield (
+                f"warning: {program.name} {does} {many} time{'s' * (many > 1)}: do not run it as "
+                "it is"
+            )
 
 
 def not_checked_lines(found: Preflight, machine: str) -> Iterator[str]:

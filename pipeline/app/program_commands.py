@@ -40,12 +40,12 @@ def interpret(
     json: kerf.Json = False,
 ) -> None:
     """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
+    if out is None and at is None:
+        with one_sentence():
+            raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
     if at is not None:
         _restart(program, machine, dialect, at, json=json)
     if out is None:
-        if at is None:
-            with one_sentence():
-                raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
         return
     from pipeline.app.fleet import check_outputs
     from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
@@ -132,22 +132,34 @@ def preflight(
     program: kerf.Program,
     machine: kerf.Whose,
     dialect: kerf.Dialect = None,
+    stock: kerf.Stock = None,
+    tool_table: kerf.ToolTable = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
     json: kerf.Json = False,
 ) -> None:
     """Hold PROGRAM against MACHINE's travel, spindle speeds, feeds and tool lengths; else exit 1.
 
-    Limits that the machine's file does not list are named, not checked.
+    With a blank and tools also shank and holder against the part, as it is when they pass.
+
+    What machine and tool table do not list is named, not checked.
     """
-    from pipeline.app.preflight import preflight_lines, preflight_program
+    from pipeline.app.preflight import (
+        Clearance,
+        clearance_lines,
+        preflight_lines,
+        preflight_program,
+    )
 
     with _working():
-        found = preflight_program(program, machine, dialect)
+        clearance = Clearance(stock, tool_table, resolution, work_offset)
+        found = preflight_program(program, machine, dialect, clearance=clearance)
     if json:
         say_json({"program": program.name, "machine": machine} | asdict(found))
     else:
         if not found.violations:
             typer.echo(f"{program.name} stays inside of what {machine} lists")
-        for line in preflight_lines(found, program, machine):
+        for line in (*preflight_lines(found, program, machine), *clearance_lines(found)):
             typer.echo(line)
     if found.violations:
         raise typer.Exit(1)
@@ -164,6 +176,9 @@ def check(
     ] = False,
     tool_table: kerf.ToolTable = None,
     material: kerf.Material = None,
+    stock: kerf.Stock = None,
+    resolution: kerf.Resolution = None,
+    work_offset: kerf.WorkOffset = None,
     json: kerf.Json = False,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
@@ -173,10 +188,16 @@ def check(
     With a tool table it warns where a changed F or S leaves the range of the tool.
 
     With a material too it takes the catalogue's range where the table has none.
+
+    With machine, tool table and blank it warns of a shank or holder that meets the part.
     """
-    from pipeline.app.check import check_lines, check_programs, range_lines
-    from pipeline.app.check_machine import machine_lines
-    from pipeline.app.preflight import preflight_lines, preflight_program
+    from pipeline.app.check import check_lines, check_programs, machine_lines, range_lines
+    from pipeline.app.preflight import (
+        Clearance,
+        clearance_lines,
+        preflight_lines,
+        preflight_program,
+    )
 
     with _working():
         if material is not None and tool_table is None:
@@ -184,18 +205,24 @@ def check(
                 "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
                 "file"
             )
+        clearance = Clearance(stock, tool_table, resolution, work_offset)
+        if stock is not None and machine is None:
+            raise ValueError("--stock is given without --machine: name the machine that cuts it")
         with step(f"compared {before} and {after}") as found:
-            proof = check_programs(before, after, machine, dialect, splits=splits)
+            proof, moves = check_programs(before, after, machine, dialect, splits=splits)
             found.add(f"{proof.moves} moves, {len(proof.differences)} F and S words")
         reach: list[str] = []
         if machine is not None:
-            checked = preflight_program(after, machine, dialect, beside=before)
-            reach += preflight_lines(checked, after, machine)
+            checked = preflight_program(
+                after, machine, dialect, beside=before, clearance=clearance,
+                moves=None if moves is None else moves[1],
+            )  # fmt: skip
+            reach += [*preflight_lines(checked, after, machine), *clearance_lines(checked)]
         warnings: list[str] = []
-        if proof.same:
-            warnings += machine_lines(before, after, machine, dialect)
-        if proof.same and tool_table is not None:
-            warnings += range_lines(before, after, machine, dialect, tool_table, material)
+        if proof.same and moves is not None:
+            warnings += machine_lines(after, moves)
+        if proof.same and moves is not None and tool_table is not None:
+            warnings += range_lines(after, moves, tool_table, material)
     if json:
         say_json(asdict(proof) | {"warnings": [*reach, *warnings]})
     else:
@@ -291,6 +318,7 @@ def optimise(
     )
     from pipeline.app.optimise_lines import optimise_lines
     from pipeline.app.preflight import beyond_lines, not_checked_lines, preflight_program
+    from pipeline.app.programs import machine_setup, read_moves
     from pipeline.twin.preflight import preflight_warnings
 
     with _working() as to:
@@ -308,10 +336,11 @@ def optimise(
             ),
         )  # fmt: skip
         check_outputs(program, *files.named, inputs=request.cut.files)
-        checked = preflight_program(program, machine)
+        moves = read_moves(program, machine_setup(machine, None), lambda done: None)
+        checked = preflight_program(program, machine, moves=moves)
         for line in beyond_lines(checked, program, machine):
             to.say(line)
-        request = replace(request, beyond=preflight_warnings(checked.violations))
+        request = replace(request, beyond=preflight_warnings(checked.violations), moves=moves)
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
                 with stages_bar() as shown, step(f"optimised {program}"):

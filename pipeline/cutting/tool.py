@@ -56,7 +56,9 @@ class Tool(Ranged, section="tool"):
     stickout_mm : float, optional
         From the holder's face to the tip [mm]; without it no deflection is known.
     shank_diameter_mm : float, optional
-        [mm]; the tool's diameter by default.
+        [mm]; the tool's diameter by default.  A wider one begins where the flutes end.
+    holder_diameter_mm : float, optional
+        Of the holder at its face, the underside of all that is above the stickout [mm].
     youngs_modulus_GPa : float
         Of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed steel.
     runout_um : float
@@ -101,6 +103,7 @@ class Tool(Ranged, section="tool"):
     flute_length_mm: Length | None = None
     stickout_mm: Annotated[float, Range(least=0.1, most=3000.0)] | None = None
     shank_diameter_mm: Length | None = None
+    holder_diameter_mm: Length | None = None
     youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0

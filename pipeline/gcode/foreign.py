@@ -15,8 +15,8 @@ from pipeline.gcode.program import Program
 HEAD = 100_000
 """Bytes of a program in which signs are looked for."""
 POST = "post it for a Fanuc, LinuxCNC or Siemens mill"
-FILES: dict[str, tuple[re.Pattern[bytes], str]] = {
-    name: (re.compile(head, re.I | re.S), remedy)
+FOREIGN: dict[str, tuple[re.Pattern[bytes], str]] = {
+    name: (re.compile(rb"\A(?:%b)" % head if remedy else head, re.I | re.M), remedy)
     for name, head, remedy in (
         ("text in UTF-32", rb"\xff\xfe\x00\x00|\x00\x00\xfe\xff", "save it as UTF-8 or ASCII"),
         ("text in UTF-16", rb"\xff\xfe|\xfe\xff", "save it as UTF-8 or ASCII"),
@@ -25,7 +25,7 @@ FILES: dict[str, tuple[re.Pattern[bytes], str]] = {
         ("packed", rb"BZh\d1AY|\xfd7zXZ|7z\xbc\xaf|Rar!\x1a|\x28\xb5\x2f\xfd", "unpack it"),
         ("a PDF", rb"%PDF-", "name a part program"),
         ("an Office document", rb"\xd0\xcf\x11\xe0|\{\\rtf", "save it as plain text"),
-        ("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM.{4}\x00{4}", "name a part program"),
+        ("a picture", rb"\x89PNG|\xff\xd8\xff|GIF8|BM[\x00-\xff]{4}\x00{4}", "name a part program"),
         ("a DXF drawing", rb"\s*(?:999\s*\n[^\n]*\n\s*)*0\s*\r?\nSECTION|AutoCAD Binary DXF",
          "make a part program of it in a CAM system"),
         ("a DWG drawing", rb"AC10\d\d\x00", "make a part program of it in a CAM system"),
@@ -34,24 +34,18 @@ FILES: dict[str, tuple[re.Pattern[bytes], str]] = {
         ("XML or HTML", rb"(?:\xef\xbb\xbf)?\s*<(?:\?xml|!DOC|html|svg)", "name a part program"),
         ("JSON", rb"\s*\{\s*\"", "name a part program"),
         ("plotter code (HPGL)", rb"\s*(?:\x1b[^\n]{0,9})?IN\s*;", "name a part program"),
-    )
-}  # fmt: skip
-"""What a file is -> how it begins, and the remedy."""
-CONTROLS: dict[str, re.Pattern[bytes]] = {
-    name: re.compile(pattern, re.I | re.M)
-    for name, pattern in (
-        ("a Heidenhain conversational", rb"\A\s*(?:\d+\s+)?BEGIN\s+PGM\b"),
-        ("a Heidenhain ISO", rb"\A\s*%\w+\s+G7[01]\s*\*"),
+        ("a Heidenhain conversational", rb"\A\s*(?:\d+\s+)?BEGIN\s+PGM\b", ""),
+        ("a Heidenhain ISO", rb"\A\s*%\w+\s+G7[01]\s*\*", ""),
         ("an Okuma OSP",
          rb"\A\s*\$[\w.-]+%|^\s*(?:N\w+\s+)?(?:NOEX\b|CALL\s+O\w+|V[CZ]\w*\s*(?:\[\w+\]\s*)?=(?!=)"
-         rb"|MODIN\b|MODOUT\b|DEF\s+WORK\b)|^(?![^\n]*G4[34])[^(\n]*\bG15\s*H\d"),
+         rb"|MODIN\b|MODOUT\b|DEF\s+WORK\b)|^(?![^\n]*G4[34])[^(\n]*\bG15\s*H\d", ""),
         ("a Mazatrol",
-         rb"\A[^(\n]{0,300}\bMAZATROL\b|^\s*UNo\.?\s+(?:UNIT|MAT)\b|^\s*UNIT\s+UNO\b"),
-        ("a Philips or Maho", rb"\A\s*%?PM\s*(?:\r?\n|\*)?\s*N9\d{3}|\A\s*%PM\b"),
-        ("a Fagor", rb"\A\s*%[\w .-]{1,24},\s*[MX]{1,2}-?\s*,"),
+         rb"\A[^(\n]{0,300}\bMAZATROL\b|^\s*UNo\.?\s+(?:UNIT|MAT)\b|^\s*UNIT\s+UNO\b", ""),
+        ("a Philips or Maho", rb"\A\s*%?PM\s*(?:\r?\n|\*)?\s*N9\d{3}|\A\s*%PM\b", ""),
+        ("a Fagor", rb"\A\s*%[\w .-]{1,24},\s*[MX]{1,2}-?\s*,", ""),
     )
 }  # fmt: skip
-"""Control -> how its programs begin, or lines that only they have."""
+"""What a file is -> how it begins, and the remedy; a control -> lines of its programs, and none."""
 TEXT = re.compile(rb"[^\x00\t\n\v\f\r\x11-\x14\x1a\x1b -~\x7f-\xff]|[\x80-\x9f\xa0-\xff]")
 """Bytes that text of a program seldom holds."""
 BINARY_SHARE, SAMPLE = 0.3, 4000
@@ -66,17 +60,16 @@ def refuse_foreign(program: Program, dialect: str) -> None:
         With what it is.
     """
     head = program.data[:HEAD]
-    for name, (pattern, remedy) in FILES.items():
-        if pattern.match(head):
-            raise GcodeError(
-                program.name, 1, 1, "file", f"this is {name}, no part program: {remedy}"
-            )
-    for name, pattern in CONTROLS.items():
+    for name, (pattern, remedy) in FOREIGN.items():
         found = pattern.search(head)
-        if found and not (dialect == "siemens" and name == "an Okuma OSP"):
-            where = _place(head, found.end() - len(found[0].lstrip()))
-            reason = f"this is {name} program, which is not followed: {POST}"
-            raise GcodeError(program.name, *where, "program", reason)
+        if found is None or (dialect == "siemens" and name == "an Okuma OSP"):
+            continue
+        if remedy:
+            reason = f"this is {name}, no part program: {remedy}"
+            raise GcodeError(program.name, 1, 1, "file", reason)
+        where = _place(head, found.end() - len(found[0].lstrip()))
+        reason = f"this is {name} program, which is not followed: {POST}"
+        raise GcodeError(program.name, *where, "program", reason)
     sample = head[:SAMPLE]
     if len(TEXT.findall(sample)) > BINARY_SHARE * max(len(sample), 1):
         reason = "this holds binary data (packed, encrypted, or of another system): name its text"

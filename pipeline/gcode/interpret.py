@@ -101,7 +101,10 @@ def restart_at(program: Program, setup: Setup, line: int) -> Restart:
     interpreter = Interpreter(program, setup)
     if not interpreter.until(line):
         raise ValueError(f"{program.name} never comes to line {line}: name one that is executed")
-    return restart_of(interpreter.run, line, inside=len(interpreter.calls.levels) > 1)
+    inside, siemens = len(interpreter.calls.levels) > 1, interpreter.siemens
+    drilling = siemens.memory.drilling if siemens is not None else None
+    modal = drilling[0].head if drilling is not None else ""
+    return restart_of(interpreter.run, line, inside=inside, modal=modal)
 
 
 VARIABLES: dict[str, Callable[[Run], Variables]] = {
@@ -112,10 +115,9 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 """Dialect -> class that stores its variables."""
 
 
-def _reader(program: Program, setup: Setup) -> Callable[[Program, int], Statement]:
+def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, int], Statement]:
     """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
-    if setup.dialect == "siemens":
-        siemens = SiemensReader(program.name, setup.tool_names, setup.parameters, setup.block_skip)
+    if siemens is not None:
         return lambda source, line: siemens.statement(source.line(line))
 
     def read(source: Program, line: int) -> Statement:
@@ -158,7 +160,8 @@ class Interpreter:
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
-        self.calls = CallStack(self.run, self.variables, _reader(program, setup), program)
+        self.siemens = SiemensReader(program.name, setup) if setup.dialect == "siemens" else None
+        self.calls = CallStack(self.run, self.variables, _reader(self.siemens, setup), program)
         self.flow = Flow(self.calls, self.variables)
         self.blocks = 0
         self.reported = 0

@@ -38,8 +38,11 @@ class Restart:
     warnings: tuple[str, ...] = ()
 
 
-def restart_of(run: Run, line: int, *, inside: bool) -> Restart:
-    """What is in force at a run that stands before a line; ``inside`` a subprogram or not."""
+def restart_of(run: Run, line: int, *, inside: bool, modal: str = "") -> Restart:
+    """What is in force at a run that stands before a line.
+
+    ``inside`` a subprogram or not; ``modal`` names the cycle that MCALL put in force.
+    """
     state = run.state
     return Restart(
         line=line,
@@ -49,7 +52,7 @@ def restart_of(run: Run, line: int, *, inside: bool) -> Restart:
             for axis, value in enumerate(run.point)
         ),
         machine=tuple(round(value, 6) for value in state.position),
-        warnings=tuple(_warnings(run, inside)),
+        warnings=tuple(_warnings(run, inside, modal)),
     )
 
 
@@ -98,11 +101,13 @@ def _coolant(run: Run) -> str:
     return " ".join(sorted(found)) or "M9"
 
 
-def _warnings(run: Run, inside: bool) -> Iterator[str]:
+def _warnings(run: Run, inside: bool, modal: str) -> Iterator[str]:
     if run.state.compensation:
         yield "cutter radius compensation is on: restart before the line that begins it"
     if run.cycle.code != CANCELLED:
         yield "a canned cycle is in force: give all of its words again"
+    if modal:
+        yield f"MCALL {modal} is in force: call it again with its values"
     if run.modal_call is not None:
         yield "a modal macro call is in force: restart before it"
     if not run.state.absolute:

@@ -156,6 +156,16 @@ class ParameterStore(Protocol):
         """Whether it was ever given."""
 
 
+def constant(value: Expression) -> float | None:
+    """Value of a number with its signs, None of anything else."""
+    if isinstance(value, Number):
+        return value.value
+    if isinstance(value, Unary):
+        inner = constant(value.operand)
+        return None if inner is None else -inner if value.operator == "-" else inner
+    return None
+
+
 def evaluate(expression: Expression, parameters: ParameterStore) -> float | None:
     """Value of an expression; None where it is Fanuc's <vacant>.
 

@@ -12,6 +12,7 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import ToolTable
+from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
@@ -95,6 +96,8 @@ class Job:
     catalogue : CuttingCatalogue, optional
         Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
         alone.
+    moves : Moves, optional
+        Of the program with ``setup``, where it was followed before.
     """
 
     program: Program = field(repr=False)
@@ -106,6 +109,7 @@ class Job:
     objective: Objective
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
     catalogue: CuttingCatalogue | None = field(default=None, repr=False)
+    moves: Moves | None = field(default=None, repr=False)
 
 
 class Interrupted(KeyboardInterrupt):
@@ -219,7 +223,7 @@ def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
 
 def part_job(
     program: Program, part: Part, *, models: MachineModels, workshop: Workshop, setup: Setup,
-    settings: OptimisationSettings,
+    settings: OptimisationSettings, moves: Moves | None = None,
 ) -> Job:  # fmt: skip
     """A program with the limits and the objective of ``part``.
 
@@ -237,6 +241,8 @@ def part_job(
         Of the machine, with the folder of the program's subprograms.
     settings : OptimisationSettings
         Reliability, grouping, search.
+    moves : Moves, optional
+        As the job keeps them.
 
     Raises
     ------
@@ -246,7 +252,7 @@ def part_job(
     cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
         program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
-        objective=part.objective, settings=settings, catalogue=workshop.catalogue,
+        objective=part.objective, settings=settings, catalogue=workshop.catalogue, moves=moves,
     )  # fmt: skip
 
 

@@ -423,7 +423,7 @@ def _unchanged(decision: Decision) -> Decision:
 def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
     """Program (its long blocks split where the settings say so), moves and cut."""
     program = job.program
-    moves = interpret(program, job.setup)
+    moves = interpret(program, job.setup) if job.moves is None else job.moves
     cut = cut_program(planned_program(moves, job.models.control), job.cut)
     if not (cut.tool >= 0).any():
         said = missed_blank(cut, job.basis.stock)

@@ -199,7 +199,7 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     listed = sorted(job.tools)
     path = cutting_path(
         moves, listed, chord=CHORD * job.resolution, offsets=job.offsets, offset=job.offset,
-        rapid_speeds=_rapid_speeds(plan.path.control),
+        rapid_speeds=rapid_speeds(plan.path.control),
     )  # fmt: skip
     tools = tuple(job.tools[number] for number in listed)
     force_laws = tuple(job.force_laws[number] for number in listed)
@@ -282,7 +282,7 @@ def _placed(table: LoadTable, place: Indices, rows: int) -> LoadTable:
     return replace(table, values=values, block=block, scale=scale, exponent=exponent, length=length)
 
 
-def _rapid_speeds(control: ControlParameters) -> Floats | None:
+def rapid_speeds(control: ControlParameters) -> Floats | None:
     """Of X, Y and Z where each goes as fast as it can; an axis that is not there never moves."""
     if control.rapid_mode != "independent":
         return None

@@ -33,6 +33,7 @@ from pipeline.twin.cut_limits import cut_limits, cut_warnings
 from pipeline.twin.cut_stability import Stability, stability, stability_lobes
 from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
 from pipeline.twin.cut_wear import ToolWear, tool_edges
+from pipeline.twin.preflight import clearance_not_checked
 from pipeline.twin.setup_warnings import setup_warnings
 
 WORST = 15
@@ -214,6 +215,8 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
     unknown = found.life.unknown
     stiff = [names[tool] for tool in names if cut.tools[tool].stickout is None]
+    tools = dict(zip(cut.numbers, cut.tools, strict=True))
+    unlisted = clearance_not_checked(cut.plan.path.moves, tools)
     reasons: list[tuple[str, bool, str]] = [
         ("share of the spindle’s drive", basis.drive is None,
          "the machine’s file has no section spindle_drive"),
@@ -223,6 +226,8 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
          bool((found.blocks.spindle_speed <= 0).any()),
          "a tool that does not turn cuts no chip"),
         ("deflection", bool(stiff), f"{', '.join(stiff)} without stickout_mm in the tool table"),
+        ("contact of the tools’ bodies with the part", bool(unlisted),
+         f"not listed: {'; '.join(unlisted)}"),
         ("cost", basis.rates is None, "conf/cost/ is not composed: add it to conf/config.yaml"),
         ("energy", found.energy is None,
          "the machine’s file lacks section energy or spindle_drive"),

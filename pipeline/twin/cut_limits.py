@@ -115,14 +115,9 @@ def cut_warnings(
     Chatter is grave only where the tips' ``dynamics`` were measured.
     """
     measured = dynamics is not None and dynamics.measured
-    engagement = cut.engagement
-    deep = engagement.resolution * (1 + 1e-6)
-    rapid = np.unique(engagement.block[~engagement.feed & (engagement.axial_depth > deep)]).astype(
-        np.intp
-    )
     standing = blocks.row[blocks.spindle_speed <= 0]
     warnings = [
-        _warning(cut, rapid, "rapids go through the material",
+        _warning(cut, np.flatnonzero(cut.engagement.rapid_depth), "rapids go through the material",
                  "Retract further, or move around the blank.", grave=True),
         _warning(cut, standing, "the spindle stands while the tool is fed into the material",
                  "Program S and M3 before it.", grave=True),

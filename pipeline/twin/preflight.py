@@ -1,21 +1,26 @@
-"""Preflight of a part program: travel, spindle speed, feed and tool length of the machine.
+"""Preflight of a part program: travel, spindle speed, feed, tool length; holder against the part.
 
 Positions are those of the axes in machine coordinates, tool length included where it is in force,
 so that a tool that is too long or too short for a hole shows as travel of its axis.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.gcode.moves import AXES, FeedMode, Kind, Moves
+from pipeline.cutting.engagement.clearance import BODIES, bodies, contacts
+from pipeline.cutting.engagement.engagement import engage
+from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.tool import Tool
+from pipeline.gcode.moves import AXES, METRE, FeedMode, Kind, Moves
 from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import LINEAR, ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import CutWarning
+from pipeline.twin.cutting_path import CuttingPath
 
 NEAR = 1e-6
 """Rounding of a position or a word, as a share of the limit and its range [1]."""
@@ -23,6 +28,11 @@ IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 """Plane -> the two axes that an arc moves, in the order in which it turns anticlockwise."""
 MOST_SAID = 5
 """Violations of one axis or word that are printed; documents hold all of them."""
+RAPID = "rapid"
+IN_MATERIAL = (*BODIES, RAPID)
+"""What of violations is held against the part, not against the machine."""
+_BEYOND, _CONTACT = "The program leaves the machine’s limits", "A tool’s body meets the part"
+_CLEAR = "Clamp the tool longer, take a slimmer holder, or cut what is in its way before."
 SAID = {"S": ("spindle speed", "rev/min"), "F": ("feed", "mm/min"), "length": ("tool length", "mm")}
 """Name and unit of what is no axis."""
 
@@ -38,9 +48,11 @@ class Violation:
     file : str
         Name of the subprogram; empty for the program itself.
     what : str
-        Letter of the axis or word, or ``length`` of a tool.
+        Letter of the axis or word, ``length`` of a tool, its ``shank`` or ``holder``, or
+        ``rapid``.
     value : float
-        Position in machine coordinates, or value of the word [mm, deg, rev/min, mm/min].
+        Position in machine coordinates, value of the word, or depth in the material [mm, deg,
+        rev/min, mm/min].
     limit : (float, float)
         Range of the machine in the same unit.
     frame : str
@@ -49,6 +61,8 @@ class Violation:
         In the spindle; -1 before the first.
     tool_length_mm : float or None
         Length of that tool in the machine's file [mm].
+    body : str
+        Diameter of shank or holder and where it begins, in words.
     """
 
     line: int
@@ -59,12 +73,20 @@ class Violation:
     frame: str = ""
     tool: int = -1
     tool_length_mm: float | None = None
+    body: str = ""
 
     @property
     def words(self) -> str:
         """Where, what, value, limit."""
         low, high = self.limit
         where = f"{self.file} line {self.line}" if self.file else f"line {self.line}"
+        if self.what == RAPID:
+            return f"{where}: a rapid of T{self.tool} goes {self.value:.3g} mm through the material"
+        if self.what in BODIES:
+            return (
+                f"{where}: the {self.what} of T{self.tool} ({self.body}) goes {self.value:.3g} mm "
+                "deep into the material"
+            )
         side, limit = ("below", low) if self.value < low else ("above", high)
         if self.what in SAID:
             name, unit = SAID[self.what]
@@ -95,10 +117,14 @@ class Preflight:
         In the order of the program; a modal word counts once for each time that it is set.
     not_checked : tuple of str
         What the machine's file does not list, in words.
+    clearance : tuple of str, optional
+        What of the tools' shanks and holders was not held against the part; None where no blank
+        was given.
     """
 
     violations: tuple[Violation, ...] = ()
     not_checked: tuple[str, ...] = ()
+    clearance: tuple[str, ...] | None = None
 
 
 def limits_of(
@@ -140,6 +166,49 @@ def preflight(moves: Moves, setup: Setup, limits: MachineLimits) -> Preflight:
         violations=tuple(one for _, one in sorted(seen.values(), key=lambda pair: pair[0])),
         not_checked=tuple(_not_checked(moves, setup, limits, moved)),
     )
+
+
+def contact_violations(
+    moves: Moves, path: CuttingPath, tools: Mapping[int, Tool], blank: HeightMap
+) -> tuple[Violation, ...]:
+    """Lines in which shank or holder of a tool goes into the material, each at its deepest.
+
+    ``path`` is that of the moves; it counts ``tools`` by their rising numbers.
+    """
+    numbers = sorted(tools)
+    found = contacts(path.pieces, [tools[number] for number in numbers], blank)
+    seen: dict[tuple[int, int, str], Violation] = {}
+    for piece, body, depth in zip(*(column.tolist() for column in found), strict=True):
+        row, tool = int(path.pieces.block[piece]), tools[numbers[path.pieces.tool[piece]]]
+        radius, under = bodies(tool)[body] / METRE
+        one = replace(
+            _violation(moves, Setup(), row, BODIES[body], (0.0, 0.0), depth / METRE),
+            body=f"⌀ {2 * radius:g} mm from {under:g} mm above the tip",
+        )
+        key = int(moves.file[row]), one.line, one.what
+        if key not in seen or one.value > seen[key].value:
+            seen[key] = one
+    return tuple(seen.values())
+
+
+def rapid_violations(
+    moves: Moves, path: CuttingPath, tools: Mapping[int, Tool], blank: HeightMap
+) -> Iterator[Violation]:
+    """Rapids that go through the material; arguments as of :func:`contact_violations`."""
+    swept, _ = engage(path.pieces, [tools[number] for number in sorted(tools)], blank)
+    depth = swept.rapid_depth / METRE
+    for row in np.flatnonzero(depth).tolist():
+        yield _violation(moves, Setup(), row, RAPID, (0.0, 0.0), float(depth[row]))
+
+
+def clearance_not_checked(moves: Moves, tools: Mapping[int, Tool]) -> tuple[str, ...]:
+    """Tools that move and whose holder is not listed, in words."""
+    used = sorted({t for t in moves.tool[moves.length > 0].tolist() if t >= 0})
+    without = [t for t in used if t not in tools or not np.isfinite(bodies(tools[t])[1, 1])]
+    if not without:
+        return ()
+    named = ", ".join(f"T{number}" for number in without)
+    return (f"holder of {named} (stickout_mm and holder_diameter_mm in the tool table)",)
 
 
 def extents(moves: Moves) -> tuple[Floats, Floats]:
@@ -271,9 +340,10 @@ def preflight_warnings(violations: Sequence[Violation]) -> tuple[CutWarning, ...
     """The same as warnings on the page of a cut: one for each axis or word, with its lines."""
     return tuple(
         CutWarning(
-            what=f"The program leaves the machine’s limits: {every[0].words}",
-            do="Correct the program, the work offset or the tool before it is run.",
+            what=f"{_CONTACT if what in BODIES else _BEYOND}: {every[0].words}",
+            do=_CLEAR if what in BODIES
+            else "Correct the program, the work offset or the tool before it is run.",
             lines=tuple(dict.fromkeys(one.line for one in every)), grave=True,
         )
-        for every in _by_what(violations).values()
+        for what, every in _by_what(violations).items()
     )  # fmt: skip

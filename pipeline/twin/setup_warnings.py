@@ -9,6 +9,7 @@ from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
+from pipeline.twin.preflight import contact_violations, preflight_warnings
 
 
 def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
@@ -21,6 +22,7 @@ def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
         *_without_radius(cut),
         *_cutting_nothing(cut),
         *_not_listed(cut),
+        *_contacts(cut),
     )
 
 
@@ -85,3 +87,10 @@ def _not_listed(cut: Cut) -> Iterator[CutWarning]:
             do="Add it to the tool table.",
             lines=tuple(dict.fromkeys(lines.tolist())),
         )
+
+
+def _contacts(cut: Cut) -> tuple[CutWarning, ...]:
+    """Shanks and holders that meet the part."""
+    tools = dict(zip(cut.numbers, cut.tools, strict=True))
+    moves = cut.plan.path.moves
+    return preflight_warnings(contact_violations(moves, cut.path, tools, cut.blank))

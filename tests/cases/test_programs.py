@@ -180,7 +180,8 @@ def test_a_drilling_cycle_without_mcall_makes_one_hole_where_it_stands():
     moves = follow(head + "G91\nCYCLE82(10,0,2,-5,,1.5)\nM30", dialect="siemens")
     assert moves.value[moves.kind == Kind.DWELL].tolist() == [1.5]
     assert moves.end[-1, 2] == 10
-    assert "DPR" in refusal(head + "CYCLE81(10,0,2,,7)", dialect="siemens")
+    moves = follow(head + "CYCLE81(10,0,2,,7)\nM30", dialect="siemens")
+    assert [z for _, _, z in points(moves)] == [20, 2, -7, 10]
     assert "under G17" in refusal(head + "G18\nCYCLE81(10,0,2,-5)", dialect="siemens")
 
 

@@ -84,3 +84,10 @@ def test_long_stretches_of_plain_lines_stop_at_the_line() -> None:
 def test_a_line_that_is_none_is_one_sentence(line: int, said: str) -> None:
     with pytest.raises(ValueError, match=f"part.nc {said}: name one"):
         restart_at(program(["G1 X1 F100", "M30", "X2"]), SETUP, line)
+
+
+def test_a_cycle_of_mcall_is_named() -> None:
+    lines = "G90 G17\nG0 X0 Z9 F9\nMCALL CYCLE81(9,0,1,-2)\nX5\nMCALL\nX9\nM30".splitlines()
+    setup = Setup(dialect="siemens")
+    said = [restart_at(program(lines), setup, line).warnings for line in (3, 4, 6)]
+    assert said == [(), ("MCALL CYCLE81 is in force: call it again with its values",), ()]

@@ -34,7 +34,7 @@ SETUP = Setup(dialect="siemens")
 
 def statements(text):
     program = parse_program(text.encode("latin-1"), "test.mpf")
-    reader = SiemensReader("test.mpf")
+    reader = SiemensReader("test.mpf", SETUP)
     return [reader.statement(line) for line in program.lines]
 
 
@@ -204,7 +204,6 @@ def test_statement_says_where_its_words_stand():
         ('EXTCALL("A")', "EXTCALL(", 1, "put its blocks here"),
         ("CASE(R1) OF 1 GOTOF AA", "CASE(", 1, "is not followed"),
         ("G2 X10 R5", "R5", 8, "write CR="),
-        ("G91\nG0 Z5\nMCALL CYCLE81(5,0,1,-2)\nX1", "X1", 1, "holes under G91"),
         ("X=IC(2*R1) R1=2", "R1", 12, "a block before"),
         ("X=IC(5,6)", "X=", 1, "takes one value"),
         ("S=IC(5)", "IC(", 3, "no value"),
@@ -220,9 +219,23 @@ def test_statement_says_where_its_words_stand():
         ("ROT Z30", "ROT", 1, "program's axes"),
         ("G4 S5", "G4", 1, "write G4 F"),
         ("G33 Z-5 K1", "G33", 1, "without it"),
-        ("CYCLE83(1,2,3)", "CYCLE83(", 1, "post it as single moves"),
+        ("CYCLE85(1,2,3)", "CYCLE85(", 1, "post it as single moves"),
+        ("CYCLE83(10,0,1,-20)", "CYCLE83(", 1, "FDEP or FDPR"),
+        ("CYCLE83(10,0,1,-20,,,5,-0.5)", "CYCLE83(", 1, "_MDEP"),
+        ("CYCLE83(10,0,1,-20,,,R1)", "CYCLE83(", 1, "FDPR is followed as a number"),
+        ("F100\nCYCLE83(10,0,1,-20,,,5,0,-1)", "CYCLE83(", 1, "DTB is -1"),
+        ("CYCLE83(10,0,1,-20,,,5,0,0,0,0.5)", "CYCLE83(", 1, "the F before"),
+        ("S100\nCYCLE84(10,0,1,-20,,,3)", "CYCLE84(", 1, "no pitch"),
+        ("S100\nCYCLE84(10,0,1,-20,,,,,1)", "CYCLE84(", 1, "SDAC 3, 4 or 5"),
+        ("CYCLE84(10,0,1,-20,,,3,,1,0,400)", "CYCLE84(", 1, "the S before"),
+        ("G18\nG0 X0\nMCALL CYCLE81(10,0,2,-5)", "CYCLE81(", 7, "under G17"),
+        ("CYCLE81(10,0,2,,R1)", "CYCLE81(", 1, "DPR is followed as a number"),
+        ("HOLES2(0,0,20,0,0,4)", "HOLES2(", 1, "without a cycle"),
+        ("MCALL CYCLE81(9,0,1,-2)\nHOLES2(0,0,20,0,0,1.5)", "HOLES2(", 1, "NUM is 1.5"),
+        ("MCALL CYCLE81(9,0,1,-2)\nHOLES2(0,0,20)", "HOLES2(", 1, "write all of them"),
+        ("G0 X=R1\nMCALL CYCLE81(9,0,1,-2)\nHOLES1(0,0,0,0,9,3)", "HOLES1(", 1, "is not known"),
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
-        ("MCALL CYCLE83(1,0,1,-2)", "CYCLE83(", 7, "CYCLE81 and CYCLE82 only"),
+        ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "CYCLE81 to CYCLE84 only"),
         ("MCALL CYCLE81(1,0,1)", "CYCLE81(", 7, "the first four at least"),
         ("G1 X1 D2", "D2", 7, "write D1 or D0"),
         ("AROT", "AROT", 1, "names no axis"),
@@ -258,7 +271,6 @@ def test_statement_says_where_its_words_stand():
         ("OFFN=2", "OFFN=", 1, "not followed"),
         ("G1 X1 FB=50", "FB=", 7, "write F with G94 or G95"),
         ("S1=500 M1=3", "S1=", 1, "another spindle"),
-        ("G0 Z5\nMCALL CYCLE81(9.,0,1,-2)\nX1", "X1", 1, "retraction plane"),
     ],
 )
 def test_what_is_not_known_is_refused_with_its_place(text, word, column, said):
@@ -317,6 +329,69 @@ def test_hole_by_mcall():
         ("RAPID", 5, 6, 10), ("RAPID", 5, 6, 3), ("FEED", 5, 6, -6), ("RAPID", 5, 6, 10),
         ("RAPID", 7, 6, 10), ("RAPID", 7, 6, 3), ("FEED", 7, 6, -6), ("RAPID", 7, 6, 10),
         ("RAPID", 9, 6, 10), ("END", 9, 6, 10),
+    ]  # fmt: skip
+
+
+def holes(text):
+    """Kind, X and Z of the rows that move, and their feed per minute."""
+    made = moves(f"G90 G17 G710 F100 S1000 M3\nG0 X0 Y0 Z20\n{text}\nM30")
+    rows = np.flatnonzero((made.start != made.end).any(axis=1))[1:]
+    return [(Kind(made.kind[i]).name[0], *made.end[i, [0, 2]].round(6).tolist()) for i in rows]
+
+
+def depths(text):
+    return [z for _, _, z in holes(text)]
+
+
+def test_cycle83_pecks():
+    """Strokes of 6, 4, then DAM; the last two halve what is left; 0.6 mm above each by G0."""
+    out = "CYCLE83(10,0,2,-17,,,6,2,0,0,1,1)"
+    assert depths(out) == [2, -6, 2, -5.4, -10, 2, -9.4, -12, 2, -11.4, -14, 2, -13.4, -15.5,
+                           2, -14.9, -17, 10]  # fmt: skip
+    chips = "CYCLE83(10,0,2,,12,-5,,0,0,0,1,0,0,0,0.5)"
+    assert holes(chips) == [("R", 0, 2), ("F", 0, -5), ("F", 0, -4.5), ("F", 0, -10),
+                            ("F", 0, -9.5), ("F", 0, -12), ("R", 0, 10)]  # fmt: skip
+    # a factor, with strokes of _MDEP at least; a deep hole is come to from further above
+    assert depths("CYCLE83(10,0,2,-10,,-4,,-0.5,0,0,1,0,0,1.5)")[1::2][:4] == [-4, -6, -7.5, -9]
+    assert depths("CYCLE83(10,0,2,-50,,-25,,0,0,0,1,1)") == [2, -25, 2, -24, -50, 10]
+
+
+def test_cycle83_slows_the_first_stroke_and_dwells():
+    made = moves("F100\nG0 Z20\nCYCLE83(10,0,2,-10,,-4,,0,0.5,0.2,0.6,1,0,0,0,2)\nM30")
+    cut = (made.kind == Kind.FEED) & (made.start != made.end).any(axis=1)
+    assert made.feed[cut].tolist() == pytest.approx([60, 100, 100])
+    assert made.value[made.kind == Kind.DWELL].tolist() == [0.5, 0.2, 0.5, 0.2, 2]
+
+
+@pytest.mark.parametrize(("pitch", "lead", "ways"), [
+    (",1.25", 1.25, [1, -1]), ("8", 1.25, [1, -1]), (",-2", 2, [-1, 1]),
+])  # fmt: skip
+def test_cycle84_taps_and_turns_back(pitch, lead, ways):
+    made = moves(f"F100 S900 M3\nG0 Z20\nCYCLE84(10,0,2,-10,,,3,{pitch}"
+                 f"{',' * (2 - pitch.count(','))}0,400,500)\nM30")  # fmt: skip
+    cut = made.kind == Kind.THREAD
+    assert made.end[cut, 2].tolist() == [-10, 2]
+    assert made.feed[cut].tolist() == [lead, lead]
+    assert made.speed[cut].tolist() == [400, 500]
+    assert made.direction[cut].tolist() == ways
+    assert (made.direction[-1], made.speed[-1]) == (1, 900)
+
+
+def test_patterns_of_holes_drill_each_place():
+    row = holes("MCALL CYCLE81(10,0,2,-5)\nHOLES1(10,0,0,2,5,3)\nMCALL\nX1")
+    assert [x for kind, x, z in row if kind == "F"] == [12, 17, 22]
+    near = holes("G0 X50\nMCALL CYCLE81(10,0,2,-5)\nHOLES1(10,0,0,2,5,3)")
+    assert [x for kind, x, z in near if kind == "F"] == [22, 17, 12]
+    circle = holes("MCALL CYCLE81(10,0,2,-5)\nHOLES2(0,0,10,0,0,4)")
+    assert [x for kind, x, z in circle if kind == "F"] == [10, 0, -10, 0]
+    assert [z for *_, z in circle[:5]] == [20, 2, -5, 10, 10]
+
+
+def test_a_cycle_keeps_the_values_of_its_mcall_and_the_motion_in_force():
+    """Holes under G91 and G1 too; a variable that changes afterwards changes no hole."""
+    text = "R1=-5\nMCALL CYCLE81(10,0,2,R1)\nR1=-99\nG91 G1 X5\nX5\nMCALL\nX2"
+    assert [one for one in holes(text) if one[0] == "F"] == [
+        ("F", 5, 20), ("F", 5, -5), ("F", 10, 10), ("F", 10, -5), ("F", 12, 10),
     ]  # fmt: skip
 
 
@@ -386,6 +461,7 @@ def walked(path):
 def test_recorded_program_moves_as_its_lines_say(path):
     made = interpret(read_program(path), SETUP)
     moving = np.isin(made.kind, (Kind.RAPID, Kind.FEED, Kind.ARC))
+    goes = (made.start != made.end).any(axis=1)
     rows = walked(path)
     drilled = {number for hole, *_, number in rows if hole}
     plain = moving & ~np.isin(made.line, list(drilled))
@@ -396,7 +472,7 @@ def test_recorded_program_moves_as_its_lines_say(path):
     np.testing.assert_array_equal(made.end[plain], [end for _, end, _, _ in expected])
     cutting = plain & (made.kind != Kind.RAPID)
     assert made.feed[cutting].tolist() == [feed for motion, _, feed, _ in expected if motion]
-    holes = Counter(made.kind[moving & ~plain].tolist())
+    holes = Counter(made.kind[moving & goes & ~plain].tolist())
     # the one hole is where the tool stands: down to SDIS, to the bottom, back
     assert holes == ({Kind.RAPID: 2, Kind.FEED: 1} if drilled else {})
 

@@ -7,6 +7,7 @@ from click.testing import Result
 from typer.testing import CliRunner
 
 from pipeline.app.program_commands import app
+from pipeline.gcode.interpret import Interpreter
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.proof.prove import prove, with_proof_comment
 
@@ -369,3 +370,18 @@ def test_feeds_in_inches_are_said_in_inches(folder: Path) -> None:
     (folder / "before.nc").write_bytes(before)
     done = check(folder, before.replace(b"F10.", b"F20."), "--machine", "mill01")
     assert "line 4, T1: F10 became F20, ×2, outside of ×0.5 to ×1.5" in done.stdout
+
+
+def test_each_program_is_followed_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Proof, preflight, ranges and warnings share what was followed."""
+    followed, plain = [], Interpreter.__init__
+
+    def counted(self, program, *args, **kwargs):
+        followed.append(program.name)
+        plain(self, program, *args, **kwargs)
+
+    monkeypatch.setattr(Interpreter, "__init__", counted)
+    (folder / "tools.yaml").write_text(TOOLS)
+    table = ("--tool-table", str(folder / "tools.yaml"))
+    assert check(folder, AFTER, "--machine", "mill01", *table).exit_code == 0
+    assert followed == ["before.nc", "after.nc"]

@@ -85,6 +85,10 @@ def test_a_rapid_into_the_blank_is_no_cut_but_is_there():
     found = cut.engagement
     rapid = np.unique(cut.plan.path.moves.line[found.block[~found.feed]])
     assert set(rapid) >= {3, 4}
+    # 2 mm straight down, which has no axial depth but its way, then 2 mm deep across
+    depth = dict(zip(cut.plan.path.moves.line.tolist(), found.rapid_depth.tolist(), strict=True))
+    assert depth[3] == pytest.approx(2e-3, abs=1e-6) and depth[4] == pytest.approx(2e-3, rel=0.01)
+    assert sum(one > 0 for one in depth.values()) == 2
     assert (cut.tool[found.block[~found.feed]] == -1).all()
     assert cut.block_loads.peak[cut.tool < 0].max() == 0
 

@@ -230,6 +230,20 @@ class Engagement:
         return np.asarray(np.abs(self.slope) > 1 - 1e-9)
 
     @property
+    def rapid_depth(self) -> Floats:
+        """Depth of the material that rapids go through in each block [m]; shape (B,).
+
+        Straight down it is the way in the material, since the end of a tool has no height; contact
+        with less than two columns, or less deep than the map resolves, is none.
+        """
+        depth, down = np.zeros(self.blocks), self.plunge
+        wide = self.volume > 2 * self.resolution**2 * self.length
+        across, into = ~self.feed & ~down, ~self.feed & down & wide
+        np.maximum.at(depth, self.block[across], self.axial_depth[across])
+        np.add.at(depth, self.block[into], self.length[into])
+        return np.where(depth > self.resolution * (1 + 1e-6), depth, 0.0)
+
+    @property
     def entry(self) -> Floats:
         """phi_st: where the longest engaged arc begins [rad], NaN without one; shape (N,)."""
         return engaged_arc(self.upper - self.lower)[0]
@@ -311,7 +325,7 @@ def _sweep(
     """Stations of a path at ``bins`` angles, and the stock that it leaves."""
     from pipeline.cutting.engagement.sweep_stations import PIECE, SCALARS, STATE, sweep_path
 
-    grid, profiles, counts = _grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
+    grid, profiles, counts = grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
     station, out = station_accumulator(bins, SCALARS), station_buffer(_ROWS, bins)
     state = np.zeros(STATE, np.int64)
     # one layout, one compiled kernel
@@ -332,7 +346,7 @@ def _sweep(
     return StationColumns(*whole), replace(stock, heights=grid.heights)
 
 
-def _grid_of(stock: HeightMap, tools: Sequence[Tool]) -> Grid:
+def grid_of(stock: HeightMap, tools: Sequence[Tool]) -> Grid:
     """Copy of the map, to be cut by the tools."""
     heights = stock.heights.copy()
     floor = float(np.float32(stock.floor))

@@ -33,8 +33,10 @@ from pipeline.gcode.statements import (
 
 MACRO_CALLS = (650, 660, 661)
 MOTION_STEP = 220
-LENGTHS = frozenset("XYZABCIJKRQ")
+LENGTHS = frozenset((*"XYZABCIJKRQ", ",R", ",C"))
 """Words that a Fanuc reads in input increments where they have no decimal point."""
+THOUSANDTHS = {40: "XU", 680: "R"}
+"""G code -> words of seconds or degrees beside it, which count thousandths in inches too."""
 
 
 def block_of(statement: Statement, run: Run, parameters: ParameterStore, file: str) -> Block:
@@ -190,14 +192,20 @@ def _m_word(block: Block, run: Run, item: WordItem, value: float) -> None:
 
 def _scale_increments(block: Block, run: Run) -> None:
     """Numbers without a decimal point count least input increments."""
-    inch = run.state.unit != 1.0
-    for _, kind, code, _ in block.actions:
-        if kind == "G" and code in (200, 210):
-            inch = code == 200
-    for letter in LENGTHS & block.words.keys():
+    codes = [code for _, kind, code, _ in block.actions if kind == "G"]
+    units = [code for code in codes if code in (200, 210)]
+    inch = units[-1] == 200 if units else run.state.unit != 1.0
+    thousandths = {letter for code in codes for letter in THOUSANDTHS.get(code, "")}
+    cycle = next((code for code in codes if GROUP_OF.get(code) == "cycle"), run.cycle.code)
+    moves = any(GROUP_OF.get(code) == "motion" for code in codes)
+    # K repeats a cycle, and G51 reads the point of its factors by itself
+    counts = {"K"} if cycle not in (CANCELLED, 870) and not moves else set()
+    factors = set("IJK") if 510 in codes else set()
+    for letter in ((LENGTHS | thousandths) - counts - factors) & block.words.keys():
         item = block.items[letter]
         if type(item.value) is Number and "." not in item.text:
-            block.words[letter] *= INCREMENT[inch and letter not in "ABC"]
+            metric = letter in "ABC" or letter in thousandths
+            block.words[letter] *= INCREMENT[inch and not metric]
 
 
 def _refuse_rest(block: Block, run: Run) -> None:
@@ -212,7 +220,7 @@ def _refuse_rest(block: Block, run: Run) -> None:
     raise block.error(item, reason)
 
 
-HAAS = {1540: 541}
+HAAS = {1000: 501, 1010: 511, 1540: 541}
 """G code of a Haas, times ten -> the one of a Fanuc that does the same: G154 P is G54.1 P."""
 UNSUPPORTED: dict[tuple[str, int], str] = {
     ("", 50): "splines (G5) are not supported: post the program with lines and arcs",

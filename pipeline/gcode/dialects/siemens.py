@@ -1,7 +1,7 @@
 """Programs of the Sinumerik 840D, line by line to statements of ISO 6983.
 
 Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
-G53, CYCLE81 as G81, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
+G53, CYCLE81 as G0 and G1, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
 :data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Lines
 are read each time that they are carried out, and in that order, so that a reader may remember what
 it read: the tool, the modal call, the turned work plane.
@@ -9,19 +9,24 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
-from collections.abc import Collection, Iterable, Mapping
-
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
     SQUARE,
     LineReader,
     ModalMemory,
-    constant,
     tilt,
+    token_of,
 )
-from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream
+from pipeline.gcode.dialects.siemens_tokens import TokenStream
+from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
-from pipeline.gcode.statements import Binary, Expression, Number, Statement, WordItem
+from pipeline.gcode.setup import Setup
+from pipeline.gcode.statements import Statement, constant
+
+UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
+"""G code -> millimetres in its unit of length."""
+SYSTEMS = (53.0, 54.0, 55.0, 56.0, 57.0, 500.0)
+"""G codes after which a coordinate means another place."""
 
 
 class SiemensReader:
@@ -31,25 +36,17 @@ class SiemensReader:
     ----------
     file : str
         Name for errors.
-    tools : mapping of str to int, optional
-        Number in the tool table of a tool's name; names that are not in it get the next free
-        numbers in the order in which they are called.
-    variables : iterable of (str or int)
-        Names of variables that the control has before the program begins.
-    skipped : collection of int
-        Levels of ``/`` that are switched on: their lines are not read.
+    setup : Setup
+        Of the control: numbers of tool names (others get the next free ones in the order in which
+        they are called), variables that it has before the program begins, levels of ``/`` that are
+        switched on (their lines are not read), inches.
     """
 
-    def __init__(
-        self,
-        file: str,
-        tools: Mapping[str, int] | None = None,
-        variables: Iterable[str | int] = (),
-        skipped: Collection[int] = (),
-    ) -> None:
-        self.file, self.skipped = file, skipped
-        defined = {str(name).lower(): "REAL" for name in variables}
-        self.memory = ModalMemory(dict(tools or {}), defined=defined)
+    def __init__(self, file: str, setup: Setup) -> None:
+        self.file, self.skipped = file, setup.block_skip
+        defined = {str(name).lower(): "REAL" for name in setup.parameters}
+        unit = INCH if setup.inch else 1.0
+        self.memory = ModalMemory(dict(setup.tool_names), defined=defined, unit=unit)
 
     def statement(self, line: Line) -> Statement:
         """Statement of the next line.
@@ -67,11 +64,14 @@ class SiemensReader:
         if not reader.shifts:
             self._remember(reader)
             self._check(reader)
+            moved = any(word.letter in "XYZ" for word in reader.words)
+            if moved and not (reader.calls or reader.rest):
+                reader.drilled()
         return Statement(
             line.number,
             line.skip,
             reader.number,
-            tuple(self._drilled(reader)),
+            tuple(reader.words),
             tuple(reader.assignments),
             reader.control,
             tuple(stream.comments),
@@ -93,10 +93,28 @@ class SiemensReader:
                 memory.absolute = value == 90.0
             elif word.letter == "M" and value == 6:
                 memory.tool = memory.selected
-            elif word.letter in memory.at:
-                absolute = memory.absolute if word.absolute is None else word.absolute
-                unknown = not absolute or (word.letter == "Z" and reader.machine)
-                memory.at[word.letter] = None if unknown else value
+            elif word.letter == "G" and value in (*UNITS, *SYSTEMS):
+                memory.unit = UNITS.get(value, memory.unit)
+                memory.at["X"] = memory.at["Y"] = None
+            elif word.letter == "F":
+                memory.feed = word.value
+            elif word.letter == "S":
+                memory.speed = word.value
+        self._remember_places(reader)
+
+    def _remember_places(self, reader: LineReader) -> None:
+        """Where the axes stand, as far as numbers say so."""
+        at = self.memory.at
+        for word in reader.words:
+            if word.letter not in at:
+                continue
+            absolute = self.memory.absolute if word.absolute is None else word.absolute
+            linear, value = word.letter in "XY", constant(word.value)
+            before = 0.0 if absolute else at[word.letter] if linear else None
+            if before is None or value is None or (linear and reader.machine):
+                at[word.letter] = None
+            else:
+                at[word.letter] = before + value
 
     def _check(self, reader: LineReader) -> None:
         """Refuse motion that the turned work plane or table does not allow."""
@@ -124,36 +142,4 @@ class SiemensReader:
             reason = "TRANS under TRAORI is not supported: shift the coordinates in the program"
         else:
             return
-        raise reader.stream.error(_token(moved), reason)
-
-    def _drilled(self, reader: LineReader) -> list[WordItem]:
-        """The words; in a block that moves under MCALL with the hole."""
-        drilling, words = self.memory.drilling, reader.words
-        moved = next((word for word in words if word.letter in "XYZ"), None)
-        if drilling is None or reader.calls or reader.shifts or moved is None:
-            return words
-        if not self.memory.absolute:
-            raise reader.stream.error(_token(moved), "holes under G91 are not followed: write G90")
-        retract, reference, clearance, depth, dwell = drilling
-        level = constant(retract)
-        if self.memory.motion != 0 or level is None or self.memory.at["Z"] != level:
-            raise reader.stream.error(
-                _token(moved),
-                "holes are followed where G0 is in force and Z stands at CYCLE81's retraction "
-                "plane: position there before MCALL, in numbers",
-            )
-        plane = Binary("+", reference, clearance)
-        hole: list[tuple[str, Expression]] = [
-            ("G", Number(82.0 if constant(dwell) else 81.0)),
-            ("Z", depth),
-            ("R", plane),
-        ]
-        if constant(dwell):
-            hole.append(("P", dwell))
-        rapid = ("G", Number(0.0))
-        kept = [w for w in words if w.letter != "Z" and (w.letter, w.value) != rapid]
-        return kept + [WordItem(name, value, moved.column, moved.text) for name, value in hole]
-
-
-def _token(word: WordItem) -> Token:
-    return Token("", word.text, word.column, "", 0.0)
+        raise reader.stream.error(token_of(moved), reason)

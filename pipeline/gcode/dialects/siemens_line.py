@@ -21,6 +21,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from pipeline.gcode.dialects.siemens_cycles import (
+    ARGUMENTS,
+    PATTERNS,
+    CycleError,
+    Words,
+    hole,
+    places,
+)
 from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
 from pipeline.gcode.dialects.siemens_tokens import (
     R_PARAMETER,
@@ -37,14 +45,19 @@ from pipeline.gcode.statements import (
     Expression,
     Number,
     Parameter,
-    Unary,
     WordItem,
+    constant,
 )
 
 Matrix = npt.NDArray[np.float64]
 SQUARE = 1e-6
 """Angle by which table and work plane may miss cancelling each other [rad]."""
 UNROTATED: Matrix = np.eye(3)
+
+
+def token_of(word: WordItem) -> Token:
+    """The token of a word, for errors."""
+    return Token("", word.text, word.column, "", 0.0)
 
 
 def rotation(axis: int, degrees: float) -> Matrix:
@@ -141,11 +154,6 @@ FRAMES = frozenset((
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
 """Without an axis they end every frame, as TRANS does."""
-HOLES = {
-    "CYCLE81": ("RTP", "RFP", "SDIS", "DP", "DPR"),
-    "CYCLE82": ("RTP", "RFP", "SDIS", "DP", "DPR", "DTB"),
-}
-"""Drilling cycle -> its arguments."""
 SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
 SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
@@ -170,8 +178,12 @@ class ModalMemory:
         Number of the tool called by T, and of the one in the spindle.
     motion : float
         G code of group 1 in force.
-    drilling : tuple of Expression or None
-        RTP, RFP, SDIS, DP and dwell of the CYCLE81 or CYCLE82 that MCALL put in force.
+    drilling : tuple or None
+        Token and arguments of the drilling cycle that MCALL put in force.
+    feed, speed : Expression
+        Last F and S.
+    unit : float
+        Millimetres in the program's unit of length.
     plane : float
         17, 18 or 19.
     frame : (3, 3) array
@@ -181,7 +193,7 @@ class ModalMemory:
     absolute, shifted, transformed : bool
         G90, TRANS by more than 0, TRAORI.
     at : dict of str to (float or None)
-        Last B, C and Z, where they were given as numbers [mm, deg].
+        Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg].
     defined : dict of str to str
         Type of each variable that has one, by its name in small letters.
     """
@@ -190,14 +202,17 @@ class ModalMemory:
     selected: Expression = field(default_factory=lambda: Number(0.0))
     tool: Expression = field(default_factory=lambda: Number(0.0))
     motion: float = 0.0
-    drilling: tuple[Expression, ...] | None = None
+    drilling: tuple[Token, tuple[Expression, ...]] | None = None
+    feed: Expression = field(default_factory=lambda: Number(0.0))
+    speed: Expression = field(default_factory=lambda: Number(0.0))
+    unit: float = 1.0
     plane: float = 17.0
     frame: Matrix = field(default_factory=lambda: UNROTATED)
     shift: dict[str, Expression] = field(default_factory=dict)
     absolute: bool = True
     shifted: bool = False
     transformed: bool = False
-    at: dict[str, float | None] = field(default_factory=lambda: {"B": None, "C": None, "Z": None})
+    at: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys("BCXY"))
     defined: dict[str, str] = field(default_factory=dict)
 
     def tool_number(self, name: str) -> float:
@@ -296,7 +311,7 @@ class LineReader:
         relative = next((word for word in given if word.letter not in self.centres), None)
         if self.centres and relative is not None:
             raise self.stream.error(
-                Token("", relative.text, relative.column, "", 0.0),
+                token_of(relative),
                 "the other centre of the block is given with AC: give all of them so, or none",
             )
         first = given[0]
@@ -309,7 +324,7 @@ class LineReader:
         if dwell is not None:
             if not any(word.letter == "F" for word in self.words):
                 raise self.stream.error(
-                    Token("", dwell.text, dwell.column, "", 0.0),
+                    token_of(dwell),
                     "G4 is followed with seconds: write G4 F and the seconds",
                 )
             self.words = [
@@ -430,7 +445,7 @@ class LineReader:
         found = next((word for word in self.words if word.absolute is False), None)
         if self.machine and found is not None:
             raise self.stream.error(
-                Token("", found.text, found.column, "", 0.0),
+                token_of(found),
                 "IC beside SUPA or G53 is not followed: write the machine's coordinate",
             )
 
@@ -467,7 +482,7 @@ class LineReader:
         if token.head in SUBPROGRAMS | COMPUTED:
             self.named(token)
             return
-        if token.head in HOLES:
+        if token.head in ARGUMENTS:
             self.drill(token)
             return
         start = self.stream.at
@@ -555,6 +570,7 @@ class LineReader:
         if token.head == "ATRANS":
             given = self._added(token, given)
         memory.frame, memory.shift = UNROTATED, given
+        memory.at["X"] = memory.at["Y"] = None
         memory.shifted = any(constant(value) != 0 for value in given.values())
         self.word("G", 52.0, token)
         for letter in "XYZ":
@@ -593,6 +609,7 @@ class LineReader:
             raise self.stream.error(token, "AROT takes numbers here: write the angle itself")
         x, y, z = (angle or 0.0 for angle in angles)
         self.memory.frame = rotated(self.memory.frame, x, y, z)
+        self.memory.at["X"] = self.memory.at["Y"] = None
 
     def _by_itself(self, token: Token) -> None:
         if self.words or self.assignments:
@@ -623,61 +640,85 @@ class LineReader:
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if call.head not in HOLES:
+        if call.head not in ARGUMENTS or call.head in PATTERNS:
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 and CYCLE82 only: post single moves"
+                call, "MCALL is known with CYCLE81 to CYCLE84 only: post single moves"
             )
-        self.memory.drilling = self._hole(call)
+        arguments = self._arguments()
+        self.memory.drilling = (
+            call,
+            tuple(
+                one if constant(one) is not None else self._kept(index, one, call)
+                for index, one in enumerate(arguments)
+            ),
+        )
+        self._hole(*self.memory.drilling)  # refuses here what it does not know
 
-    def _hole(self, call: Token) -> tuple[Expression, ...]:
-        """RTP, RFP, SDIS, DP and the dwell of a drilling cycle."""
+    def _kept(self, index: int, value: Expression, call: Token) -> Expression:
+        """A value as it is at MCALL, in a variable whose name no program can write."""
+        kept = Parameter(f"{VARIABLE}mcall {index}")
+        self.assignments.append(Assignment(kept, value, call.column))
+        return kept
+
+    def _arguments(self) -> tuple[Expression, ...]:
         start = self.stream.at
         arguments = self.stream.arguments()
         self._uses(start)
-        names = HOLES[call.head]
-        if not 4 <= len(arguments) <= len(names):
+        return arguments
+
+    def drilled(self) -> None:
+        """The hole of the cycle that MCALL put in force, after the words of the block."""
+        if self.memory.drilling is not None:
+            self.rest += self._hole(*self.memory.drilling)
+
+    def _hole(self, call: Token, arguments: tuple[Expression, ...]) -> list[tuple[WordItem, ...]]:
+        """Blocks of a hole; the motion in force is so again after them."""
+        memory = self.memory
+        if memory.plane != 17:
             raise self.stream.error(
-                call, f"{call.head} is known as ({', '.join(names)}): write the first four at least"
+                call, f"{call.head} is followed along Z, under G17: post single moves"
             )
-        relative, dwell = (*arguments[4:], Number(0.0), Number(0.0))[:2]
-        if constant(relative) != 0:
-            raise self.stream.error(call, "DPR is not followed: write the depth as DP")
-        if not (constant(dwell) or 0.0) >= 0 or constant(dwell) is None:
-            raise self.stream.error(call, "DTB is followed as a number of seconds: write it so")
-        return (*arguments[:4], dwell)
+        try:
+            blocks = hole(
+                call.head, arguments, unit=memory.unit, feed=memory.feed, speed=memory.speed
+            )
+        except CycleError as error:
+            raise self.stream.error(call, str(error)) from None
+        motion = (("G", Number(memory.motion)),)
+        return [self._block(call, words) for words in (*blocks, motion)]
+
+    @staticmethod
+    def _block(token: Token, words: Words) -> tuple[WordItem, ...]:
+        return tuple(WordItem(one, v, token.column, token.text, True) for one, v in words)
 
     def drill(self, token: Token) -> None:
-        """CYCLE81 or CYCLE82 without MCALL: one hole where the tool stands."""
+        """A drilling cycle without MCALL, where the tool stands, or a pattern of those of MCALL."""
         self._by_itself(token)
-        retract, reference, clearance, depth, dwell = self._hole(token)
-        memory = self.memory
-        if memory.transformed or not np.array_equal(memory.frame, UNROTATED) or memory.plane != 17:
+        memory, arguments = self.memory, self._arguments()
+        if token.head in PATTERNS:
+            self._pattern(token, arguments)
+            return
+        if memory.transformed or not np.array_equal(memory.frame, UNROTATED):
             raise self.stream.error(
                 token, f"{token.head} is followed along Z, under G17: post single moves"
             )
+        self.rest += self._hole(token, arguments)
 
-        def block(*words: tuple[str, Expression]) -> tuple[WordItem, ...]:
-            return tuple(WordItem(one, v, token.column, token.text, True) for one, v in words)
-
-        rapid, feed = ("G", Number(0.0)), ("G", Number(1.0))
-        self.rest = [
-            block(rapid, ("Z", Binary("+", reference, clearance))),
-            block(feed, ("Z", depth)),
-            *([block(("G", Number(4.0)), ("P", dwell))] if constant(dwell) else []),
-            block(rapid, ("Z", retract)),
-            block(("G", Number(memory.motion))),
-        ]
-        memory.at["Z"] = constant(retract)
-
-
-def constant(value: Expression) -> float | None:
-    """Value of a number with its signs, None of anything else."""
-    if isinstance(value, Number):
-        return value.value
-    if isinstance(value, Unary):
-        inner = constant(value.operand)
-        return None if inner is None else -inner if value.operator == "-" else inner
-    return None
+    def _pattern(self, token: Token, arguments: tuple[Expression, ...]) -> None:
+        memory = self.memory
+        if memory.drilling is None:
+            raise self.stream.error(
+                token, f"{token.head} drills nothing without a cycle: write MCALL CYCLE81 before"
+            )
+        try:
+            found = places(token.head, arguments, (memory.at["X"], memory.at["Y"]))
+        except CycleError as error:
+            raise self.stream.error(token, str(error)) from None
+        for x, y in found:
+            rapid = (("G", Number(0.0)), ("X", Number(x)), ("Y", Number(y)))
+            self.rest.append(self._block(token, rapid))
+            self.drilled()
+        memory.at["X"], memory.at["Y"] = found[-1]
 
 
 _KINDS: Mapping[str, Callable[[LineReader, Token], None]] = {

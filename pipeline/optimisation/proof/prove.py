@@ -92,15 +92,18 @@ class Proof:
 
 
 def prove(
-    before: bytes,
-    after: bytes,
-    name_before: str,
-    name_after: str,
-    setup: Setup,
-    *,
+    before: bytes, after: bytes, name_before: str, name_after: str, setup: Setup, *,
     splits: bool = False,
-) -> Proof:
-    """Compare two texts, then what they make a machine do.
+) -> Proof:  # fmt: skip
+    """The comparison of :func:`proved`."""
+    return proved(before, after, name_before, name_after, setup, splits=splits)[0]
+
+
+def proved(
+    before: bytes, after: bytes, name_before: str, name_after: str, setup: Setup, *,
+    splits: bool = False,
+) -> tuple[Proof, tuple[Moves, Moves] | None]:  # fmt: skip
+    """Compare two texts, then what they make a machine do; and the moves of both, where made.
 
     Parameters
     ----------
@@ -139,15 +142,16 @@ def prove(
         points=0 if splitting is None else len(splitting.points),
     )
     if not proof.same:
-        return proof
+        return proof, None
     texts = _Texts(lines, others, kept, changes, splitting, (name_before, name_after))
-    first, one, whole = texts.compared(setup)
+    first, one, whole, other = texts.compared(setup)
     if first is not None:
-        return replace(proof, same=False, first=first, moves=len(one))
+        return replace(proof, same=False, first=first, moves=len(one)), (one, other)
     sha256 = _sha256(lines, one)
     first = _wrong_hash(written, place, sha256, _sha256(kept, whole))
     agreed = "" if first is not None else sha256
-    return replace(proof, same=first is None, first=first, moves=len(one), sha256=agreed)
+    made = replace(proof, same=first is None, first=first, moves=len(one), sha256=agreed)
+    return made, (one, other)
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,26 +165,30 @@ class _Texts:
     splits: Splits | None
     names: tuple[str, str]
 
-    def compared(self, setup: Setup) -> tuple[Difference | None, Moves, Moves]:
-        """The first difference with the switch for ``/`` either way; the moves as it is set."""
+    def compared(self, setup: Setup) -> tuple[Difference | None, Moves, Moves, Moves]:
+        """The first difference with the switch for ``/`` either way; the moves as it is set.
+
+        Those of the second program without the points that were put in, and as they are.
+        """
         run: Bools = np.zeros(len(self.lines) + 1, dtype=np.bool_)
-        made, first = [], None
+        made: list[tuple[Moves, Moves, Moves]] = []
+        first = None
         for one in switches(self.lines, setup):
             try:
-                first, *moves = self._made(one, run)
+                first, before, whole, after = self._made(one, run)
             except GcodeError:
                 if one is setup:
                     raise
                 continue  # it is no program with that switch
-            made.append(moves)
+            made.append((before, whole, after))
             if first is not None:
                 break
         if self.changes:
             first = first or left_out(self.changes, self.lines, self.kept, run)
             first = first or reads_in_force(self.lines, self.kept, run)
-        return first, made[0][0], made[0][1]
+        return first, *made[0]
 
-    def _made(self, setup: Setup, run: Bools) -> tuple[Difference | None, Moves, Moves]:
+    def _made(self, setup: Setup, run: Bools) -> tuple[Difference | None, Moves, Moves, Moves]:
         """The first difference of what is made, and the moves; ``run`` gets executed lines."""
         lines, kept = self.lines, self.kept
         one, executed = executed_moves(Program(b"".join(lines), self.names[0]), setup)
@@ -189,11 +197,11 @@ class _Texts:
         whole = other if self.splits is None else merged(other, self.splits)
         if not isinstance(whole, Moves):
             texts = [shown(b"".join(text[whole[0] - 1 : whole[0]])) for text in (lines, kept)]
-            return Difference(whole[0], texts[0], texts[1], whole[1]), one, other
+            return Difference(whole[0], texts[0], texts[1], whole[1]), one, other, other
         first = _in_lines(moves_difference(one, whole), one, lines, kept)
         if self.splits is not None:
             after = np.delete(after, sorted(self.splits.points))
-        return first or executed_otherwise(lines, kept, executed, after), one, whole
+        return first or executed_otherwise(lines, kept, executed, after), one, whole, other
 
 
 def with_proof_comment(text: bytes, proof: Proof) -> bytes:
