@@ -6,9 +6,13 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
+from pipeline.schema.verdict import MOST_PERCENT
+
 NOT_KNOWN = "not known"
 NARROW = "\u202f"  # narrow no-break space: between thousands, and before a unit
 TOGETHER = "\u00a0"  # no-break space
+VOID = "— (of nearly 0)"
+"""A share of next to nothing, in a table."""
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
@@ -151,6 +155,32 @@ def percent(part: float | None, whole: float | None) -> str:
     if part == 0 or part == whole or share >= 10:
         return f"{share:.0f}{NARROW}%" if share < 99.5 or part == whole else f"> 99{NARROW}%"
     return f"{number(share, 2)}{NARROW}%"
+
+
+def tenths(value: Any) -> str:
+    """``value`` with one decimal."""
+    return fixed(value, 1)
+
+
+def rounded(value: Any) -> str:
+    """``value`` with two significant digits."""
+    return number(value, 2)
+
+
+def relative(value: Any, shown: Callable[[float], str] = tenths, unit: str = "") -> str:
+    """A share [%] of what was measured, or is true, as ``shown`` writes it; a dash without one.
+
+    Beyond :data:`MOST_PERCENT` it is a share of next to nothing, which is said in its place.
+
+    >>> relative(-12.34, signed), relative(6.69e8), relative(6.69e8, unit="%")[:14]
+    ('−12.3', '— (of nearly 0)', 'more than 1000')
+    """
+    x = real(value)
+    if x is None:
+        return "–"
+    if abs(x) > MOST_PERCENT:
+        return f"more than {MOST_PERCENT:g}{TOGETHER}{unit} of nearly 0" if unit else VOID
+    return f"{shown(x)}{TOGETHER}{unit}" if unit else shown(x)
 
 
 def hours(seconds: Any) -> str:

@@ -289,7 +289,12 @@ def test_a_share_of_next_to_nothing_is_not_shown():
         column = [head.name for head in table.heads].index("RMSE of its RMS")
         return str(table.rows[0][column].text)
 
-    assert shown(6.69e8) == "–" and shown(45.0) == "45.0"
+    assert shown(6.69e8) == "— (of nearly 0)" and shown(45.0) == "45.0"
+    limits = {"relative_percent": 15.0}
+    lead = worst_error(verdict_with(a_score(relative_percent=6.69e8, limits=limits)))
+    assert lead.shown == "more than 1000\xa0% of nearly 0"
+    unitless = replace(a_score(), unit="1")
+    assert worst_error(verdict_with(unitless)).shown == "4.00"
 
 
 def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said():
