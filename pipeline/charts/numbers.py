@@ -35,6 +35,7 @@ AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...
     (re.compile(r"(?<=[A-Za-z)])\^3\b"), "³"),
     (re.compile(r"(?<=\d)e([+-]\d+)\b"), lambda power: f" × 10{_superscript(int(power[1]))}"),
     (re.compile(r"(?<![^\s(])-(?=\d)"), "−"),
+    (re.compile(r"± (?=\d)"), f"±{NARROW}"),
 )
 """What terminals and files write in plain letters -> as it is set on a page."""
 

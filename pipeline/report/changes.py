@@ -112,7 +112,7 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
         "records": records.records if known else None,
         "rejected": records.rejected if known else None,
         "gaps": None if gaps is None else sum(n for _, n, _ in gaps),
-        "changes": None if cleaned is None else sum(n for *_, n in cleaned),
+        "changes": None if cleaned is None else sum(one.count for one in cleaned),
         "active_h": round(work.active / 3600, 3) if work.days else None,
         "cycles": None if work.cycles is None else len(work.cycles),
     }

@@ -196,7 +196,7 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
          None if cycles is None else len(cycles)),
         ("wrong values in the log; removed or changed by cleaning",
          None if glitches is None else sum(glitches.values()),
-         None if r.changes is None else sum(n for *_, n in r.changes)),
+         None if r.changes is None else sum(one.count for one in r.changes)),
     ]  # fmt: skip
     rows = [(what, true, found) for what, true, found in lines if true is not None]
     caption = "What was simulated against what was found"

@@ -127,10 +127,18 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     folders = machine(tmp_path, "m", days=4)
     write_table(folders.clean / "audit.parquet", {
         "data_item": ["S1temp"] * 400 + ["Xload"] * 9, "rule": ["zero"] * 400 + ["jump"] * 9,
+        "time": pa.array(nanoseconds("2024-03-04") + 10**9 * np.arange(409), UTC_NS),
+    })  # fmt: skip
+    write_table(folders.signals / "data_items.parquet", {
+        "data_item": ["S1temp"], "category": ["SAMPLE"], "component": ["Rotary"],
+        "component_name": ["C"], "type": ["TEMPERATURE"],
     })  # fmt: skip
     write_report([folders], FLEET, None, tmp_path / "out")
     text = every_word(tmp_path / "out" / "m.html")
-    assert "S1temp 400 values were removed (zeros between good values), 100 on a" in text
+    assert (
+        "Rotary C, temperature (S1temp) 400 values were removed (zeros between good values), 100 "
+        "on a working day, the last on Mon 4 Mar 2024, 00:06 UTC." in text
+    )
     assert "Xload 9 values were removed" not in text
 
 
@@ -152,7 +160,9 @@ def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
     write_report([folders], FLEET, None, tmp_path / "out")
     assert section(tmp_path / "out" / "m.html", "alarms") == ""
     items = {name: ["servo_c"] for name in ("data_item", "component", "component_name")}
-    write_table(folders.signals / "data_items.parquet", items | {"category": ["CONDITION"]})
+    write_table(folders.signals / "data_items.parquet", items | {
+        "category": ["CONDITION"], "type": ["POSITION"]
+    })  # fmt: skip
     write_report([folders], FLEET, None, tmp_path / "out")
     assert "None of 1 condition was a warning or a fault." in every_word(
         tmp_path / "out" / "m.html"

@@ -28,7 +28,7 @@ GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
 """Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
 FAULT = re.compile(
     r"sensor (?P<sensor>.+) is (?P<kind>\w+) from minute (?P<minute>\d+)"
-    r"(?:, off by up to (?P<departure>[+-][\d.]+) K)?"
+    r"(?:, off by up to (?:(?P<departure>[+-][\d.]+)|[\d.]+) K)?"
 )
 """A fault as the verdict words it."""
 AS_IS, REPLACED = "largest error with the faulty sensor", "largest error with it replaced"

@@ -191,7 +191,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         status="passed",
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
-        f"{_limit_words(facts)}. {_sentence(advice)}",
+        f"{_limit_words(facts)}.",
         todo=_sentence(advice),
     )
 
