@@ -27,13 +27,20 @@ def _superscript(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
+def _of_power(mantissa: str, exponent: int) -> str:
+    """``1.5e+02`` as 150, what is very large or small with its power of ten."""
+    if -4 <= exponent < 6:
+        return f"{float(f'{mantissa}e{exponent}'):.12g}"
+    return f"{mantissa} × 10{_superscript(exponent)}"
+
+
 AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
     (re.compile(r"(?<=\d) um\b"), f"{NARROW}µm"),
     (re.compile(r"(?<=\d) deg\b"), "°"),
     (re.compile(r"\bdegC\b"), "°C"),
     (re.compile(r"(?<=[A-Za-z)])\^2\b"), "²"),
     (re.compile(r"(?<=[A-Za-z)])\^3\b"), "³"),
-    (re.compile(r"(?<=\d)e([+-]\d+)\b"), lambda power: f" × 10{_superscript(int(power[1]))}"),
+    (re.compile(r"(\d+(?:\.\d+)?)e([+-]\d+)\b"), lambda found: _of_power(found[1], int(found[2]))),
     (re.compile(r"(?<![^\s(])-(?=\d)"), "−"),
     (re.compile(r"± (?=\d)"), f"±{NARROW}"),
 )
@@ -43,8 +50,8 @@ AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...
 def as_read(text: str) -> str:
     """``text`` of a judge or a file with its units and signs as they are set on a page.
 
-    >>> as_read("RMSE 42 um is above 30 um, from -3 to 5 N/mm^2")
-    'RMSE 42\u202fµm is above 30\u202fµm, from −3 to 5 N/mm²'
+    >>> as_read("RMSE 42 um is above 30 um, from -3 to 5 N/mm^2, 1.5e+02 or 2e-08 mm")
+    'RMSE 42\u202fµm is above 30\u202fµm, from −3 to 5 N/mm², 150 or 2 × 10⁻⁸ mm'
     """
     for plain, printed in AS_READ:
         text = plain.sub(printed, text)

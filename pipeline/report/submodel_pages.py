@@ -92,7 +92,8 @@ def _part(
 
 def _undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
     """What a figure too near to its limit asks for, the same of every sub-model."""
-    why, *others = [one.rstrip(".") for one in verdict.reasons] or ["the judge gave no reason"]
+    reasons = [one.rstrip(".").removesuffix(", not decided") for one in verdict.reasons]
+    why, *others = reasons or ["the judge gave no reason"]
     if others:
         why += f"; and {counted(len(others), 'more figure')}"
     return PartVerdict(

@@ -92,9 +92,11 @@ def _warm_words(facts: GrowthFacts) -> str:
     if hour is None:
         return ""
     at = f" at {_speed_words(hour.speed)}" if hour.speed is not None else ""
+    rest = f" (the rest of the hour then moves less than {whole_um(hour.within_um)})"
+    sure = facts.shown.verdict is not None and facts.shown.verdict.status == "passed"
     return (
         f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min{at} before finishing "
-        f"cuts (the rest of the hour then moves less than {whole_um(hour.within_um)})"
+        f"cuts{rest if sure else ' and measure what it then still grows'}"
     )
 
 
@@ -139,6 +141,8 @@ def _actions(facts: GrowthFacts) -> list[Action]:
     verdict, warm = facts.shown.verdict, _warm_words(facts)
     if warm and verdict is not None and verdict.status in ("passed", "failed"):
         why = f"{_hour_words(facts)}."
+        if verdict.status == "failed":
+            why += f" That model failed: {_failure(facts)}."
         found.append(Action(what=warm[:1].upper() + warm[1:], where="Spindle", why=why,
                             until="before finishing cuts", who="process engineer",
                             evidence="growth"))  # fmt: skip

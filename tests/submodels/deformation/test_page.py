@@ -86,6 +86,13 @@ def test_a_model_that_did_not_pass_offers_no_correction(built, status, page_stat
     assert "kerf compensation" not in said.todo and "too little was recorded" in said.sentence
 
 
+def test_a_model_that_failed_promises_nothing_about_the_rest_of_the_hour(built) -> None:
+    found = page(with_status(built, "failed", "too little was recorded"))
+    (warm,) = (one for one in found.actions if one.where == "Spindle")
+    assert "measure what it then still grows" in warm.what and "moves less than" not in warm.what
+    assert "That model failed" in warm.why
+
+
 def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> None:
     found = page(with_status(built, "passed"))
     assert found.verdict is not None
