@@ -107,7 +107,7 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
     values: dict[str, float | str | None] = {
         VERDICT: passed,
         "days": len(work.worked_days),
-        "last_record": records.last.isoformat() if records.last else None,
+        "last_record": records.newest.isoformat() if records.newest else None,
         "files": len(records.files) if records.files is not None else None,
         "records": records.records if known else None,
         "rejected": records.rejected if known else None,

@@ -132,7 +132,8 @@ def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
          f"on {counted(len(work.worked_days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records),
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
-        ("Last record", moment(r.last), "of all sources"),
+        ("Last record", moment(r.newest),
+         "of the sources that report over time" if r.last_live else "of all sources"),
     ]  # fmt: skip
 
 

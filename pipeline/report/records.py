@@ -164,6 +164,11 @@ class RecordsRead:
         return max((t for t in times if t is not None), default=None)
 
     @property
+    def newest(self) -> datetime | None:
+        """Time of the newest record of the sources that report over time, else of any."""
+        return self.last_live or self.last
+
+    @property
     def last_live(self) -> datetime | None:
         """Time of the newest record of the sources that report over time; None without one."""
         spans: dict[str, list[tuple[datetime, datetime, int]]] = {}

@@ -214,6 +214,7 @@ def test_a_table_written_once_is_no_live_source():
     )  # fmt: skip
     assert read.last.day == 22
     assert read.last_live.day == 5
+    assert read.newest == read.last_live < read.last
 
 
 def test_baselines_are_said_in_words():
@@ -311,7 +312,9 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
     case = JudgedCase(case="a", group="a", role="held_out")
 
     def line(**parts):
-        judged = replace(verdict_with(a_score(**parts)), cases=(case, replace(case, case="b")))
+        judged = replace(
+            verdict_with(a_score(**parts)), cases=(case, replace(case, case="b", group="b"))
+        )
         page = SubModelPage(verdict=PartVerdict(status="passed", sentence="", todo=""))
         one = SimpleNamespace(name="deformation", title="growth", judged=judged, page=page)
         return scorecard("m", [one], ENGLISH)[0]
@@ -319,3 +322,15 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
     assert line(bias=-3.7).figure.worse == "bias −3.70\xa0µm"
     assert line(bias=0.3).figure.worse == ""
     assert line().judged_on == "on records held out, 1 of them"
+
+
+def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_path):
+    """In a fleet with others: not for the first model by the alphabet, and nothing of a verdict."""
+    wanted = (("a model of the drives", "record currents at 1 kHz"),
+              ("a model of the spindle", "record spindle speed and load"))  # fmt: skip
+    bare = machine(tmp_path, "bare", "recorded", days=4, missing=wanted)
+    bare = replace(bare, submodels=(), models=tmp_path / "none", champion=tmp_path / "none")
+    write_report([machine(tmp_path, "m", days=4), bare], FLEET, None, tmp_path / "out")
+    text = every_word(tmp_path / "out" / "bare.html")
+    assert "The fleet names no sub-model of this machine" in text and "verdict.json" not in text
+    assert "Record what is not logged yet of record spindle speed and load" in text

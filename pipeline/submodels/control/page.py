@@ -65,6 +65,7 @@ MEANINGS = {
 ROW, TOP = 22, 6  # px
 WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow
 LONGEST = 24  # letters of a run's name that stand beside it
+FEW = 5  # judged runs below which more are asked for
 KIND = {
     "passed": "p-passed",
     "failed": "p-failed",
@@ -218,7 +219,12 @@ def _verdict(
             sentence=f"{sentence} The judgement itself does not hold: {seen.verdict.reasons[0]}.",
             todo="Mend that, run dvc repro, and plan with these times only then.",
         )
-    return sections.PartVerdict(status="passed", sentence=sentence, todo="Plan with these times.")
+    todo = "Plan with these times."
+    if len(judged) < FEW:
+        todo = (
+            f"Plan with these times; {counted(len(judged), 'run')} say little: log more programs."
+        )
+    return sections.PartVerdict(status="passed", sentence=sentence, todo=todo)
 
 
 def _control_section(seen: Seen) -> sections.Section | None:
