@@ -32,6 +32,7 @@ from pipeline.report.work import Day, Work
 from pipeline.report.worst_error import baseline_words, worst_error
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
+from pipeline.submodels.spindle.tables import APART, FREE_RUN, TARGET, WINDOWS, parts_table
 
 BLANK = {
     "running": None, "position_control": None, "speed_known": None, "runs": [],
@@ -334,3 +335,14 @@ def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_p
     text = every_word(tmp_path / "out" / "bare.html")
     assert "The fleet names no sub-model of this machine" in text and "verdict.json" not in text
     assert "Record what is not logged yet of record spindle speed and load" in text
+
+
+def test_a_spindle_without_a_forest_is_not_held_against_itself():
+    own = {"mae": 0.5, "rmse": 0.6, "max": 1.0, "bias": 0.1}
+    baselines = {"physics": Figures(**own), "persistence": Figures(mae=2.0, rmse=3.0)}
+    scores = tuple(
+        replace(a_score(**own, baselines=baselines), quantity=TARGET, group="all", regime=one)
+        for one in (WINDOWS, FREE_RUN, *APART)
+    )
+    table = parts_table(replace(verdict_with(scores[0]), scores=scores), [], 1.0)
+    assert [name for name, _ in table.groups if name] == ["Model", "Persistence"]
