@@ -13,6 +13,7 @@ import yaml
 
 from pipeline.app.project import CODE, new_project
 from pipeline.parameters import read_params
+from pipeline.submodels.contract import submodels
 
 ROOT = Path(__file__).parents[1]
 TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE")
@@ -112,3 +113,40 @@ def test_a_project_that_is_not_there_is_said_in_one_sentence(tmp_path: Path) -> 
     assert answer.returncode == 2
     assert "nowhere is no folder: `kerf init nowhere` makes a project" in answer.stderr
     assert "Traceback" not in answer.stderr
+
+
+@pytest.mark.proof
+def test_a_mixed_fleet_goes_through_and_each_machine_gets_what_it_can(tmp_path: Path) -> None:
+    """A simulated machine, one without any sub-model, and a recorded one where its records are."""
+    kerf, dvc = ([sys.executable, "-m", one] for one in ("pipeline.app", "dvc"))
+    project = tmp_path / "shop"
+    new_project(project)
+    (project / "tables").mkdir()
+    rows = "".join(f"2026-01-05T06:{k // 60:02d}:{k % 60:02d}Z,{30 + k % 7}\n" for k in range(600))
+    (project / "tables/cabinet.csv").write_text(f"Time,Cabinet\n,degC\n{rows}")
+    recorded = ["emps"] * (Path(os.environ.get("KERF_RECORDINGS", "nowhere")) / "emps").is_dir()
+    machines = [*recorded, "mill00", "lathe7"]
+    lists: dict[str, list[str]] = {one: [] for one in submodels()}
+    fleet = {"name": "mixed", "chosen_budget": "quick", "machines": machines,
+             "simulated": ["mill00"], "submodels": lists | {"control": ["mill00"],
+             "drive": recorded}, "drives_under": {}, "optimised": [], "trials": []}  # fmt: skip
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+
+    def done(*words: str) -> str:
+        answer = subprocess.run(
+            words, cwd=project, env=environment, capture_output=True, text=True, check=False
+        )
+        assert answer.returncode == 0, f"{words}: {answer.stdout[-2000:]}{answer.stderr[-2000:]}"
+        return answer.stdout
+
+    done(*kerf, "machine", "new", "lathe7", "--logs", "tables")
+    (project / "conf/fleet/mixed.yaml").write_text(yaml.safe_dump(fleet))
+    done(*kerf, "fleet", "mixed")
+    done(*dvc, "repro", "champion@lathe7")  # one stage alone, on nothing built
+    assert (project / "data/champion/lathe7/control/none.json").is_file()
+    done(*dvc, "repro")
+    for name in machines[:-1]:
+        assert (project / f"data/champion/{name}/bundle.json").is_file()
+    bare = (project / "reports/lathe7.html").read_text()
+    assert "The fleet names no sub-model of this machine" in bare
+    assert "version 1" in done(*kerf, "status")

@@ -140,7 +140,8 @@ def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
     farthest = max((one.farthest for one in outside if one.count), key=abs, default=None)
     if farthest is None:
         return ""
-    return f"; triangles: beyond the scale, up to {tick_words(round(farthest, 2))} {unit}".rstrip()
+    shown = tick_words(float(f"{farthest:.4g}"))
+    return f"; ▲ beyond, up to {shown} {unit}".rstrip()
 
 
 def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:

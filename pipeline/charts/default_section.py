@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import between, number, powers, resolved, unit_words
+from pipeline.charts.numbers import between, number, powers, relative, resolved, unit_words
 from pipeline.charts.sections import Block, Figure, Figures, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Head, Table, cells, left_out, names, numbers
@@ -27,8 +27,6 @@ ROLES: Mapping[Role, str] = {
     "training": "fitted on", "held_out": "held out", "golden": "golden", "sealed": "sealed",
 }  # fmt: skip
 """What a case was for, in a table."""
-MOST_PERCENT = 1000.0
-"""Relative error above which what was measured is next to nothing beside it [%]."""
 STEPS = 300
 """Stretches of the horizontal axis of a figure, each drawn by its lowest and highest value."""
 
@@ -159,19 +157,12 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         ROLES[s.role],
         *(_error(getattr(s, name), s.spread.get(name)) for name in ("mae", "rmse", "max")),
         powers(unit_words(s.unit)),
-        _relative(s),
+        relative(s.relative_percent, lambda share: _error(share, s.spread.get("relative_percent"))),
         *(_interval(s) if covered else []),
         *errors,
         limits or "–",
         Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
     )
-
-
-def _relative(s: Score) -> str:
-    """RMSE as a share of what was measured, where that is not next to nothing."""
-    if s.relative_percent is None or s.relative_percent > MOST_PERCENT:
-        return "–"
-    return _error(s.relative_percent, s.spread.get("relative_percent"))
 
 
 def _error(value: float | None, spread: float | None = None) -> str:

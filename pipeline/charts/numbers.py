@@ -6,9 +6,13 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
+from pipeline.schema.verdict import MOST_PERCENT
+
 NOT_KNOWN = "not known"
 NARROW = "\u202f"  # narrow no-break space: between thousands, and before a unit
 TOGETHER = "\u00a0"  # no-break space
+VOID = "— (of nearly 0)"
+"""A share of next to nothing, in a table."""
 WEEKDAYS = ("Mon", "Tue", "Wed", "Thu", "Fri", "Sat", "Sun")
 MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", "Nov", "Dec")
 
@@ -23,14 +27,22 @@ def _superscript(exponent: int) -> str:
     return str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
 
 
+def _of_power(mantissa: str, exponent: int) -> str:
+    """``1.5e+02`` as 150, what is very large or small with its power of ten."""
+    if -4 <= exponent < 6:
+        return f"{float(f'{mantissa}e{exponent}'):.12g}"
+    return f"{mantissa} × 10{_superscript(exponent)}"
+
+
 AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...] = (
     (re.compile(r"(?<=\d) um\b"), f"{NARROW}µm"),
     (re.compile(r"(?<=\d) deg\b"), "°"),
     (re.compile(r"\bdegC\b"), "°C"),
     (re.compile(r"(?<=[A-Za-z)])\^2\b"), "²"),
     (re.compile(r"(?<=[A-Za-z)])\^3\b"), "³"),
-    (re.compile(r"(?<=\d)e([+-]\d+)\b"), lambda power: f" × 10{_superscript(int(power[1]))}"),
+    (re.compile(r"(\d+(?:\.\d+)?)e([+-]\d+)\b"), lambda found: _of_power(found[1], int(found[2]))),
     (re.compile(r"(?<![^\s(])-(?=\d)"), "−"),
+    (re.compile(r"± (?=\d)"), f"±{NARROW}"),
 )
 """What terminals and files write in plain letters -> as it is set on a page."""
 
@@ -38,8 +50,8 @@ AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...
 def as_read(text: str) -> str:
     """``text`` of a judge or a file with its units and signs as they are set on a page.
 
-    >>> as_read("RMSE 42 um is above 30 um, from -3 to 5 N/mm^2")
-    'RMSE 42\u202fµm is above 30\u202fµm, from −3 to 5 N/mm²'
+    >>> as_read("RMSE 42 um is above 30 um, from -3 to 5 N/mm^2, 1.5e+02 or 2e-08 mm")
+    'RMSE 42\u202fµm is above 30\u202fµm, from −3 to 5 N/mm², 150 or 2 × 10⁻⁸ mm'
     """
     for plain, printed in AS_READ:
         text = plain.sub(printed, text)
@@ -151,6 +163,32 @@ def percent(part: float | None, whole: float | None) -> str:
     if part == 0 or part == whole or share >= 10:
         return f"{share:.0f}{NARROW}%" if share < 99.5 or part == whole else f"> 99{NARROW}%"
     return f"{number(share, 2)}{NARROW}%"
+
+
+def tenths(value: Any) -> str:
+    """``value`` with one decimal."""
+    return fixed(value, 1)
+
+
+def rounded(value: Any) -> str:
+    """``value`` with two significant digits."""
+    return number(value, 2)
+
+
+def relative(value: Any, shown: Callable[[float], str] = tenths, unit: str = "") -> str:
+    """A share [%] of what was measured, or is true, as ``shown`` writes it; a dash without one.
+
+    Beyond :data:`MOST_PERCENT` it is a share of next to nothing, which is said in its place.
+
+    >>> relative(-12.34, signed), relative(6.69e8), relative(6.69e8, unit="%")[:14]
+    ('−12.3', '— (of nearly 0)', 'more than 1000')
+    """
+    x = real(value)
+    if x is None:
+        return "–"
+    if abs(x) > MOST_PERCENT:
+        return f"more than {MOST_PERCENT:g}{TOGETHER}{unit} of nearly 0" if unit else VOID
+    return f"{shown(x)}{TOGETHER}{unit}" if unit else shown(x)
 
 
 def hours(seconds: Any) -> str:

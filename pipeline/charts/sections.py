@@ -112,7 +112,7 @@ class PartVerdict:
     reserved: bool = False
 
 
-Role = Literal["maintenance", "tool room", "process engineer", "ML engineer", "data engineer"]
+Role = Literal["tool room", "maintenance", "process engineer", "ML engineer", "data engineer"]
 """Who an action is for."""
 
 

@@ -8,6 +8,7 @@ figures follow the page's theme.  All text is escaped.
 import numpy as np
 from markupsafe import Markup, escape
 
+MOST_TICKS = 8  # that are tried for so that there are two
 FULL = 1000  # height of a curve's viewport, in its own units
 
 
@@ -141,7 +142,10 @@ def thinned(x: np.ndarray, y: np.ndarray, width: float) -> tuple[np.ndarray, np.
 
 
 def ticks(low: float, high: float, most: int = 5) -> list[float]:
-    """At most ``most`` round values between ``low`` and ``high``, both included where round."""
+    """At most ``most`` round values between ``low`` and ``high``, both included where round.
+
+    A few more where one would stand alone, which is no scale.
+    """
     span = max(high - low, 1e-9)
     step = 10.0 ** np.floor(np.log10(span / most))
     for factor in (1, 2, 2.5, 5, 10):
@@ -149,7 +153,8 @@ def ticks(low: float, high: float, most: int = 5) -> list[float]:
             step *= factor
             break
     first = np.ceil(low / step - 1e-9)
-    return [float(v * step) for v in np.arange(first, np.floor(high / step + 1e-9) + 1)]
+    found = [float(v * step) for v in np.arange(first, np.floor(high / step + 1e-9) + 1)]
+    return found if len(found) > 1 or most >= MOST_TICKS else ticks(low, high, most=most + 1)
 
 
 def anchor(x: float) -> str:

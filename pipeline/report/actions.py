@@ -90,11 +90,14 @@ def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 def _sensors(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
     """Data items whose values cleaning had to remove so often that the sensor is in doubt."""
-    for item, rule, count, a_day in facts.doubtful_items:
-        words = say(f"rule.{rule}") if say.has(f"rule.{rule}") else rule
-        why = say("action.sensor_why", count=count, rule=words, a_day=say.number(a_day))
+    days = max(1, len(facts.work.worked_days))
+    for one in facts.doubtful_items:
+        words = say(f"rule.{one.rule}") if say.has(f"rule.{one.rule}") else one.rule
+        a_day, last = say.number(round(one.count / days)), say.moment(one.last)
+        why = say("action.sensor_why", count=one.count, rule=words, a_day=a_day, moment=last)
+        where = f"{one.where} ({one.item})" if one.where else one.item
         yield ActionRow(
-            action=Action(what=say("action.sensor"), where=item, why=why, until=STOP,
+            action=Action(what=say("action.sensor"), where=where, why=why, until=STOP,
                           who="maintenance"),
             href=link(facts.folders.name, RECORDS, "records"),
         )  # fmt: skip
@@ -173,7 +176,8 @@ def _models(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
                     NOW, evidence_page(name, RECORDS))  # fmt: skip
     elif facts.known:
         yield _data(say("action.repro"), say("where.twin"), say("action.repro_why"), USE, "")
-    for what, record in facts.folders.missing[:1]:
+    nearest = sorted(facts.folders.missing, key=lambda one: -len(already(one[1], facts.logged)))
+    for what, record in nearest[:1]:
         held, wanted = already(record, facts.logged), say.given(record.rstrip("."))
         ask, why = say("action.record", record=wanted), say("action.record_why")
         if held:

@@ -1,16 +1,14 @@
 """Alarms of a machine, as its control reported them: facts and section."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pyarrow as pa
 
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
-from pipeline.report.records import CLEANED, NS, RAW, nanoseconds
+from pipeline.report.records import CLEANED, NS, components, nanoseconds
 from pipeline.report.texts import ENGLISH, Texts
 
 MOST_KINDS = 5
@@ -85,12 +83,13 @@ def machine_alarms(folders: MachineFolders, shelf: SourceRegistry) -> Alarms:
     table = shelf.table(folders.clean / "alarms.parquet", columns, CLEANED)
     if table is None:
         return Alarms(folders=folders, shelf=shelf, alarms=[])
-    components = _components(folders, shelf)
+    items = components(folders, shelf).items()
+    conditions = {item: where for item, (category, where) in items if category == "CONDITION"}
     start, end = (nanoseconds(table.column(name)) for name in ("start", "end"))
     rows = table.drop_columns(["start", "end"]).to_pylist()
     found = [
         Alarm(
-            item=str(row["data_item"]), where=components.get(str(row["data_item"]), ""),
+            item=str(row["data_item"]), where=conditions.get(str(row["data_item"]), ""),
             level=str(row["level"]), code=str(row["code"] or ""),
             message=str(row["message"] or ""), start=int(start[i]),
             end=None if end[i] == OPEN else int(end[i]), ended=str(row["ended"]),
@@ -98,26 +97,7 @@ def machine_alarms(folders: MachineFolders, shelf: SourceRegistry) -> Alarms:
         )
         for i, row in enumerate(rows)
     ]  # fmt: skip
-    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=len(components))
-
-
-def _components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, str]:
-    """Part of the machine that each condition belongs to, by data item."""
-    path = folders.signals / "data_items.parquet"
-    table = shelf.table(path, ("data_item", "component", "component_name", "category"), RAW)
-    if table is None:
-        return {}
-    words = [column.cast(pa.string()).to_pylist() for column in table.columns]
-    return {
-        str(item): _component(kind or "", name or "")
-        for item, kind, name, category in zip(*words, strict=True)
-        if category == "CONDITION"
-    }
-
-
-def _component(kind: str, name: str) -> str:
-    """A component by its type and its name, said once where they are one word."""
-    return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
+    return Alarms(folders=folders, shelf=shelf, alarms=found, watched=len(conditions))
 
 
 def kind_columns(say: Texts) -> tuple[Column[list[Alarm]], ...]:

@@ -107,12 +107,12 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
     values: dict[str, float | str | None] = {
         VERDICT: passed,
         "days": len(work.worked_days),
-        "last_record": records.last.isoformat() if records.last else None,
+        "last_record": records.newest.isoformat() if records.newest else None,
         "files": len(records.files) if records.files is not None else None,
         "records": records.records if known else None,
         "rejected": records.rejected if known else None,
         "gaps": None if gaps is None else sum(n for _, n, _ in gaps),
-        "changes": None if cleaned is None else sum(n for *_, n in cleaned),
+        "changes": None if cleaned is None else sum(one.count for one in cleaned),
         "active_h": round(work.active / 3600, 3) if work.days else None,
         "cycles": None if work.cycles is None else len(work.cycles),
     }

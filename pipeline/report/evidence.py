@@ -132,7 +132,8 @@ def _key_figures(facts: MachineFacts) -> list[tuple[str, str, str]]:
          f"on {counted(len(work.worked_days), 'day')}"),
         ("Records rejected", percent(r.rejected, r.records),
          f"{number(r.rejected)} of {number(r.records)}" if r.files else "no manifest"),
-        ("Last record", moment(r.last), "of all sources"),
+        ("Last record", moment(r.newest),
+         "of the sources that report over time" if r.last_live else "of all sources"),
     ]  # fmt: skip
 
 
@@ -196,7 +197,7 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
          None if cycles is None else len(cycles)),
         ("wrong values in the log; removed or changed by cleaning",
          None if glitches is None else sum(glitches.values()),
-         None if r.changes is None else sum(n for *_, n in r.changes)),
+         None if r.changes is None else sum(one.count for one in r.changes)),
     ]  # fmt: skip
     rows = [(what, true, found) for what, true, found in lines if true is not None]
     caption = "What was simulated against what was found"

@@ -14,7 +14,7 @@ from pipeline.report.folders import MachineFolders
 from pipeline.report.logged import absent_items, logged_signals
 from pipeline.report.part_programs import PartPrograms, part_programs
 from pipeline.report.programs.section import Program, simulated_programs
-from pipeline.report.records import RecordsRead, records_read
+from pipeline.report.records import Changed, RecordsRead, records_read
 from pipeline.report.submodel_pages import ModelledPart, Serving, modelled_parts, serving
 from pipeline.report.work import Work, work
 from pipeline.schema.golden import Days, GoldenSets
@@ -102,14 +102,10 @@ class MachineFacts:
         return next((one.page.verdict for one in self.models if one.name == name), None)
 
     @property
-    def doubtful_items(self) -> list[tuple[str, str, int, int]]:
-        """Data item, rule of cleaning, values removed, and those of a working day, where many."""
+    def doubtful_items(self) -> list[Changed]:
+        """Data items of which cleaning removed many values, by its rules."""
         days = max(1, len(self.work.worked_days))
-        return [
-            (item, rule, count, round(count / days))
-            for rule, item, count in self.records.changes or []
-            if count > REMOVED_A_DAY * days
-        ]
+        return [one for one in self.records.changes or [] if one.count > REMOVED_A_DAY * days]
 
     @property
     def off(self) -> bool:

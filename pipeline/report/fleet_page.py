@@ -55,7 +55,8 @@ class FleetPage:
 
 def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
     """Line of one machine."""
-    last = say.moment(facts.records.last_live or facts.records.last)
+    newest = facts.records.newest
+    last = say("fleet.no_clock") if newest is None and facts.records.files else say.moment(newest)
     return FleetRow(folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last)
 
 

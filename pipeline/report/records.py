@@ -92,6 +92,20 @@ class Gap:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Changed:
+    """Values of a data item that a rule of cleaning removed or changed, ``last`` at [ns, 1970].
+
+    ``where`` is the part of the machine, as its Devices document says.
+    """
+
+    rule: str
+    item: str
+    count: int
+    where: str
+    last: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class RecordsRead:
     """Records of a machine; a field is None where the file that it stands in is absent.
 
@@ -105,8 +119,8 @@ class RecordsRead:
         Raw files by name.
     reasons : list of Reason, or None
         Of rejections, the most frequent first.
-    changes : list of (str, str, int), or None
-        Rule of cleaning, data item, values that it removed or changed; the most frequent first.
+    changes : list of Changed, or None
+        What cleaning removed or changed; the most frequent first.
     gap_causes : list of (str, int, float), or None
         Cause, number of gaps, longest [s].
     longest_gaps, losses : list of Gap
@@ -117,7 +131,7 @@ class RecordsRead:
     shelf: SourceRegistry
     files: Mapping[str, FileRead] | None
     reasons: list[Reason] | None
-    changes: list[tuple[str, str, int]] | None
+    changes: list[Changed] | None
     gap_causes: list[tuple[str, int, float]] | None
     longest_gaps: list[Gap]
     losses: list[Gap]
@@ -148,6 +162,11 @@ class RecordsRead:
         """Time of the newest record, None when no file has a clock."""
         times = [instant(f.last) for f in (self.files or {}).values()]
         return max((t for t in times if t is not None), default=None)
+
+    @property
+    def newest(self) -> datetime | None:
+        """Time of the newest record of the sources that report over time, else of any."""
+        return self.last_live or self.last
 
     @property
     def last_live(self) -> datetime | None:
@@ -227,16 +246,47 @@ def _reasons(folders: MachineFolders, shelf: SourceRegistry) -> list[Reason] | N
     return sorted(found.values(), key=lambda r: (-r.count, r.reason))
 
 
-def _changes(folders: MachineFolders, shelf: SourceRegistry) -> list[tuple[str, str, int]] | None:
-    """(rule, data item, changes), the most frequent first."""
+def _changes(folders: MachineFolders, shelf: SourceRegistry) -> list[Changed] | None:
+    """What cleaning removed or changed, the most frequent first."""
     path = folders.clean / "audit.parquet"
-    table = shelf.table(path, ("data_item", "rule"), CLEANED)
+    table = shelf.table(path, ("data_item", "rule", "time"), CLEANED)
     if table is None:
         return None
-    plain = pa.table({c: table.column(c).cast(pa.string()) for c in ("rule", "data_item")})
-    counts = plain.group_by(["rule", "data_item"]).aggregate([([], "count_all")]).to_pylist()
-    rows = [(str(r["rule"]), str(r["data_item"]), int(r["count_all"])) for r in counts]
-    return sorted(rows, key=lambda r: (-r[2], r[0], r[1]))
+    plain = {c: table.column(c).cast(pa.string()) for c in ("rule", "data_item")}
+    groups = pa.table(plain | {"time": nanoseconds(table.column("time"))})
+    rows = groups.group_by(["rule", "data_item"]).aggregate([([], "count_all"), ("time", "max")])
+    parts = components(folders, shelf)
+    found = [
+        Changed(rule=str(r["rule"]), item=str(r["data_item"]), count=int(r["count_all"]),
+                where=parts.get(str(r["data_item"]), ("", ""))[1], last=int(r["time_max"]))
+        for r in rows.to_pylist()
+    ]  # fmt: skip
+    return sorted(found, key=lambda one: (-one.count, one.rule, one.item))
+
+
+def components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, tuple[str, str]]:
+    """Category of each data item, and the part of the machine that it belongs to, by its name.
+
+    Of a sample with what it is: "Rotary C, temperature".
+    """
+    names = ("data_item", "category", "component", "component_name", "type")
+    table = shelf.table(folders.signals / "data_items.parquet", names, RAW)
+    if table is None:
+        return {}
+    words = [pc.fill_null(one.cast(pa.string()), "").to_pylist() for one in table.columns]
+    return {
+        item: (category, _component(part, name) + f", {_said(kind)}" * (category == "SAMPLE"))
+        for item, category, part, name, kind in zip(*words, strict=True)
+    }
+
+
+def _component(kind: str, name: str) -> str:
+    """A component by its type and its name, said once where they are one word."""
+    return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
+
+
+def _said(kind: str) -> str:
+    return kind.lower().replace("_", " ")
 
 
 def _gaps(
@@ -307,11 +357,13 @@ REASONS: tuple[Column[Reason], ...] = (
     )),
     Column("begins", lambda r: code(r.excerpt[:120] or "–")),
 )  # fmt: skip
-CHANGES: tuple[Column[tuple[str, str, int]], ...] = (
-    Column("Rule", lambda change: change[0]),
-    Column("means", lambda change: RULES.get(change[0], "–")),
-    Column("data item", lambda change: code(change[1])),
-    Column("values", lambda change: number(change[2]), ""),
+CHANGES: tuple[Column[Changed], ...] = (
+    Column("Rule", lambda change: change.rule),
+    Column("means", lambda change: RULES.get(change.rule, "–")),
+    Column("data item", lambda change: code(change.item)),
+    Column("where", lambda change: change.where or "–"),
+    Column("values", lambda change: number(change.count), ""),
+    Column("last", lambda change: moment(change.last)),
 )
 GAP_CAUSES: tuple[Column[tuple[str, int, float]], ...] = (
     Column("Cause", lambda cause: cause[0]),

@@ -67,13 +67,20 @@ def _line(machine: str, one: ModelledPart, say: Texts) -> Line:
     status = one.page.verdict.status if one.page.verdict is not None else "unknown"
     role = None if one.judged is None else one.judged.judged_role
     records = say("score.judged_on", records=say(f"score.{role}")) if role in JUDGED_ON else ""
-    groups = {c.group for c in one.judged.cases if c.role == role} if one.judged else set()
-    if records and 0 < len(groups) < FEW:
-        records = say("score.few", records=records, count=len(groups))
+    count = 0 if one.judged is None else _judged_groups(one.judged)
+    if records and 0 < count < FEW:
+        records = say("score.few", records=records, count=count)
     return Line(
         title=say.title(one.title), status=status, word=say(f"verdict.{status}"),
         judged_on=records, figure=counting_figure(one, say), href=evidence_page(machine, one.name),
     )  # fmt: skip
+
+
+def _judged_groups(verdict: Verdict) -> int:
+    """Number of groups of records that decide; those that were read and not judged do not."""
+    scores = [s for s in verdict.scores if s.role == verdict.judged_role and s.group != "all"]
+    decided = {s.group for s in scores if s.status != "not judged"}
+    return len(decided or {s.group for s in scores})
 
 
 def counting_figure(one: ModelledPart, say: Texts) -> Counts:

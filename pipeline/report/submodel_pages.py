@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.charts.default_section import default_blocks
+from pipeline.charts.numbers import counted
 from pipeline.charts.sections import PartVerdict, Section, SubModelPage, absent
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import sources
@@ -91,7 +92,10 @@ def _part(
 
 def _undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
     """What a figure too near to its limit asks for, the same of every sub-model."""
-    why = "; ".join(verdict.reasons).rstrip(".")
+    reasons = [one.rstrip(".").removesuffix(", not decided") for one in verdict.reasons]
+    why, *others = reasons or ["the judge gave no reason"]
+    if others:
+        why += f"; and {counted(len(others), 'more figure')}"
     return PartVerdict(
         status="attention",
         sentence=f"The model of the {title} is not decided: {why}.",

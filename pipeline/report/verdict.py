@@ -82,7 +82,8 @@ def _twin(
 ) -> StateLine:
     """How many sub-models may be trusted, and those that may not."""
     if not counting:
-        unread = "nothing_read" if facts.records.files is None else "no_verdict"
+        known = "no_verdict" if facts.models else "no_submodel"
+        unread = "nothing_read" if facts.records.files is None else known
         return StateLine(
             status="unknown", word=say("twin.not_judged"), sentences=[*grave, say(f"twin.{unread}")]
         )

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
 from pipeline.report.texts import ENGLISH, Texts
-from pipeline.schema.verdict import Score, Verdict
+from pipeline.schema.verdict import MOST_PERCENT, Score, Verdict
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,12 +41,12 @@ class WorstError:
     @property
     def shown(self) -> str:
         """Its size with its unit."""
-        return f"{self.say.number(self.value)}{TOGETHER}{self._unit}"
+        return self._sized(self.value)
 
     @property
     def limit_shown(self) -> str:
         """Its limit with its unit."""
-        return f"{self.say.local(f'{self.limit:g}')}{TOGETHER}{self._unit}"
+        return f"{self.say.local(f'{self.limit:g}')}{TOGETHER}{self._unit}".rstrip()
 
     @property
     def baseline(self) -> tuple[str, str] | None:
@@ -58,12 +58,18 @@ class WorstError:
         if not errors:
             return None
         value, other = min(errors)
-        size = f"{self.say.number(value)}{TOGETHER}{self._unit}"
-        return baseline_words(other, self.say), size
+        return baseline_words(other, self.say), self._sized(value)
+
+    def _sized(self, value: float) -> str:
+        """A size with its unit; of a share of next to nothing that it is one."""
+        if self.name.endswith("percent") and value > MOST_PERCENT:
+            return self.say("score.of_nothing", percent=f"{MOST_PERCENT:g}")
+        return f"{self.say.number(value)}{TOGETHER}{self._unit}".rstrip()
 
     @property
     def _unit(self) -> str:
-        return "%" if self.name.endswith("percent") else powers(unit_words(self.score.unit))
+        unit = "" if self.score.unit == "1" else self.score.unit
+        return "%" if self.name.endswith("percent") else powers(unit_words(unit))
 
 
 def worst_error(verdict: Verdict, say: Texts = ENGLISH) -> WorstError | None:

@@ -12,6 +12,8 @@ Status = Literal["passed", "failed", "not decided", "not judged"]
 """Not decided: nearer to a limit or a guess than trainings differ or the sensor's steps tell."""
 UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
+MOST_PERCENT = 1000.0
+"""Relative error above which what was measured is next to nothing beside it [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,6 +260,17 @@ def _times_missed(score: Score, reason: str) -> float:
     )  # fmt: skip
 
 
+def sized(value: float, unit: str, digits: int = 4) -> str:
+    """A size with its unit for a sentence; beyond :data:`MOST_PERCENT` no more than that.
+
+    >>> sized(123.4, "N", 2), sized(6.69e8, "%")
+    ('120 N', 'more than 1000 % of nearly 0')
+    """
+    if unit == "%" and abs(value) > MOST_PERCENT:
+        return f"more than {MOST_PERCENT:g} % of nearly 0"
+    return f"{float(f'{value:.{digits}g}'):g} {unit}"
+
+
 @dataclass(frozen=True, kw_only=True)
 class UsedModel:
     """A sub-model that figures rest on, with what its verdict says of them.
@@ -311,5 +324,5 @@ class UsedModel:
             meant = f"{self.figures} count with a standard deviation of"
             if spread == self.error_percent:
                 meant = f"RMS error of {self.figures} on {self.recordings} judged recordings"
-            tail = f"; {meant} {spread:.2g} %"
+            tail = f"; {meant} {sized(spread, '%', 2)}"
         return f"{self.submodel} {self.status}{why}{tail}"

@@ -28,6 +28,7 @@ from pipeline.schema.verdict import (
     Skill,
     Status,
     Verdict,
+    sized,
 )
 from pipeline.signals.parts import selection
 from pipeline.submodels.cases import Case, Cases, learnt_from
@@ -354,7 +355,7 @@ def _held_against(score: Score, target: Target) -> Score:
         if value is None:
             reasons.append(f"{score.group}: {target.quantity} has no {WORDS[name]}")
             continue
-        said = f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {value:.4g} {unit} is"
+        said = f"{score.group}: {target.quantity}{regime}, {WORDS[name]} {sized(value, unit)} is"
         if abs(abs(value) - limit) < spread:
             open_.append(f"{said} {_near(f'the limit of {limit:g} {unit}', spread, unit)}")
         elif abs(value) > limit:
@@ -370,7 +371,7 @@ def _held_against(score: Score, target: Target) -> Score:
 
 def _near(limit: str, spread: float, unit: str) -> str:
     """That a figure lies nearer to a limit than trainings differ."""
-    return f"too near to {limit}: trainings differ by \u00b1 {spread:.2g} {unit}, not decided"
+    return f"too near to {limit}: trainings differ by \u00b1 {sized(spread, unit, 2)}, not decided"
 
 
 def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:

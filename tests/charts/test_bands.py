@@ -31,4 +31,4 @@ def test_the_head_says_the_farthest_value_of_all_curves_and_nothing_inside_the_s
     inside = beyond(np.array([1.0]), np.array([2.0]), INTO, "K")
     assert beyond_words([inside], "K") == "" and not inside.marks
     curves = [beyond(np.array([1.0]), np.array([v]), INTO, "K") for v in (2.5, -3.0)]
-    assert beyond_words([inside, *curves], "K") == ("; triangles: beyond the scale, up to −3 K")
+    assert beyond_words([inside, *curves], "K") == ("; ▲ beyond, up to −3 K")

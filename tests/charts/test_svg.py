@@ -48,3 +48,8 @@ def test_ticks_are_round_inside_and_not_too_many():
 def test_words_in_figures_are_escaped():
     drawn = svg.figure([svg.text(0, 0, "<script>")], height=1, label='"><script>')
     assert "<script>" not in drawn
+
+
+def test_a_scale_has_two_ticks_so_that_its_size_can_be_read():
+    assert svg.ticks(-900.0, 900.0, most=1) == [-500.0, 0.0, 500.0]
+    assert svg.ticks(-900.0, 950.0, most=2) == [-500.0, 0.0, 500.0]

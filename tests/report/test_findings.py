@@ -32,6 +32,7 @@ from pipeline.report.work import Day, Work
 from pipeline.report.worst_error import baseline_words, worst_error
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
+from pipeline.submodels.spindle.tables import APART, FREE_RUN, TARGET, WINDOWS, parts_table
 
 BLANK = {
     "running": None, "position_control": None, "speed_known": None, "runs": [],
@@ -127,10 +128,18 @@ def test_a_sensor_that_often_reads_wrong_is_named(tmp_path):
     folders = machine(tmp_path, "m", days=4)
     write_table(folders.clean / "audit.parquet", {
         "data_item": ["S1temp"] * 400 + ["Xload"] * 9, "rule": ["zero"] * 400 + ["jump"] * 9,
+        "time": pa.array(nanoseconds("2024-03-04") + 10**9 * np.arange(409), UTC_NS),
+    })  # fmt: skip
+    write_table(folders.signals / "data_items.parquet", {
+        "data_item": ["S1temp"], "category": ["SAMPLE"], "component": ["Rotary"],
+        "component_name": ["C"], "type": ["TEMPERATURE"],
     })  # fmt: skip
     write_report([folders], FLEET, None, tmp_path / "out")
     text = every_word(tmp_path / "out" / "m.html")
-    assert "S1temp 400 values were removed (zeros between good values), 100 on a" in text
+    assert (
+        "Rotary C, temperature (S1temp) 400 values were removed (zeros between good values), 100 "
+        "on a working day, the last on Mon 4 Mar 2024, 00:06 UTC." in text
+    )
     assert "Xload 9 values were removed" not in text
 
 
@@ -152,7 +161,9 @@ def test_a_machine_without_conditions_has_no_section_of_alarms(tmp_path):
     write_report([folders], FLEET, None, tmp_path / "out")
     assert section(tmp_path / "out" / "m.html", "alarms") == ""
     items = {name: ["servo_c"] for name in ("data_item", "component", "component_name")}
-    write_table(folders.signals / "data_items.parquet", items | {"category": ["CONDITION"]})
+    write_table(folders.signals / "data_items.parquet", items | {
+        "category": ["CONDITION"], "type": ["POSITION"]
+    })  # fmt: skip
     write_report([folders], FLEET, None, tmp_path / "out")
     assert "None of 1 condition was a warning or a fault." in every_word(
         tmp_path / "out" / "m.html"
@@ -204,6 +215,7 @@ def test_a_table_written_once_is_no_live_source():
     )  # fmt: skip
     assert read.last.day == 22
     assert read.last_live.day == 5
+    assert read.newest == read.last_live < read.last
 
 
 def test_baselines_are_said_in_words():
@@ -289,14 +301,21 @@ def test_a_share_of_next_to_nothing_is_not_shown():
         column = [head.name for head in table.heads].index("RMSE of its RMS")
         return str(table.rows[0][column].text)
 
-    assert shown(6.69e8) == "–" and shown(45.0) == "45.0"
+    assert shown(6.69e8) == "— (of nearly 0)" and shown(45.0) == "45.0"
+    limits = {"relative_percent": 15.0}
+    lead = worst_error(verdict_with(a_score(relative_percent=6.69e8, limits=limits)))
+    assert lead.shown == "more than 1000\xa0% of nearly 0"
+    unitless = replace(a_score(), unit="1")
+    assert worst_error(verdict_with(unitless)).shown == "4.00"
 
 
 def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said():
     case = JudgedCase(case="a", group="a", role="held_out")
 
     def line(**parts):
-        judged = replace(verdict_with(a_score(**parts)), cases=(case, replace(case, case="b")))
+        judged = replace(
+            verdict_with(a_score(**parts)), cases=(case, replace(case, case="b", group="b"))
+        )
         page = SubModelPage(verdict=PartVerdict(status="passed", sentence="", todo=""))
         one = SimpleNamespace(name="deformation", title="growth", judged=judged, page=page)
         return scorecard("m", [one], ENGLISH)[0]
@@ -304,3 +323,26 @@ def test_a_bias_that_is_most_of_the_error_and_a_small_number_of_records_are_said
     assert line(bias=-3.7).figure.worse == "bias −3.70\xa0µm"
     assert line(bias=0.3).figure.worse == ""
     assert line().judged_on == "on records held out, 1 of them"
+
+
+def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_path):
+    """In a fleet with others: not for the first model by the alphabet, and nothing of a verdict."""
+    wanted = (("a model of the drives", "record currents at 1 kHz"),
+              ("a model of the spindle", "record spindle speed and load"))  # fmt: skip
+    bare = machine(tmp_path, "bare", "recorded", days=4, missing=wanted)
+    bare = replace(bare, submodels=(), models=tmp_path / "none", champion=tmp_path / "none")
+    write_report([machine(tmp_path, "m", days=4), bare], FLEET, None, tmp_path / "out")
+    text = every_word(tmp_path / "out" / "bare.html")
+    assert "The fleet names no sub-model of this machine" in text and "verdict.json" not in text
+    assert "Record what is not logged yet of record spindle speed and load" in text
+
+
+def test_a_spindle_without_a_forest_is_not_held_against_itself():
+    own = {"mae": 0.5, "rmse": 0.6, "max": 1.0, "bias": 0.1}
+    baselines = {"physics": Figures(**own), "persistence": Figures(mae=2.0, rmse=3.0)}
+    scores = tuple(
+        replace(a_score(**own, baselines=baselines), quantity=TARGET, group="all", regime=one)
+        for one in (WINDOWS, FREE_RUN, *APART)
+    )
+    table = parts_table(replace(verdict_with(scores[0]), scores=scores), [], 1.0)
+    assert [name for name, _ in table.groups if name] == ["Model", "Persistence"]

@@ -34,7 +34,7 @@ def test_a_passed_submodel_is_told_by_its_worst_score_limit_and_best_baseline():
     said = page.verdict.sentence.replace("\xa0", " ")
     assert said == (
         "The model of the tool wear passed on records held out of its fit: flank wear, mean error "
-        "0.0400 mm worst in T2 (limit 0.05 mm; mean 0.110 mm)."
+        "0.0400 mm worst in T2 (limit 0.05 mm; the mean of the training records 0.110 mm)."
     )
     (section,) = page.sections
     assert (section.key, section.title) == ("wear", "Tool wear")

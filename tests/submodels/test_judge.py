@@ -18,7 +18,7 @@ from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Fact, OutsideConditions, Verdict
+from pipeline.schema.verdict import Fact, OutsideConditions, UsedModel, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
 from pipeline.submodels.contract import Prediction, Target, submodels
 from pipeline.submodels.judge import (
@@ -97,6 +97,19 @@ def test_an_error_beyond_its_limit_is_named_with_value_and_limit(name: str) -> N
     found = judged(name, [TRAIN, A, case("c", "held_out")]).verdict
     assert found.status == "failed"
     assert found.reasons == ("c: force, mean error 0.4 N is above 0.35 N",)
+
+
+def test_a_share_of_next_to_nothing_has_no_figure() -> None:
+    """A force that was zero all the time: a relative error of it is no number for a person."""
+    target = replace(TARGET, limits={"relative_percent": 15.0}, must_beat=())
+
+    def still(one: Case) -> Prediction:
+        return replace(found := predictor(one), frame=found.frame.assign(measured=1e-9))
+
+    (reason,) = judged("drive", [TRAIN, A], target=target, predict=still).verdict.reasons
+    assert reason == "a: force, relative error more than 1000 % of nearly 0 is above 15 %"
+    used = UsedModel(submodel="control", figures="times", status="failed", spread_percent=2710.0)
+    assert used.sentence.endswith("standard deviation of more than 1000 % of nearly 0")
 
 
 def test_one_bad_record_is_named_and_does_not_decide_alone() -> None:

@@ -270,7 +270,7 @@ def _drawn(facts: CompensationFacts, trace: Traced, one: UseModel) -> Figures:
         f"{what} at its greatest error, {fixed(close[0], 1)} to {fixed(close[1], 1)}{TOGETHER}s.",
     )
     heads = (
-        f"Error left over, {_of_base(facts, trace.use)}, and its prediction, µm",
+        f"Error, {_of_base(facts, trace.use)}, and as predicted, µm",
         f"Error left, {_name(facts, one.champion)}, µm",
     )
     return Figures(

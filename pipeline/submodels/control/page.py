@@ -13,6 +13,7 @@ from pipeline.charts.numbers import (
     number,
     percent,
     quantity,
+    relative,
     signed,
 )
 from pipeline.charts.sources import Source
@@ -64,6 +65,7 @@ MEANINGS = {
 ROW, TOP = 22, 6  # px
 WIDEST = 60.0  # percent; an error beyond it stands at the edge as an arrow
 LONGEST = 24  # letters of a run's name that stand beside it
+FEW = 5  # judged runs below which more are asked for
 KIND = {
     "passed": "p-passed",
     "failed": "p-failed",
@@ -111,7 +113,7 @@ def page(seen: Seen) -> sections.SubModelPage:
     figures = []
     if worst is not None:
         aside = f"worst of {counted(len(judged), 'judged run')}, limit ±{fixed(limit, 0)} %"
-        figures.append(("Predicted program times", f"{signed(worst)} %", aside))
+        figures.append(("Predicted program times", relative(worst, signed, "%"), aside))
     lost = _undetermined(seen)
     return sections.SubModelPage(
         verdict=_verdict(seen, runs, limit),
@@ -217,7 +219,12 @@ def _verdict(
             sentence=f"{sentence} The judgement itself does not hold: {seen.verdict.reasons[0]}.",
             todo="Mend that, run dvc repro, and plan with these times only then.",
         )
-    return sections.PartVerdict(status="passed", sentence=sentence, todo="Plan with these times.")
+    todo = "Plan with these times."
+    if len(judged) < FEW:
+        todo = (
+            f"Plan with these times; {counted(len(judged), 'run')} say little: log more programs."
+        )
+    return sections.PartVerdict(status="passed", sentence=sentence, todo=todo)
 
 
 def _control_section(seen: Seen) -> sections.Section | None:
@@ -439,10 +446,10 @@ def _run_row(run: RunTime) -> list[Cell]:
         duration(run.value("measured")),
         duration(run.value("stops")),
         duration(run.value("predicted")),
-        signed(run.error),
+        relative(run.error, signed),
         duration(run.value(NAIVE)),
-        signed(run.value(f"error of {NAIVE}")),
-        signed(run.value(f"error of {OVERRIDE_ONLY}")),
+        relative(run.value(f"error of {NAIVE}"), signed),
+        relative(run.value(f"error of {OVERRIDE_ONLY}"), signed),
         percent(run.value("feed read from speeds"), 1.0),
         Cell(text=run.status if run.judged else _why_not(run), status=status),
     )
@@ -476,7 +483,7 @@ def _types_table(runs: Sequence[RunTime], made: Sequence[Source]) -> Table | Non
         rows=[
             cells(
                 name, duration(measured), duration(predicted), signed(predicted - measured),
-                signed(100 * (predicted / measured - 1)) if measured > 0 else "–",
+                relative(100 * (predicted / measured - 1) if measured > 0 else None, signed),
                 percent(abs(predicted - measured), whole),
             )
             for name, (measured, predicted) in sums.items()

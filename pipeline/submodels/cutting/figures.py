@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band, line, tick_words
-from pipeline.charts.numbers import NARROW, NOT_KNOWN, TOGETHER, counted, number
+from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, number, relative, rounded
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.svg import anchor
 from pipeline.schema.arrays import Floats
@@ -69,7 +69,7 @@ def _revolution(facts: CuttingFacts, ranked: CutRun, trace: CutTrace, rank: str)
     run = next((r for r in facts.runs if r.recording == ranked.recording), ranked)
     words = _words(run, rank)
     if run is not ranked and (error := ranked.size("rms")) is not None:
-        words += f"; fitted on other recordings it errs by {number(error, 2)}{TOGETHER}%"
+        words += f"; fitted on other recordings it errs by {relative(error, rounded, '%')}"
     return Figure(
         svg=revolution_figure(trace, f"{words}."),
         caption=f"{words}.",
@@ -84,8 +84,8 @@ def _words(run: CutRun, rank: str) -> str:
     words = f"One revolution of {run.recording or NOT_KNOWN}{f', {rank}' if rank else ''}: mean "
     words += "of the measured revolutions, the band of 95 % of them, and the model"
     if error is not None:
-        words += f", whose RMS error is {number(error, 2)}{TOGETHER}%"
-    return words if guess is None else f"{words} (plain guess {number(guess, 2)}{TOGETHER}%)"
+        words += f", whose RMS error is {relative(error, rounded, '%')}"
+    return words if guess is None else f"{words} (plain guess {relative(guess, rounded, '%')})"
 
 
 def _legend(traces: list[CutTrace]) -> list[tuple[str, str, str]]:

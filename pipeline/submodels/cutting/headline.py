@@ -1,6 +1,6 @@
 """Head of the page for cutting: verdict, key figures and notes, in the shop floor's words."""
 
-from pipeline.charts.numbers import TOGETHER, counted, fixed, number
+from pipeline.charts.numbers import TOGETHER, counted, relative, rounded
 from pipeline.charts.sections import (
     PartVerdict,
 )
@@ -120,7 +120,7 @@ def errors_words(facts: CuttingFacts, runs: list[CutRun]) -> str:
     beyond = [one for one in known if one[2] is not None and one[1] > one[2]]
     words = [
         f"the {ERROR_WORDS[kind]} {'' if place else 'is wrong '}by up to "
-        f"{number(error, 2)}{TOGETHER}%"
+        f"{relative(error, rounded, '%')}"
         + (f" (limit {limit:g}{TOGETHER}%)" if limit is not None else "")
         for place, (kind, error, limit) in enumerate(beyond or known)
     ]
@@ -160,7 +160,7 @@ def beyond_words(facts: CuttingFacts) -> str:
     if worst is not None and limit is not None and worst[0] > limit:
         words.append(
             f"limits hold for the force in the plane of the feed: the peak of single components "
-            f"is wrong by up to {number(worst[0], 2)}{TOGETHER}% (F{worst[1]} in {worst[2]})"
+            f"is wrong by up to {relative(worst[0], rounded, '%')} (F{worst[1]} in {worst[2]})"
         )
     return " ".join(f"{one[0].upper()}{one[1:]}." for one in words)
 
@@ -200,7 +200,7 @@ def key_figures(facts: CuttingFacts) -> list[tuple[str, str, str]]:
     ]
     which = "judged recording" if facts.judged else "cross prediction"
     return [
-        (words, f"{fixed(error, 1)} %", f"worst of {counted(len(runs), which)}"
+        (words, relative(error, unit="%"), f"worst of {counted(len(runs), which)}"
          + (f", limit{TOGETHER}{limit:g}{TOGETHER}%"
             if (limit := facts.limit(kind)) is not None else ""))
         for words, error, kind in every if error is not None

@@ -13,6 +13,7 @@ from pipeline.charts.numbers import (
     fixed,
     number,
     real,
+    relative,
     resolved,
     signed,
 )
@@ -149,9 +150,9 @@ def _run_row(
         Cell(text=run.recording, code=True),
         *([_fitted_on(facts, run)] if cross else []),
         *condition_cells(run.row),
-        marked(_or_void(run.size("rms")), "rms"),
-        *([_or_void(run.size("rms", "mechanics"))] if alone else []),
-        _or_void(run.size("rms", "plain")),
+        marked(relative(run.size("rms")), "rms"),
+        *([relative(run.size("rms", "mechanics"))] if alone else []),
+        relative(run.size("rms", "plain")),
         *(
             cell
             for kind in ("peak", "mean")
@@ -169,7 +170,8 @@ def _level_cell(run: CutRun, kind: str) -> Cell:
     if level is None:
         return Cell(text="–")
     missed = not level.held and not run.is_training
-    return Cell(text=f"± {fixed(level.half_percent, 1)}", status="failed" if missed else "")
+    width = relative(level.half_percent, lambda share: f"± {fixed(share, 1)}")
+    return Cell(text=width, status="failed" if missed else "")
 
 
 def _fitted_on(facts: CuttingFacts, run: CutRun) -> str:
@@ -189,12 +191,8 @@ def _why(run: CutRun) -> str:
     return "" if run.is_training or any(run.beyond(kind) for kind in ERRORS) else run.reason
 
 
-def _or_void(value: float | None) -> str:
-    return "–" if value is None else fixed(value, 1)
-
-
 def _signed(value: float | None) -> str:
-    return "–" if value is None else signed(value)
+    return relative(value, signed)
 
 
 def load_table(facts: CuttingFacts) -> Table | None:
@@ -220,7 +218,7 @@ def load_table(facts: CuttingFacts) -> Table | None:
                ("90 % interval, half", "N"), ("error", "%"))],
         rows=[
             cells(Cell(text=name, code=True), number(one[0]), number(one[1]),
-                  f"± {number((one[3] - one[2]) / 2, 2)}", signed(error))
+                  f"± {number((one[3] - one[2]) / 2, 2)}", relative(error, signed))
             for name, one, error in list(zip(names_, values, errors, strict=True))[:MOST_ROWS]
         ],
         sources=verdict_sources(facts, "predictions.parquet"),
@@ -267,7 +265,7 @@ def _component_row(run: CutRun, name: str, one: Component) -> list[Cell]:
     closer = "–" if model is None or plain is None else "plain" if plain < model else "model"
     return cells(
         Cell(text=run.recording, code=True), name, *peak, *mean, number(one.measured["rms"]),
-        _or_void(model), _or_void(plain), closer,
+        relative(model), relative(plain), closer,
     )  # fmt: skip
 
 
@@ -361,7 +359,7 @@ def _truth_row(
         Cell(text=name, code=True),
         number(float(np.float64(true)), digits),
         value_words(p),
-        "–" if off is None else signed(off, 2),
+        relative(off, lambda share: signed(share, 2)),
         interval_words(p),
         unit_of(p) or "–",
         _held_cell(inside, period),

@@ -4,14 +4,16 @@ They come from the three stored files alone: model, verdict, predictions.
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.numbers import TOGETHER, counted, fixed
+from pipeline.charts.numbers import TOGETHER, counted, fixed, instant, moment
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import sources
 from pipeline.schema.arrays import Floats
@@ -26,7 +28,7 @@ GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
 """Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
 FAULT = re.compile(
     r"sensor (?P<sensor>.+) is (?P<kind>\w+) from minute (?P<minute>\d+)"
-    r"(?:, off by up to (?P<departure>[\d.]+) K)?"
+    r"(?:, off by up to (?:(?P<departure>[+-][\d.]+)|[\d.]+) K)?"
 )
 """A fault as the verdict words it."""
 AS_IS, REPLACED = "largest error with the faulty sensor", "largest error with it replaced"
@@ -81,11 +83,17 @@ class SensorFault:
     minute : float
         When, since that recording's start [min].
     worst_K : float or None
-        Largest departure [K]; None where it gives no value.
+        Largest departure [K], above zero where it reads too high; None where it gives no value.
     cases : int
         Recordings in which it is faulty.
     lasts : bool
         Whether the last recording is among them.
+    place : str
+        Where it sits, as far as the machine's file says.
+    moment : str
+        When it was noticed, by the recording's clock.
+    last : str
+        The last recording in which it is faulty.
     """
 
     sensor: str
@@ -95,6 +103,9 @@ class SensorFault:
     worst_K: float | None
     cases: int
     lasts: bool
+    place: str
+    moment: str
+    last: str
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -190,7 +201,41 @@ class GrowthFacts:
                 if match is not None:
                     found.setdefault(match["sensor"], []).append((case.case, match))
         last = cases[-1].case if cases else ""
-        return [_fault(name, seen, last) for name, seen in found.items()]
+        return [self._fault(name, seen, last) for name, seen in found.items()]
+
+    def _fault(
+        self, name: str, seen: Sequence[tuple[str, re.Match[str]]], last: str
+    ) -> SensorFault:
+        case, first = seen[0]
+        departures = [float(m["departure"]) for _, m in seen if m["departure"]]
+        return SensorFault(
+            sensor=name, kind=first["kind"], case=case, minute=float(first["minute"]),
+            worst_K=max(departures, key=abs, default=None), cases=len(seen),
+            lasts=seen[-1][0] == last, place=self.place(name), last=seen[-1][0],
+            moment=self._moment(case, float(first["minute"])),
+        )  # fmt: skip
+
+    def place(self, sensor: str) -> str:
+        """Where a sensor sits, as the machine's file says, and its number from the front."""
+        model = self.shown.model
+        if model is None or sensor not in model.sensors.sensors:
+            return "its place is not known"
+        names, said = model.sensors.sensors, model.places.get(sensor, "")
+        order = f"sensor {names.index(sensor) + 1} of {len(names)} from the front"
+        return f"{said}, {order}" if said else order
+
+    def _moment(self, case: str, minute: float) -> str:
+        """When a minute of a recording was, by its clock."""
+        start = instant(self._files.get(case, {}).get("first"))
+        return "not dated" if start is None else moment(start + timedelta(minutes=minute))
+
+    @cached_property
+    def _files(self) -> Mapping[str, Mapping[str, Any]]:
+        """Entries of the raw files in the manifest of the machine's signals."""
+        if self.shown.signals is None:
+            return {}
+        manifest = self.shown.shelf.document(self.shown.signals / "manifest.json", "raw files")
+        return (manifest or {}).get("files", {})
 
     @cached_property
     def cost(self) -> tuple[float, float] | None:
@@ -218,15 +263,6 @@ class GrowthFacts:
                 if len(part) and part[-1] - part[0] >= model.rate_s:
                     found.append((part - part[0], errors))
         return found
-
-
-def _fault(name: str, seen: Sequence[tuple[str, "re.Match[str]"]], last: str) -> SensorFault:
-    case, first = seen[0]
-    departures = [float(m["departure"]) for _, m in seen if m["departure"]]
-    return SensorFault(
-        sensor=name, kind=first["kind"], case=case, minute=float(first["minute"]),
-        worst_K=max(departures, default=None), cases=len(seen), lasts=seen[-1][0] == last,
-    )  # fmt: skip
 
 
 def _number(value: object) -> float:

@@ -205,6 +205,8 @@ class DeformationModel(Model):
         Method that the one which serves has to agree with; empty where there is no other.
     agreement_um : float
         Difference between the two from which there is no correction [um].
+    places : mapping of str to str
+        Where sensors sit, in words, by their names, as far as the machine's file says.
     """
 
     sensors: SensorModel
@@ -225,6 +227,7 @@ class DeformationModel(Model):
     probe_delay_s: float
     second: str = ""
     agreement_um: float = 0.0
+    places: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

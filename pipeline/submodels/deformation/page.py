@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number, signed
 from pipeline.charts.sections import (
     Action,
     Compared,
@@ -92,19 +92,24 @@ def _warm_words(facts: GrowthFacts) -> str:
     if hour is None:
         return ""
     at = f" at {_speed_words(hour.speed)}" if hour.speed is not None else ""
+    rest = f" (the rest of the hour then moves less than {whole_um(hour.within_um)})"
+    sure = facts.shown.verdict is not None and facts.shown.verdict.status == "passed"
     return (
         f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min{at} before finishing "
-        f"cuts (the rest of the hour then moves less than {whole_um(hour.within_um)})"
+        f"cuts{rest if sure else ' and measure what it then still grows'}"
     )
 
 
 def sensor_words(fault: SensorFault) -> str:
     """What is wrong with a sensor and since when, without a full stop."""
-    off = "" if fault.worst_K is None else f", off by up to {fixed(fault.worst_K, 1)}{TOGETHER}K"
-    until = "" if fault.lasts else f", in {counted(fault.cases, 'recording')}"
+    off = ""
+    if fault.worst_K is not None:
+        side = "high" if fault.worst_K > 0 else "low"
+        off = f", reads up to {fixed(abs(fault.worst_K), 1)}{TOGETHER}K too {side}"
     return (
         f"{fault.sensor} is {fault.kind} since {short(fault.case)}, minute "
-        f"{fixed(fault.minute, 0)}{off}{until}"
+        f"{fixed(fault.minute, 0)} ({fault.moment}){off}, in {counted(fault.cases, 'recording')}, "
+        f"last in {short(fault.last)}"
     )
 
 
@@ -126,7 +131,7 @@ def _actions(facts: GrowthFacts) -> list[Action]:
     found = [
         Action(
             what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
-            where=one.sensor,
+            where=f"{one.sensor} ({one.place})",
             why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}. "
             "The model does without it.",
             until="next stop", who="maintenance", evidence="growth-errors",
@@ -136,6 +141,8 @@ def _actions(facts: GrowthFacts) -> list[Action]:
     verdict, warm = facts.shown.verdict, _warm_words(facts)
     if warm and verdict is not None and verdict.status in ("passed", "failed"):
         why = f"{_hour_words(facts)}."
+        if verdict.status == "failed":
+            why += f" That model failed: {_failure(facts)}."
         found.append(Action(what=warm[:1].upper() + warm[1:], where="Spindle", why=why,
                             until="before finishing cuts", who="process engineer",
                             evidence="growth"))  # fmt: skip
@@ -188,7 +195,7 @@ def _verdict(facts: GrowthFacts) -> PartVerdict | None:
         status="passed",
         sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
         f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
-        f"{_limit_words(facts)}. {_sentence(advice)}",
+        f"{_limit_words(facts)}.",
         todo=_sentence(advice),
     )
 
@@ -279,12 +286,15 @@ def _sensors_table(facts: GrowthFacts) -> Table | None:
     """Faulty sensors, since when, how far off, what to do."""
     columns: list[Column[SensorFault]] = [
         Column("Sensor", lambda one: one.sensor),
+        Column("where it sits", lambda one: one.place),
         Column("is", lambda one: Cell(text=one.kind, status="failed")),
         Column("since recording", lambda one: short(one.case)),
         Column("at minute", lambda one: fixed(one.minute, 0), unit=""),
-        Column("off by up to", lambda one: "–" if one.worst_K is None else fixed(one.worst_K, 1),
+        Column("date", lambda one: one.moment),
+        Column("off by up to", lambda one: "–" if one.worst_K is None else signed(one.worst_K),
                unit="K"),
         Column("recordings", lambda one: number(one.cases), unit=""),
+        Column("last in", lambda one: short(one.last)),
         Column("what to do", _sensor_todo),
     ]  # fmt: skip
     return tabulated("Faulty temperature sensors", facts.faults, columns,

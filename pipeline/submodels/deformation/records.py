@@ -58,6 +58,8 @@ class DeformationRecords(Ranged, section="deformation_records"):
         Time between two samples of the grid [s].
     longest_gap_s : float
         A row older than this is no sample [s].
+    places : mapping of str to str
+        Where sensors sit, in words, by their names.
     probe_is_zeroed : bool
         Whether the probe was set to zero when the recording began; else the first reading is
         subtracted.
@@ -65,7 +67,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     Raises
     ------
     ValueError
-        With fewer than three temperatures.
+        With fewer than three temperatures, or the place of a sensor that is none of them.
     """
 
     recordings: tuple[str, ...]
@@ -76,6 +78,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     period_s: Positive = 60.0
     longest_gap_s: Annotated[float, Range(above=0.0)] = 180.0
     probe_is_zeroed: bool = True
+    places: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -88,6 +91,11 @@ class DeformationRecords(Ranged, section="deformation_records"):
             raise ValueError(
                 f"deformation_records.temperatures names a sensor {clash.pop()!r}: that is the "
                 "name of another channel, choose another"
+            )
+        if strange := sorted(set(self.places) - set(self.temperatures)):
+            raise ValueError(
+                f"deformation_records.places names a sensor {strange[0]!r}: use the name that it "
+                "has in temperatures"
             )
 
     @property

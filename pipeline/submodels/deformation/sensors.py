@@ -98,7 +98,8 @@ class Fault:
     since_s : float
         When it was noticed, since the start of the recording [s].
     departure_K : float or None
-        Largest departure from what the other sensors say [K]; None where it gives no value.
+        Largest departure from what the other sensors say [K], above zero where it reads too high;
+        None where it gives no value.
     """
 
     sensor: str
@@ -109,7 +110,7 @@ class Fault:
     @property
     def sentence(self) -> str:
         """What is wrong with it, for a person, without a full stop."""
-        off = "" if self.departure_K is None else f", off by up to {self.departure_K:.1f} K"
+        off = "" if self.departure_K is None else f", off by up to {self.departure_K:+.1f} K"
         return f"sensor {self.sensor} is {self.kind} from minute {self.since_s / 60:.0f}{off}"
 
 
@@ -342,13 +343,15 @@ class SensorModel:
         many, limit = max(1, round(self.settings.dead_s / self.period_s)), self.tolerance_K[sensor]
         jumped = abs(off[since] - off[max(0, since - many)]) > limit
         shifted = bool(np.median(np.abs(off[:many])) > limit)
-        off = np.abs(off[since:][~holes[since:, sensor]])
+        off = off[since:][~holes[since:, sensor]]
         kind = ERRATIC if sensor in self.erratic else SHIFTED if shifted else DRIFTING
         return Fault(
             sensor=self.sensors[sensor],
             kind=DEAD if silent else JUMPED if jumped else kind,
             since_s=since * self.period_s,
-            departure_K=round(float(off.max()), 2) if len(off) and not silent else None,
+            departure_K=round(float(off[np.argmax(np.abs(off))]), 2)
+            if len(off) and not silent
+            else None,
         )
 
 

@@ -237,6 +237,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
             probe_delay_s=fitting.probe_delay_s,
             second=found.second,
             agreement_um=found.agreement_um,
+            places=wanted.places,
         )
 
     def load(self, folder: Path, settings: Judging) -> Predictor:

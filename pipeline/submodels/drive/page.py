@@ -13,12 +13,13 @@ from pipeline.charts.numbers import (
     NOT_KNOWN,
     TOGETHER,
     counted,
-    fixed,
     joined,
     number,
     percent,
     quantity,
     real,
+    relative,
+    rounded,
 )
 from pipeline.schema.drive import (
     COMMAND,
@@ -241,7 +242,7 @@ def errors_words(drives: Driven, runs: list[DriveRun]) -> str:
     ]
     beyond = [one for one in known if one[2] is not None and one[1] > one[2]]
     said = [
-        f"{words} {'' if place else 'is wrong '}by up to {number(error, 2)}{TOGETHER}%"
+        f"{words} {'' if place else 'is wrong '}by up to {relative(error, rounded, '%')}"
         + (f" (limit {limit:g}{TOGETHER}%)" if limit is not None else "")
         for place, (words, error, limit) in enumerate(beyond or known)
     ]
@@ -263,7 +264,7 @@ def _key_figures(drives: Driven) -> list[tuple[str, str, str]]:
         for kind, words in ((FORCE, "Force of the axes"), (FOLLOWING, "Following errors"))
     ]
     return [
-        (words, f"{fixed(one[1], 1)} %",
+        (words, relative(one[1], unit="%"),
          f"worst of judged recordings, axis {one[0].axis}"
          + (f", limit{TOGETHER}{limit:g}{TOGETHER}%" if limit is not None else ""))
         for words, one, limit in found if one is not None
@@ -377,7 +378,7 @@ def _run_row(
     run: DriveRun, drives: Driven, shown: tuple[bool, bool, bool, bool]
 ) -> list[tables.Cell]:
     guess = run.scores[FORCE].baselines.get(LEVEL) if FORCE in run.scores else None
-    forces = [_or_dash(run.error(FORCE), 1), _or_dash(guess.relative_percent if guess else None, 1)]
+    forces = [relative(run.error(FORCE)), relative(guess.relative_percent if guess else None)]
     levels = [_or_dash(run.fact(f"mean force {run.axis} {w}")) for w in ("measured", "modelled")]
     return tables.cells(
         tables.Cell(text=run.case.case, code=True),
@@ -399,8 +400,8 @@ def _following_cells(score: Score | None) -> list[str]:
     return [
         _or_dash(_measured(score.rmse, score.relative_percent)),
         _or_dash(_measured(score.max, score.max_percent)),
-        _or_dash(score.relative_percent, 1),
-        _or_dash(score.max_percent, 1),
+        relative(score.relative_percent),
+        relative(score.max_percent),
         _or_dash(score.rmse),
         _or_dash(guess.rmse if guess else None),
     ]
@@ -411,10 +412,8 @@ def _measured(error: float | None, percent: float | None) -> float | None:
     return 100 * error / percent if error is not None and percent else None
 
 
-def _or_dash(value: float | None, decimals: int | None = None) -> str:
-    if value is None:
-        return "–"
-    return number(value) if decimals is None else fixed(value, decimals)
+def _or_dash(value: float | None) -> str:
+    return "–" if value is None else number(value)
 
 
 def _status_cell(run: DriveRun) -> tables.Cell:

@@ -16,6 +16,7 @@ from pipeline.charts.numbers import (
     percent,
     powers,
     real,
+    relative,
     resolved,
     signed,
 )
@@ -255,7 +256,10 @@ def _truth_row(part: str, name: str, true: float, p: Parameter) -> list[Cell]:
         Cell(text=f"{part} {name}", code=True),
         number(true_shown, digits),
         "not determined" if value is None else number(value, digits),
-        signed(100 * (value / true_shown - 1), 2) if value is not None and true_shown else "–",
+        relative(
+            100 * (value / true_shown - 1) if value is not None and true_shown else None,
+            lambda share: signed(share, 2),
+        ),
         "–" if inside is None else between(low, high),
         powers(shown.unit) or "–",
         verdict,

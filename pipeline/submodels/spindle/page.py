@@ -390,11 +390,7 @@ def _errors_table(
     scores = _of_days(v, regime)
     if not scores:
         return None
-    judges = [(k, w) for k, w in JUDGES if any(k in s.baselines for s in scores)]
-    own = [(s.mae, s.rmse) for s in scores]
-    alone = [(b.mae, b.rmse) if (b := s.baselines.get("physics")) else None for s in scores]
-    if own == alone:  # no forest: twice the same numbers
-        judges = [j for j in judges if j[0] != "physics"]
+    judges = [(k, w) for k, w in JUDGES if any(k in s.others for s in scores)]
     heads = [Head(name="Day"), Head(name="judged", unit="h", numeric=True)]
     for word in ("Model", *(w for _, w in judges)):
         heads += numbers(("MAE", "K"), ("RMSE", "K"), ("max", "K"), group=word)

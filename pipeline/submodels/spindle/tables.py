@@ -80,7 +80,7 @@ def parts_table(v: Verdict, made: Sequence[Source], step_s: float) -> Table | No
     rows = [(one, score) for one, score in every if score is not None]
     if len(rows) < 3:
         return None
-    judges = [(k, w) for k, w in JUDGES if any(k in s.baselines for _, s in rows)]
+    judges = [(k, w) for k, w in JUDGES if any(k in s.others for _, s in rows)]
     heads = [Head(name="Part of the days"), Head(name="judged", unit="h", numeric=True)]
     for word in ("Model", *(w for _, w in judges)):
         heads += numbers(("MAE", "K"), ("RMSE", "K"), group=word)

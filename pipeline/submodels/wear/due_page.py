@@ -16,6 +16,11 @@ from pipeline.submodels.wear.model import WearModel
 SOON = 0.15
 """Share of a life below which the least time left makes a tool due soon [1]."""
 TO = "\N{EN DASH}"
+WHAT = {
+    "failed": "Change the tool", "unknown": "Have a new tool ready",
+    "passed": "Measure the tool’s wear again",
+}  # fmt: skip
+"""What to do with a tool in use, by its status."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,13 +61,18 @@ class DueTool:
         return "unknown" if low < SOON * (self.number(due.LIFE) or 0.0) else "passed"
 
     @property
+    def within(self) -> float:
+        """Time in the cut within which that is to be done [min]."""
+        return self.left[0] / 2 if self.status == "passed" else self.left[0]
+
+    @property
     def todo(self) -> str:
         """What to do with it, in words."""
-        low = self.left[0]
+        within = f"within {_minutes(self.within)} of cutting"
         return {
             "failed": "Change it now.",
-            "unknown": f"Have a new one ready; change it within {_minutes(low)} of cutting.",
-            "passed": f"Keep it; measure its land again within {_minutes(low / 2)} of cutting.",
+            "unknown": f"Have a new one ready; change it {within}.",
+            "passed": f"Keep it; measure its land again {within}.",
         }[self.status]
 
 
@@ -120,17 +130,18 @@ def due_notes(shown: Shown[WearModel]) -> list[str]:
 
 
 def due_actions(shown: Shown[WearModel]) -> list[Action]:
-    """Tools to be changed now or soon, the one that is due first at the head."""
+    """What to do with each tool in use, the one that is due first at the head."""
     return [
         Action(
-            what="Change the tool" if one.status == "failed" else "Have a new tool ready",
+            what=WHAT[one.status],
             where=f"Tool {one.name}",
-            why=f"It lasts another {_span(one.left)} in the cut (90 % interval).",
-            until="now" if one.status == "failed" else f"within {_minutes(one.left[0])} of cutting",
+            why=f"It lasts another {_span(one.left)} in the cut (90 % interval), "
+            f"by {one.rests_on}.",
+            until="now" if one.status == "failed" else f"within {_minutes(one.within)} of cutting",
             who="tool room",
             evidence="tools-due",
         )
-        for one in due_tools(shown) if one.status != "passed"
+        for one in due_tools(shown)
     ]  # fmt: skip
 
 

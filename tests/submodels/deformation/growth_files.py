@@ -88,6 +88,7 @@ RECORDS = DeformationRecords(
     displacement=Channel(column="growth"),
     speed=Channel(column="spindle_speed"),
     ambient=Channel(column="ambient_temperature"),
+    places={"temperature_2": "nose of the housing"},
 )
 IDENTITY = MachineIdentity(name="rig", description="made", origin="simulated", credit="made")
 """Section ``deformation_records`` of the made recordings."""

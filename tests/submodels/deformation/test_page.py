@@ -1,5 +1,6 @@
 """Page of spindle growth: what it says of the first hour, sensors, methods; what it draws."""
 
+import json
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Table
 from pipeline.nets.ffnn import FuzzyFilteredNetwork
 from pipeline.nets.settings import FuzzyFilteredSettings
+from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.deformation import figures
 from pipeline.submodels.deformation.growth_facts import FAULT, GrowthFacts
@@ -72,8 +74,9 @@ def test_the_sentence_holds_the_largest_growth_of_a_first_hour_and_its_interval(
 def test_a_model_that_passed_offers_warming_up_or_the_correction(built) -> None:
     said = page(with_status(built, "passed")).verdict
     assert said is not None
-    assert re.search(r"Warm up for \d+\smin", said.sentence)
-    assert "(kerf compensation --machine rig --out FILE)" in said.sentence
+    assert re.search(r"Warm up for \d+\smin", said.todo)
+    assert "(kerf compensation --machine rig --out FILE)" in said.todo
+    assert "arm up" not in said.sentence
 
 
 @pytest.mark.parametrize("status, page_status", [("failed", "failed"), ("not judged", "unknown")])
@@ -83,23 +86,49 @@ def test_a_model_that_did_not_pass_offers_no_correction(built, status, page_stat
     assert "kerf compensation" not in said.todo and "too little was recorded" in said.sentence
 
 
+def test_a_model_that_failed_promises_nothing_about_the_rest_of_the_hour(built) -> None:
+    found = page(with_status(built, "failed", "too little was recorded"))
+    (warm,) = (one for one in found.actions if one.where == "Spindle")
+    assert "measure what it then still grows" in warm.what and "moves less than" not in warm.what
+    assert "That model failed" in warm.why
+
+
 def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> None:
     found = page(with_status(built, "passed"))
     assert found.verdict is not None
-    sensor = next(one for one in found.actions if one.where == "temperature_2")
+    sensor = next(one for one in found.actions if one.where.startswith("temperature_2 ("))
+    assert sensor.where == "temperature_2 (nose of the housing, sensor 2 of 5 from the front)"
     assert sensor.what == "Reconnect or replace the sensor" and sensor.who == "maintenance"
     assert sensor.why.startswith("It is dead since p10")
     assert sensor.until == "next stop" and "The model does without it." in sensor.why
     assert sensor.evidence in {section.key for section in found.sections}
+    assert "(not dated)" in sensor.why and "last in p11" in sensor.why
     note = found.notes[0].replace("\u00a0", " ").replace("\u202f", "")
     assert re.search(r"temperature_2 is dead since p10, minute 4\d", note)
     costs = re.search(r"off by up to (\d+) µm; .* off by up to ([\d.]+) µm", note)
     assert costs is not None and float(costs[1]) > 2 * float(costs[2])
     row = tables(found)["Faulty temperature sensors"].rows[0]
-    assert [cell.text for cell in row[:3]] == ["temperature_2", "dead", "p10"]
+    place = "nose of the housing, sensor 2 of 5 from the front"
+    assert [cell.text for cell in row[:4]] == ["temperature_2", place, "dead", "p10"]
 
 
-@pytest.mark.parametrize("departure", [None, 3.2])
+def test_a_drifting_sensor_is_named_with_its_side_and_the_date_of_its_recording(
+    built: Built, tmp_path: Path
+) -> None:
+    """The sign is of the largest departure; the date is that of the recording's clock."""
+    case = max(built.verdict.cases, key=lambda one: one.case)
+    fault = Fault(sensor="temperature_3", kind=DRIFTING, since_s=2580.0, departure_K=-3.2)
+    facts = {"faulty sensor": Fact(value=fault.sentence)}
+    verdict = replace(built.verdict, status="passed", cases=(replace(case, facts=facts),))
+    files = {case.case: {"first": "2026-03-02T06:00:00Z"}}
+    (tmp_path / "manifest.json").write_text(json.dumps({"files": files}))
+    found = page(shown(built, verdict=verdict, signals=tmp_path))
+    (sensor,) = (one for one in found.actions if one.where.startswith("temperature_3"))
+    words = sensor.why.replace("\u00a0", " ")
+    assert "minute 43 (Mon 2 Mar 2026, 06:43 UTC), reads up to 3.2 K too low" in words
+
+
+@pytest.mark.parametrize("departure", [None, 3.2, -3.2])
 def test_faults_are_read_as_the_verdict_words_them(departure: float | None) -> None:
     kind = DEAD if departure is None else DRIFTING
     fault = Fault(sensor="front bearing", kind=kind, since_s=2580.0, departure_K=departure)

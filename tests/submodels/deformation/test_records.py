@@ -83,6 +83,11 @@ def test_a_probe_that_was_not_zeroed_starts_at_zero(tmp_path: Path) -> None:
     assert found.profile.growth == pytest.approx(one.growth - one.growth[0], abs=1e-9)
 
 
+def test_the_place_of_a_sensor_that_is_none_is_refused_by_its_name() -> None:
+    with pytest.raises(ValueError, match="places names a sensor 'temperature_9'"):
+        replace(RECORDS, places={"temperature_9": "head"})
+
+
 def test_fewer_than_three_temperatures_are_refused() -> None:
     with pytest.raises(ValueError, match="names 2 sensors: name 3 or more"):
         replace(RECORDS, temperatures={name: Channel(column=name) for name in NAMES[:2]})

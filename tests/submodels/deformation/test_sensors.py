@@ -78,9 +78,14 @@ def test_a_held_value_is_noticed_while_the_others_move(model: SensorModel) -> No
     assert fault.sensor == NAMES[0] and 20 * 60 < fault.since_s < 80 * 60
 
 
-def test_a_drift_is_told_with_its_size(model: SensorModel) -> None:
-    (fault,) = model.check(broken(profile(10).state, 2, "drift")).faults
-    assert fault.departure_K == pytest.approx(0.05 * 119, abs=0.5)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_drift_is_told_with_its_size_and_sign(model: SensorModel, sign: float) -> None:
+    state = profile(10).state
+    drifting = broken(state, 2, "drift").temperatures
+    temperatures = state.temperatures + sign * (drifting - state.temperatures)
+    (fault,) = model.check(replace(state, temperatures=temperatures)).faults
+    assert fault.departure_K == pytest.approx(sign * 0.05 * 119, abs=0.5)
+    assert f"off by up to {'+' if sign > 0 else '-'}" in fault.sentence
 
 
 def test_nothing_later_is_looked_at(model: SensorModel) -> None:

@@ -85,7 +85,7 @@ def test_one_wide_interval_does_not_flatten_the_curve():
     assert np.ptp(y) > 0.3 * 260  # 200 N on a scale from 0 to 530 N
     drawn = str(friction_figure(found, ""))
     assert drawn.count('class="beyond"') == 2  # both ends of the bar, which the scale cuts
-    assert "triangles: beyond the scale, up to 4300 N" in drawn
+    assert "▲ beyond, up to 4300 N" in drawn
 
 
 def test_the_curve_is_cut_where_nothing_was_measured():
@@ -250,7 +250,7 @@ def test_a_wide_start_does_not_flatten_the_rest_of_the_estimate():
                     value=(found.value[0], -1e5, *found.value[2:]))  # fmt: skip
     drawn = str(mass_figure(mass_shown(found, parameter(420.0, "kg")), ""))
     assert ">450<" in drawn and ">500<" in drawn
-    assert 'class="beyond"' in drawn and "triangles: beyond the scale" in drawn
+    assert 'class="beyond"' in drawn and "▲ beyond" in drawn
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=20), st.booleans())

@@ -173,6 +173,9 @@ def test_what_a_recording_does_not_show_is_a_dash_not_a_number():
     found = said(verdict=verdict_on({("X", "one"): (4.0, None), ("X", "two"): (None, 3.0)}))
     assert "one X 24.6 4.0 38.4 – – – – – – passed" in found
     assert "two X 24.6 – – 412 1 604 3.0 3.9 12.4 71.0 passed" in found
+    found = said(verdict=verdict_on({("X", "still"): (6.69e8, None)}))
+    assert "still X 24.6 — (of nearly 0) 38.4 failed" in found
+    assert "the force is wrong by up to more than 1000 % of nearly 0 (limit 10 %)" in found
 
 
 def test_a_failed_axis_is_named_with_what_is_beyond_its_limit():

@@ -20,7 +20,7 @@ def test_an_error_beyond_the_scale_has_a_mark_and_stands_in_the_head():
     assert axes.error < 9.0  # one value of 3600 does not flatten the rest
     drawn = str(golden_figure(one, None, axes, "a day"))
     assert drawn.count('class="beyond"') == 1 and "beyond the scale: 9 K" in drawn
-    assert "Model less measured, K; triangles: beyond the scale, up to 9 K" in drawn
+    assert "Model less measured, K; ▲ beyond, up to 9 K" in drawn
 
 
 def test_errors_inside_the_scale_have_no_mark():

@@ -2,14 +2,16 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from pipeline.report.actions import ORDER
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.wear import due
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, left_names
-from pipeline.submodels.wear.due_page import DueTool
+from pipeline.submodels.wear.due_page import DueTool, due_actions
 from pipeline.submodels.wear.life import LifeLaw, fit_life, uses
 from tests.submodels.wear.shop_lives import followed, life_settings, tools, windows
 
@@ -94,6 +96,22 @@ def test_what_to_do_follows_the_least_time_left(
     facts = told(*left) | {due.LIFE: Fact(value=100.0, unit="min")}
     tool = DueTool(name="T1", facts=facts, by_signals=False)
     assert tool.status == status and words in tool.todo.replace("\u00a0", " ")
+
+
+def test_each_tool_in_use_is_an_action_the_one_that_is_due_first_at_the_head() -> None:
+    cases = tuple(
+        SimpleNamespace(case=name, facts=told(*left) | {
+            due.LIFE: Fact(value=100.0, unit="min"), due.IN_USE: Fact(value="yes")})
+        for name, left in (("T1", (40.0, 60.0, 90.0)), ("T2", (5.0, 12.0, 20.0)))
+    )  # fmt: skip
+    shown = SimpleNamespace(verdict=SimpleNamespace(cases=cases, status="failed"))
+    actions = due_actions(shown)  # type: ignore[arg-type]
+    rows = [(one.where, one.until.replace("\u00a0", " "), one.who) for one in actions]
+    assert rows == [
+        ("Tool T2", "within 5.0 min of cutting", "tool room"),
+        ("Tool T1", "within 20 min of cutting", "tool room"),
+    ]
+    assert ORDER[:2] == ("tool room", "maintenance")
 
 
 def test_signals_count_where_they_are_more_precise_and_their_model_passed() -> None:
