@@ -15,8 +15,8 @@ class AxisChannels:
 
     Parameters
     ----------
-    command : str
-        Torque command: current or voltage.
+    command : str, optional
+        Torque command: current or voltage; without it the loop gain alone can be found.
     reference, position, velocity_reference, velocity, acceleration_reference, acceleration : \
 str, optional
         Commanded and measured motion; velocity and acceleration that are not recorded are derived
@@ -28,7 +28,7 @@ str, optional
         Whether a positive command pushes in the negative direction.
     """
 
-    command: str
+    command: str | None = None
     reference: str | None = None
     position: str | None = None
     velocity_reference: str | None = None
@@ -238,6 +238,14 @@ class AxisRecord:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """Commanded and actual position of one axis [m]; shape (T,) each."""
+
+    reference: Floats
+    position: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
     """One stretch of a recording on a uniform grid of T samples.
 
@@ -253,6 +261,8 @@ class Recording:
         Recorded samples, not interpolated ones, that are free of cutting load.
     axes : mapping of str to AxisRecord
         Axes that it shows, by letter.
+    tracked : mapping of str to Tracked
+        Axes whose commanded and actual position it has, with or without a command of the motor.
     lacking : mapping of str to str
         Axes that it does not show, with reason and remedy.
     motor : mapping of str to ndarray, shape (T,)
@@ -272,6 +282,7 @@ class Recording:
     period: float = inf
     air: Bools = field(default_factory=lambda: np.zeros(0, bool))
     axes: Mapping[str, AxisRecord] = field(default_factory=dict)
+    tracked: Mapping[str, Tracked] = field(default_factory=dict)
     lacking: Mapping[str, str] = field(default_factory=dict)
     motor: Mapping[str, Floats] = field(default_factory=dict)
     shafts: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)

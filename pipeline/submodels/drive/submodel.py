@@ -181,7 +181,9 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
             partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
         )
-        parameters = {letter: axis_parameters(letter, found) for letter in axes}
+        parameters = {
+            letter: axis_parameters(letter, found) for letter in sorted({*axes, *found.loop_gains})
+        }
         if found.motor is not None:
             pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1
             parameters[MOTOR] = motor_parameters(found.motor, pairs)
@@ -191,7 +193,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         }
         used = [
             c for c, one in zip(training, recordings, strict=True)
-            if one.axes or one.motor or one.shafts
+            if one.axes or one.motor or one.shafts or one.tracked
         ]  # fmt: skip
         return DriveModel(
             submodel=self.name,
@@ -209,7 +211,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                     recording=one.name, seconds=round(one.seconds, 3), notes=one.notes
                 )
                 for one in recordings
-                if one.axes
+                if one.axes or one.tracked
             ),
             substeps=settings.drive_fit.substeps,
             shafts=shafts,
