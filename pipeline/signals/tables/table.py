@@ -255,12 +255,28 @@ def layout_of(source: RecordSource) -> TableLayout:
     for name in ("time", "t"):
         if name in layout.columns:
             raise ValueError(f"{name!r} is the name of the time column, not of a signal: rename it")
+    _check_full_scales(source, layout)
     for name in layout.text:
         if name not in layout.columns:
             raise ValueError(f"text names {name!r}, which is no signal of the layout: correct it")
     if layout.start is not None:
         start_of(layout)
     return layout
+
+
+def _check_full_scales(source: RecordSource, layout: TableLayout) -> None:
+    for name, column in layout.columns.items():
+        if column.full_scale is None:
+            continue
+        if source.format != "wav":
+            raise ValueError(
+                f"full_scale of {name!r} is of a WAV file's counts, the format is "
+                f"{source.format}: leave it out"
+            )
+        if not column.full_scale or not np.isfinite(column.full_scale):
+            raise ValueError(
+                f"full_scale = {column.full_scale} of {name!r} leaves nothing: correct it"
+            )
 
 
 def columns_to_read(layout: TableLayout, available: Sequence[str]) -> list[str]:
