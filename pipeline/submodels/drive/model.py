@@ -98,7 +98,7 @@ def identify_drives(
     }
     found = [one for one in tried.values() if not isinstance(one, str)]
     drives = {axis: fit for one in found for axis, fit in one.feed_drives.items()}
-    gains = _loop_gains(training, records, settings.widest)
+    gains = loop_gains(training, records, settings.widest)
     if not drives and not gains:
         raise ValueError(
             "no drive can be identified: " + "; ".join(f"{a}: {why}" for a, why in missing.items())
@@ -115,7 +115,7 @@ def identify_drives(
     )  # fmt: skip
 
 
-def _loop_gains(
+def loop_gains(
     training: Sequence[Recording], records: DriveRecords, widest: float
 ) -> dict[str, loop_gain.LoopGain]:
     """Loop gains of the axes whose commanded and actual position was recorded."""

@@ -1,5 +1,6 @@
 """Drives of any maker: mass, friction and loop gain inside their intervals, or a true refusal."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -7,7 +8,12 @@ import pytest
 
 from pipeline.schema.model import Parameter
 from pipeline.signals import recordings
-from pipeline.submodels.drive.model import axis_parameters, identify_drives
+from pipeline.submodels.drive.model import (
+    DriveIdentification,
+    axis_parameters,
+    identified_axis,
+    loop_gains,
+)
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_file
 from pipeline.submodels.drive.records import AxisChannels, DriveRecords
@@ -34,8 +40,12 @@ def parameters(seed: int, folder: Path, **changes) -> tuple[DrawnAxis, dict[str,
     one = recordings.Recording(name="strokes.csv", file=file)
     parts = read_file(one, records, prior, {}, trained=True)
     assert len(parts) == 2  # the gap
-    found = identify_drives(parts, records, prior, DriveFitSettings(compare=False))
-    return axis, axis_parameters("X", found)
+    settings = DriveFitSettings(compare=False)
+    found = DriveIdentification(feed_drives={})
+    if axis.torque:
+        found = identified_axis("X", parts, prior, settings)
+    gains = loop_gains(parts, records, settings.widest)
+    return axis, axis_parameters("X", replace(found, loop_gains=gains))
 
 
 def faults(axis: DrawnAxis, found: dict[str, Parameter]) -> list[str]:
@@ -77,7 +87,7 @@ def _inside(one: Parameter, value: float) -> bool:
     ids=["torque against the position", "sign not declared", "PID, no torque", "P-PI, no torque"],
 )
 def test_a_drive_of_another_maker_is_found_or_refused_for_the_true_reason(changes, tmp_path):
-    axis, found = parameters(5, tmp_path, every=40, **changes)
+    axis, found = parameters(5, tmp_path, every=100, **changes)
     assert faults(axis, found) == []
 
 

@@ -123,25 +123,31 @@ def identify_servo(
         settings.widest,
     )
     bandwidth = settings.bandwidth_Hz or servo_bandwidth(records)
-    for _ in range(HALVINGS):
-        try:
-            fit = _at_bandwidth(records, nominal, constants, unit, bandwidth, settings)
-        except ValueError as error:
+    fits: list[ServoFit] = []
+    try:
+        for k in range(1 if settings.bandwidth_Hz else HALVINGS):
+            fits.append(
+                _at_bandwidth(records, nominal, constants, unit, bandwidth / 2**k, settings)
+            )
+            if alone is None or not _contradicts(fits[-1], nominal, alone):
+                return replace(_beside(fits[-1], nominal, alone), left_out=tuple(others))
+    except ValueError as error:  # too short for as narrow a filter
+        if not fits:
             return _without(nominal, unit, f"axis {axis}: {error}")
-        if alone is None or not _contradicts(fit, nominal, alone):
-            break
-        bandwidth /= 2
-    return replace(_beside(fit, nominal, alone), left_out=tuple(others))
+    return replace(_beside(fits[0], nominal, alone), left_out=tuple(others))
 
 
 def _contradicts(fit: ServoFit, nominal: Nominal, alone: LoopGain) -> bool:
     """Whether speed over following error is another by the equation than by positions alone.
 
     At high bandwidths the encoder's steps are as large as what the loops answer.  Without an
-    integral friction takes a share of the speed, and the two differ by it.
+    integral friction takes a share of the speed, and the two differ by it.  A feed-forward that is
+    not determined is fitted in the gain's stead.
     """
     if not (fit.determined[SPP] and alone.determined and fit.values[SVI] > 0):
         return False
+    if fit.how[FV] == LOOSE:
+        return True
     gain = fit.values[SPP] * nominal.position_gain
     left = 1 - fit.values[FV]
     half = (fit.high[SPP] - fit.values[SPP]) / fit.values[SPP]
