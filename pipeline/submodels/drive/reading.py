@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.signals import recordings
+from pipeline.signals.recorder_faults import without_faults
 from pipeline.signals.sampling import UniformSegment, uniform_segments
 from pipeline.signals.units import conversion
 from pipeline.submodels.drive.prior import (
@@ -120,11 +121,11 @@ def read_file(
         Whether the drives are fitted on it.
     """
     name = file.name
-    blank = Recording(name=name, trained=trained, sha256=file.sha256)
+    blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
     if file.file is None:
         return [_nothing(blank, records, file.reason)]
     try:
-        table = pq.read_table(file.file)
+        table = without_faults(pq.read_table(file.file), file.faults)
     except (OSError, pa.ArrowException):
         place = f"{file.file.parent.name}/{file.file.name}"
         return [_nothing(blank, records, f"{place} cannot be read: run `dvc repro`")]
@@ -137,7 +138,7 @@ def read_file(
         used = {one for letter in records.axes for one in names_of(prior.axis(letter))}
         if lent := sorted(used & set(shared) - set(own)):
             said = f"{', '.join(lent)} taken from the other recordings: this one does not hold it"
-            blank = replace(blank, notes=(said,))
+            blank = replace(blank, notes=(*blank.notes, said))
         return _drives(table, blank, records, prior, {**shared, **own})
     except Unusable as error:
         return [_nothing(blank, records, str(error))]
