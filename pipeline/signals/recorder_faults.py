@@ -28,7 +28,9 @@ FEWEST = 60
 MOVING = 0.9
 """Least share of rows in which a channel changes that may be found held [1]."""
 COMMAND = re.compile(r"command|target|setpoint|(^|_)(ref|reference|plan)(_|$)", re.IGNORECASE)
-"""Names of channels that may stand: what is asked for."""
+"""Names of channels that may stand and step: what is asked for."""
+OFTEN = 6
+"""Jumps from which they are in the nature of a channel, such as a distance to go [1]."""
 MOST = 100
 """Faults of one recording that are kept [1]."""
 
@@ -58,9 +60,11 @@ def recorder_faults(table: pa.Table) -> list[RecorderFault]:
         at = np.flatnonzero(np.isfinite(values))
         if len(at) < FEWEST:
             continue
-        if (field.metadata or {}).get(b"unit", b"").decode() == LENGTH:
+        asked = COMMAND.search(field.name)
+        if not asked and (field.metadata or {}).get(b"unit", b"").decode() == LENGTH:
             found += _jumps(field.name, time, values, at)
-        found += _held(field.name, time, values, at) or _ending(field.name, time, at)
+        held = [] if asked else _held(field.name, time, values, at)
+        found += held or _ending(field.name, time, at)
     return found[:MOST]
 
 
@@ -69,7 +73,7 @@ def _jumps(name: str, time: Floats, values: Floats, at: Any) -> list[RecorderFau
     step, lasted = np.diff(values[at]), np.diff(time[at])
     fast = (np.abs(step) > FASTEST * np.maximum(lasted, 0.0)) & (lasted > 0)
     jumps = np.flatnonzero(fast & (np.abs(step) > UNUSUAL * np.quantile(np.abs(step), 0.99)))
-    if not len(jumps):
+    if not 0 < len(jumps) < OFTEN:
         return []
     edges = np.r_[0, jumps + 1, len(at)]
     level = np.r_[0.0, np.cumsum(step[jumps])]
@@ -90,8 +94,6 @@ def _jumps(name: str, time: Floats, values: Floats, at: Any) -> list[RecorderFau
 def _held(name: str, time: Floats, values: Floats, at: Any) -> list[RecorderFault]:
     moves = np.diff(values[at]) != 0
     last = int(np.flatnonzero(moves)[-1]) + 1 if moves.any() else 0
-    if COMMAND.search(name):
-        return []
     if len(at) - last < max(SHARE * len(at), FEWEST) or not last or moves[:last].mean() < MOVING:
         return []
     said = f"holds {values[at[last]]:.6g} from {time[at[last]]:.4g} s to the end"

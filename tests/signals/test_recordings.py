@@ -434,3 +434,10 @@ def test_quick_noise_strokes_and_standing_axes_are_no_faults(tmp_path):
         columns["g"][:] += np.random.default_rng(1).normal(0, 5e4, FAULTY_ROWS)  # 50 mm
 
     assert faulty(tmp_path, fair).notes == ()
+
+
+def test_a_distance_to_go_that_jumps_at_each_block_is_no_fault(tmp_path):
+    def blocks(columns):
+        columns["x"][:] = 80.0 - 80.0 * (columns["t"] / 0.5 % 1.0)
+
+    assert faulty(tmp_path, blocks).notes == ()
