@@ -1,22 +1,28 @@
 """Drives of any maker: mass, friction and loop gain inside their intervals, or a true refusal."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
 
+from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Parameter
 from pipeline.signals import recordings
+from pipeline.submodels.cases import Records, Roles
+from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     axis_parameters,
     identified_axis,
     loop_gains,
 )
+from pipeline.submodels.drive.page_axes import drives_section
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_file
 from pipeline.submodels.drive.records import AxisChannels, DriveRecords
+from pipeline.submodels.drive.submodel import SUBMODEL, Fitting
 from tests.submodels.drive.drawn_axis import DrawnAxis, drawn_axis, recorded_table
 
 MECHANICS = (
@@ -95,3 +101,25 @@ def test_a_drive_of_another_maker_is_found_or_refused_for_the_true_reason(change
 def test_95_of_100_drives_are_found_or_refused_for_the_true_reason(tmp_path):
     wrong = {seed: said for seed in range(SEEDS) if (said := faults(*parameters(seed, tmp_path)))}
     assert SEEDS - len(wrong) >= FEWEST, wrong
+
+
+def test_positions_alone_give_a_model_with_the_loop_gain_and_the_reason(tmp_path):
+    axis = drawn_axis(5, every=100, pid=False, torque=False)
+    (tmp_path / "traces").mkdir()
+    pq.write_table(recorded_table(axis, 5), tmp_path / "traces/a.parquet")
+    entry = {"sha256": "a", "output": "traces/a.parquet", "rows": 1, "notes": {}}
+    (tmp_path / "manifest.json").write_text(json.dumps({"files": {"a.csv": entry}}))
+    channels = AxisChannels(reference="reference", position="position")
+    settings = Fitting(
+        identity=MachineIdentity(name="m", origin="recorded"), roles=Roles(training=("a.csv",)),
+        drive=DrivePrior(), drive_records=DriveRecords(recordings="*", axes={"X": channels}),
+        drive_fit=DriveFitSettings(compare=False),
+    )  # fmt: skip
+    model = SUBMODEL.fit(SUBMODEL.cases(Records(signals=tmp_path), settings), settings, tmp_path)
+    assert model.axes == {} and _inside(model.parameters["X"]["loop_gain"], axis.loop_gain)
+    shown = Shown(machine="m", origin="recorded", model=model, verdict=None, predictions=None)
+    section = drives_section(shown)
+    assert section is not None
+    heading, table = section.blocks[:2]
+    assert "record the torque command" in heading.text
+    assert "Kv" in str(table.rows)
