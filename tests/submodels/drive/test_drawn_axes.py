@@ -12,6 +12,7 @@ from pipeline.schema.model import Parameter
 from pipeline.signals import recordings
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.contract import Shown
+from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     axis_parameters,
@@ -31,8 +32,10 @@ MECHANICS = (
 SEEDS, FEWEST = 100, 95
 
 
-def parameters(seed: int, folder: Path, **changes) -> tuple[DrawnAxis, dict[str, Parameter]]:
-    """What a drawn axis is, and what is found of its recording."""
+def parameters(
+    seed: int, folder: Path, servo: bool = True, **changes
+) -> tuple[DrawnAxis, dict[str, Parameter]]:
+    """What a drawn axis is, and what is found of its recording, with or without the servo's law."""
     axis = drawn_axis(seed, **changes)
     table = recorded_table(axis, seed)
     file = folder / "strokes.parquet"
@@ -48,8 +51,11 @@ def parameters(seed: int, folder: Path, **changes) -> tuple[DrawnAxis, dict[str,
     assert len(parts) == 2  # the gap
     settings = DriveFitSettings(compare=False)
     found = DriveIdentification(feed_drives={})
-    if axis.torque:
+    if axis.torque and servo:
         found = identified_axis("X", parts, prior, settings)
+    elif axis.torque:
+        drive = identify_feed_drive(parts, "X", prior, settings)
+        found = DriveIdentification(feed_drives={"X": drive})
     gains = loop_gains(parts, records, settings.widest)
     return axis, axis_parameters("X", replace(found, loop_gains=gains))
 
@@ -93,7 +99,7 @@ def _inside(one: Parameter, value: float) -> bool:
     ids=["torque against the position", "sign not declared", "PID, no torque", "P-PI, no torque"],
 )
 def test_a_drive_of_another_maker_is_found_or_refused_for_the_true_reason(changes, tmp_path):
-    axis, found = parameters(5, tmp_path, every=100, **changes)
+    axis, found = parameters(5, tmp_path, servo=False, every=100, **changes)
     assert faults(axis, found) == []
 
 
