@@ -56,14 +56,17 @@ def table_lines(path: Path, form: str, files: str) -> list[str]:
     lines += ["      decimal: ','"] if layout.decimal == "," else []
     if time is None and form == "tdms":
         lines.append("      # rate: 1000.0   # [Hz], where the file does not state it")
+    elif time is None and form == "wav":
+        lines.append("      # the file states its rate; give each channel's unit and full scale")
     elif time is None:
         lines.append("      rate: 1000.0   # [Hz]; no column is called a time: correct it")
     else:
         lines += _time(time, columns[time], units[time] or named.get(time, ""))
     lines += ["      rest: true   # every column, under the file's own name",
               "      columns: {}   # instead of it, what is so of:"]  # fmt: skip
+    more: dict[str, str | float] = {"full_scale": 1.0} if form == "wav" else {}
     return lines + [
-        _choice(n, columns[n], units[n], named.get(n, "")) for n in columns if n != time
+        _choice(n, columns[n], units[n], named.get(n, ""), more) for n in columns if n != time
     ]
 
 
@@ -99,7 +102,9 @@ def _time(name: str, cells: pa.ChunkedArray, unit: str) -> list[str]:
     return [*lines, f"      time_unit: {said}   # {why}; steps of {step:.6g}"]
 
 
-def _choice(name: str, cells: pa.ChunkedArray, stated: str, named: str) -> str:
+def _choice(
+    name: str, cells: pa.ChunkedArray, stated: str, named: str, more: dict[str, str | float]
+) -> str:
     """A comment that makes a signal of a column, with what it could be and its range.
 
     Of a unit that the file states the layout says nothing.
@@ -107,9 +112,11 @@ def _choice(name: str, cells: pa.ChunkedArray, stated: str, named: str) -> str:
     unit = stated or named
     kind = _kind(name, unit)
     signal = re.sub(r"\W+", "_", _UNIT.sub("", name)).strip("_").lower() or "channel"
+    signal = f"channel_{signal}" if signal[0].isdigit() else signal
     within = pc.min_max(cells) if pa.types.is_floating(cells.type) else None
     span = f"{within['min']} … {within['max']} {unit or '(unit not stated)'}" if within else "words"
-    where = dumps({"column": name} | ({} if stated else {"unit": named}), ensure_ascii=False)
+    said = {"column": name} | ({} if stated else {"unit": named}) | more
+    where = dumps(said, ensure_ascii=False)
     return f"      #   {signal}: {where}   # {f'could be a {kind}; ' if kind else ''}{span}"
 
 

@@ -2,8 +2,9 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -53,6 +54,18 @@ class FileRead:
     first: str | None = None
     last: str | None = None
     reason: str | None = None
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def faults(self) -> list[str]:
+        """What its table itself shows to be wrong: stamps, jumps, held values, early ends."""
+        counts = {"repeated_stamps": "repeat the time stamp before them",
+                  "clock_backwards": "lie before the row above"}  # fmt: skip
+        said = [f"{self.notes[k]['count']} rows {w}" for k, w in counts.items() if k in self.notes]
+        return said + [
+            f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
+            for one in self.notes.get("faults", ())
+        ]
 
     @property
     def unbalanced(self) -> bool:
@@ -349,6 +362,10 @@ FILES: tuple[Column[tuple[str, FileRead]], ...] = (
         Cell(text=one[1].reason, status="failed") if one[1].reason else "–"
     )),
 )  # fmt: skip
+FAULTS: tuple[Column[tuple[str, str]], ...] = (
+    Column("File", lambda one: code(one[0])),
+    Column("what its rows show", lambda one: one[1]),
+)
 REASONS: tuple[Column[Reason], ...] = (
     Column("Reason", lambda r: r.reason or "(no reason given)"),
     Column("records", lambda r: number(r.count), ""),
@@ -405,9 +422,11 @@ def records_section(r: RecordsRead) -> Section:
             text.append(absent(path, f"Without it nobody knows {words}."))
     manifest, rejected, audit, gaps = (sources(r.shelf, path) for path in paths)
     files = list(r.files.items())
+    faults = [(name, said) for name, one in files for said in one.faults]
     longest = f"The {len(r.longest_gaps)} longest gaps"
     blocks = present(
         tabulated("Why records were rejected", r.reasons, REASONS, rejected, most=12),
+        tabulated("Faults of recorders", faults, FAULTS, manifest, most=MOST_ROWS),
         tabulated("Every raw file", files, FILES, manifest, most=MOST_ROWS, folded=True),
         tabulated("Values removed or changed by cleaning", r.changes, CHANGES, audit, most=15),
         tabulated("Gaps by cause, all data items together", r.gap_causes, GAP_CAUSES, gaps),

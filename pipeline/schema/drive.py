@@ -346,6 +346,9 @@ class DriveModel(Model):
         By letter, of axes whose both ends were recorded.
     speed_loops : SpeedLoops or None
         PI against fuzzy PI on the axis whose motor was recorded; None without one.
+    blocks : mapping of str to mapping of str to DriveAxis
+        Of a single recording: by the name of each block of its own time the axes as the other
+        blocks tell them, by letter, which judge it.
     """
 
     axes: Mapping[str, DriveAxis] = field(default_factory=dict)
@@ -354,3 +357,4 @@ class DriveModel(Model):
     substeps: int = 1
     shafts: Mapping[str, Shaft] = field(default_factory=dict)
     speed_loops: SpeedLoops | None = None
+    blocks: Mapping[str, Mapping[str, DriveAxis]] = field(default_factory=dict)

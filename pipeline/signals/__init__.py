@@ -16,6 +16,7 @@ __all__ = [
     "literals",
     "mtconnect",
     "parts",
+    "recorder_faults",
     "recordings",
     "sampling",
     "shdr",

@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 from pipeline.signals.columns import KINDS, OBSERVATIONS
 
 Format = Literal[
-    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms", "program"
-]
+    "shdr", "mtconnect_xml", "mtconnect_json", "csv", "parquet", "matlab", "hdf5", "tdms", "wav",
+    "program",
+]  # fmt: skip
 
 EXCERPT = 200
 """Characters of a rejected record that are kept."""
@@ -71,10 +72,14 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnSource:
-    """Where a signal is found in a table: the file's own name of the column, and its unit there."""
+    """Where a signal is found in a table: the file's own name of the column, and its unit there.
+
+    ``full_scale`` is the value of a WAV channel at full scale, in its unit (negative: reversed).
+    """
 
     column: str
     unit: str | None = None
+    full_scale: float | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +93,8 @@ class TableLayout:
         with a unit (``""`` for none), which becomes a channel of its own; a name that ends with a
         known signal (``turret_spindle_speed``, ``x_position_ref``) takes that signal's unit.
         Of columns with one name the n-th is called ``name#n``; a column without a name ``#n``;
-        of a matrix of MATLAB or HDF5 the columns are ``name[0]``, ``name[1]``.
+        of a matrix of MATLAB or HDF5 the columns are ``name[0]``, ``name[1]``; the channels of a
+        WAV file are ``#1``, ``#2``.
     text : tuple of str
         Those signals, not in ``columns.COLUMNS``, that hold words.
     rest : bool
@@ -238,6 +244,7 @@ _MAGIC_BYTES: tuple[tuple[bytes, Format], ...] = (
     (b"MATLAB 5.0", "matlab"),
     (b"MATLAB 7.3", "matlab"),
     (b"TDSm", "tdms"),
+    (b"RIFF", "wav"),
 )
 
 _ALIKE = {"shdr", "csv"}
@@ -307,8 +314,8 @@ _OTHERS: tuple[tuple[bytes, str], ...] = (
     (b"SQLite format 3", "a database of SQLite: write its table as CSV"),
     (
         b"RIFF",
-        "a WAV recording, of counts without a unit: write it as CSV, HDF5 or Parquet in its "
-        "unit, and give the layout's rate",
+        "a WAV recording: name it in a source of format wav, with the unit and full_scale of its "
+        "channels",
     ),
     (b"\x89PNG", "a picture"),
 )

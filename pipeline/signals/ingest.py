@@ -140,6 +140,7 @@ READERS = {
     "matlab": "tables.matlab:read",
     "hdf5": "tables.columnar:read_hdf5",
     "tdms": "tables.columnar:read_tdms",
+    "wav": "tables.columnar:read_wav",
 }
 """Module and function of each format; those of tables return one Trace, the others batches of
 observations."""

@@ -22,7 +22,9 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.structure import structured
 from pipeline.signals.conditions import Condition, ConditionSources, conditions_in_runs, unit_of
+from pipeline.signals.recorder_faults import RecorderFault, without_faults
 from pipeline.signals.units import conversion
 
 QUANTITIES: Mapping[str, str] = {
@@ -152,6 +154,8 @@ class Recording:
         Why it cannot be used, ``""`` where it can.
     notes : tuple of str
         What else is worth knowing of it.
+    faults : tuple of RecorderFault
+        Of its channels; where one is certain, the channel is not read.
     """
 
     name: str
@@ -164,6 +168,7 @@ class Recording:
     declared: Mapping[str, Channel] = field(default_factory=dict)
     reason: str = ""
     notes: tuple[str, ...] = ()
+    faults: tuple[RecorderFault, ...] = ()
 
     def load(self, names: Iterable[str] | None = None) -> Samples:
         """Read the channels ``names`` (all that are declared) from the Parquet file.
@@ -188,6 +193,7 @@ class Recording:
                 columns = {name: _column(names_there, one.column) for name, one in channels.items()}
                 wanted = {"t", "time", *(c for c in columns.values() if c is not None)}
                 table = parquet.read(columns=[name for name in names_there if name in wanted])
+            table = without_faults(table, self.faults)
         except (OSError, pa.ArrowException):
             place = f"{self.file.parent.name}/{self.file.name}"
             return Samples(
@@ -293,7 +299,9 @@ def _originals(
 
 def _recording(signals: Path, name: str, entry: Mapping[str, Any]) -> Recording:
     """Recording of one file in the manifest, without conditions."""
-    constants = (entry.get("notes") or {}).get("constants")
+    notes = entry.get("notes") or {}
+    constants = notes.get("constants")
+    faults = tuple(structured(one, RecorderFault, name) for one in notes.get("faults", ()))
     output = entry.get("output")
     table = isinstance(output, str) and output.startswith("traces/")
     return Recording(
@@ -304,7 +312,8 @@ def _recording(signals: Path, name: str, entry: Mapping[str, Any]) -> Recording:
         rows=int(entry.get("rows") or 0),
         constants=dict(constants) if isinstance(constants, dict) else {},
         reason="" if table else entry.get("reason") or "it is no table",
-    )
+        notes=tuple(f"{one.channel} {one.said}" for one in faults), faults=faults,
+    )  # fmt: skip
 
 
 def _column(names: Sequence[str], column: str) -> str | None:

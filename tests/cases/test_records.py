@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
+from scipy.io import wavfile
 
 from pipeline.app.fleet import use_fleet
 from pipeline.app.machine import machine_text, propose
@@ -423,9 +424,9 @@ def test_marks_of_thousands(tmp_path: Path, cell: str, decimal: str, value: floa
 def test_a_wav_recording_is_named_with_its_remedy(tmp_path: Path) -> None:
     (tmp_path / "x.csv").write_bytes(b"RIFF\x24\0\0\0WAVEfmt ")
     source = RecordSource(format="csv", files="*", table=TableLayout(rest=True, rate=1e4))
-    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*format wav.*full_scale"):
         csv_table.read(tmp_path / "x.csv", source, tmp_path)
-    with pytest.raises(UnreadableFile, match=r"a WAV recording.*give the layout's rate"):
+    with pytest.raises(UnreadableFile, match=r"a WAV recording.*format wav.*full_scale"):
         list(log.read(tmp_path / "x.csv", RecordSource(format="shdr", files="*"), tmp_path))
 
 
@@ -458,6 +459,14 @@ def test_a_machine_is_proposed_from_tables(tmp_path: Path) -> None:
     layout = TableLayout(**records["table"] | {"columns": columns, "text": ("state",)})
     source = RecordSource(format="csv", files="*", table=layout)
     assert csv_table.read(tmp_path / "a.csv", source, tmp_path).kept == 50
+
+
+def test_a_machine_is_proposed_from_a_wav_recording(tmp_path: Path) -> None:
+    wavfile.write(tmp_path / "a.wav", 8000, np.array([[1, -2], [3, 4]] * 20, np.int16))
+    text = machine_text(propose("z", None, [tmp_path / "a.wav"], None, tmp_path / "raw"))
+    records = yaml.safe_load(text)["records"][0]
+    assert records == {"format": "wav", "files": "*.wav", "table": {"rest": True, "columns": {}}}
+    assert '#   channel_2: {"column": "#2", "unit": "", "full_scale": 1.0}' in text
 
 
 def test_d15_zeros_that_fill_the_last_line_are_no_frequencies(tmp_path: Path) -> None:

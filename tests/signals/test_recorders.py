@@ -1,9 +1,11 @@
-"""MATLAB, HDF5 and TDMS: files written by their own libraries, whole and damaged."""
+"""MATLAB, HDF5, TDMS and WAV: files written by their own libraries, whole and damaged."""
 
 import json
 import random
+import struct
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,16 @@ import numpy as np
 import pytest
 import scipy.io
 
-from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace, UnreadableFile
+from pipeline.signals.formats import (
+    ColumnSource,
+    RecordSource,
+    TableLayout,
+    Trace,
+    UnreadableFile,
+    format_of,
+)
 from pipeline.signals.tables import columnar, matlab
+from pipeline.signals.units import conversion
 
 T = np.arange(50) / 1000
 F = np.arange(50) * 0.5
@@ -201,6 +211,72 @@ def test_without_nptdms_the_remedy_is_named(
     monkeypatch.setitem(sys.modules, "nptdms", None)  # what an import finds when it is missing
     with pytest.raises(UnreadableFile, match=r"pip install -e '\.\[tdms\]'"):
         columnar.read_tdms(tmp_path / "x.tdms", FORCE, tmp_path)
+
+
+WAV_RATE = 25_600
+SHARES = np.round(np.linspace(-1, 127 / 128, 256) * 128) / 128
+"""Shares of full scale that counts of any width hold exactly [1]."""
+
+
+def wav_bytes(bits: int, *columns: np.ndarray, kind: int = 1) -> bytes:
+    """A WAV file of ``kind`` 1 (counts) or 3 (floats), its header by hand."""
+    table = np.column_stack(columns)
+    if kind == 3:
+        data = table.astype(f"<f{bits // 8}").tobytes()
+    else:
+        counts = np.round(table * 2.0 ** (bits - 1)).astype("<i8")
+        data = counts.view(np.uint8).reshape(*table.shape, 8)[:, :, : bits // 8].tobytes()
+    frame = table.shape[1] * bits // 8
+    form = struct.pack(
+        "<IHHIIHH", 16, kind, table.shape[1], WAV_RATE, WAV_RATE * frame, frame, bits
+    )
+    chunks = b"fmt " + form + b"bext" + struct.pack("<I", 3) + b"abc\0"  # a chunk of odd length
+    chunks += b"data" + struct.pack("<I", len(data)) + data
+    return b"RIFF" + struct.pack("<I", 4 + len(chunks)) + b"WAVE" + chunks
+
+
+def wav_source(**columns: Any) -> RecordSource:
+    found = {name: ColumnSource(**one) for name, one in columns.items()}
+    return RecordSource(format="wav", files="*.wav", table=TableLayout(columns=found))
+
+
+G_50 = {"column": "#2", "unit": "g_0", "full_scale": -50.0}
+
+
+@pytest.mark.parametrize(("bits", "kind"), [(16, 1), (24, 1), (32, 1), (32, 3), (64, 3)])
+def test_wav_counts_are_shares_of_full_scale(tmp_path: Path, bits: int, kind: int) -> None:
+    path = tmp_path / "x.wav"
+    path.write_bytes(wav_bytes(bits, SHARES, SHARES[::-1], kind=kind))
+    assert format_of(path) == "wav"
+    form = wav_source(share={"column": "#1", "unit": ""}, head_acceleration=G_50)
+    result = columnar.read_wav(path, form, tmp_path)
+    table = result.table
+    assert table["t"].to_numpy() == pytest.approx(np.arange(len(SHARES)) / WAV_RATE)
+    assert table["share"].to_pylist() == SHARES.tolist()
+    unit = table.schema.field("head_acceleration").metadata[b"unit"].decode()
+    one_g = conversion("g_0", unit)[0]
+    assert table["head_acceleration"].to_numpy() == pytest.approx(-50 * one_g * SHARES[::-1])
+
+
+def test_a_wav_that_is_cut_compressed_or_without_a_scale_is_refused(tmp_path: Path) -> None:
+    path, whole = tmp_path / "x.wav", wav_bytes(16, SHARES, SHARES)
+    form = wav_source(force_x={"column": "#1", "unit": "N", "full_scale": 100.0})
+    path.write_bytes(whole)
+    assert columnar.read_wav(path, form, tmp_path).kept == len(SHARES)
+    for cut in (0, 3, 11, 20, 40, len(whole) - 1, len(whole) - 101, len(whole) - 1024):
+        path.write_bytes(whole[:cut])
+        with pytest.raises(UnreadableFile, match="no whole WAV file"):
+            columnar.read_wav(path, form, tmp_path)
+    path.write_bytes(wav_bytes(16, SHARES, kind=2))
+    with pytest.raises(UnreadableFile, match="ADPCM"):
+        columnar.read_wav(path, form, tmp_path)
+    path.write_bytes(whole)
+    with pytest.raises(UnreadableFile, match="'#1' holds counts: give full_scale"):
+        columnar.read_wav(path, wav_source(force_x={"column": "#1", "unit": "N"}), tmp_path)
+    with pytest.raises(UnreadableFile, match="'#3' missing; the file has '#1', '#2'"):
+        columnar.read_wav(path, wav_source(x={"column": "#3", "unit": ""}), tmp_path)
+    with pytest.raises(ValueError, match="full_scale of 'force_x' is of a WAV"):
+        columnar.read_wav(path, replace(form, format="tdms"), tmp_path)
 
 
 @pytest.mark.parametrize("packed", [False, True])

@@ -8,15 +8,17 @@ from math import pi
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 import yaml
 from cattrs import structure
 
+from pipeline.report.records import FileRead
 from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.conditions import Condition, ConditionSources
-from pipeline.signals.formats import RecordSource
+from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import (
     QUANTITIES,
@@ -356,3 +358,86 @@ def test_channels_are_declared_in_a_machines_file():
 )  # fmt: skip
 def test_quantities_have_si_units(quantity, unit, factor):
     assert conversion(unit, QUANTITIES[quantity])[0] == pytest.approx(factor, rel=1e-14)
+
+
+FAULTY_ROWS = 2000
+DISPLACEMENTS = TableLayout(
+    time="t",
+    columns={
+        "x_position": ColumnSource(column="x", unit="mm"),
+        "growth": ColumnSource(column="g", unit="um"),
+        "planned_speed": ColumnSource(column="n", unit="rev/min"),
+    },
+)
+
+
+def faulty(tmp_path, change, rows=FAULTY_ROWS):
+    """A recording of 500 Hz with a position, a probe and a plan, changed, after its ingest."""
+    rng, t = np.random.default_rng(0), np.arange(rows) * 2e-3
+    columns = {
+        "t": t, "x": 50 * np.sin(3 * t) + rng.normal(0, 1e-3, rows),
+        "g": 10 * t + rng.normal(0, 0.1, rows), "n": np.round(3000 + 100 * t),
+    }  # fmt: skip
+    change(columns)
+    raw = tmp_path / "raw"
+    raw.mkdir()
+    pd.DataFrame(columns).to_csv(raw / "a.csv", index=False)
+    source = RecordSource(format="csv", files="*.csv", table=DISPLACEMENTS)
+    ingest(raw, tmp_path / "out", [source], MachineIdentity(name="m"))
+    channels = {
+        "x": Channel(column="x_position", quantity="position"),
+        "g": Channel(column="growth", quantity="displacement"),
+        "n": Channel(column="planned_speed", quantity="angular_velocity"),
+    }
+    return read_recordings(tmp_path / "out", channels)[0]
+
+
+def test_a_jump_that_no_axis_makes_is_named_and_its_far_side_not_read(tmp_path):
+    def jump(columns):
+        columns["x"][1500:] += 45.0
+
+    found = faulty(tmp_path, jump)
+    assert found.notes == ("x_position jumps by 44.73 mm in 2 ms at 2.998 s",)
+    missing = np.flatnonzero(np.isnan(found.load().channels["x"]))
+    assert missing.tolist() == list(range(1497, FAULTY_ROWS))
+    assert np.isfinite(found.load().channels["g"]).all()
+
+
+def test_a_reading_that_is_gone_for_some_rows_is_not_read_there(tmp_path):
+    def spike(columns):
+        columns["x"][700:703] = 1e4
+
+    samples = faulty(tmp_path, spike).load()
+    assert np.flatnonzero(np.isnan(samples.channels["x"])).tolist() == list(range(697, 706))
+
+
+def test_a_frozen_probe_an_early_end_and_repeated_stamps_are_named(tmp_path):
+    def wrong(columns):
+        columns["g"][1200:] = columns["g"][1200]
+        columns["n"][1600:] = np.nan
+        columns["t"][[100, 200]] = columns["t"][[99, 199]]
+
+    found = faulty(tmp_path, wrong)
+    probe, plan = found.notes
+    assert probe.startswith("growth holds") and probe.endswith("from 2.4 s to the end")
+    assert plan == "planned_speed ends at 3.198 s, the recording goes on to 3.998 s"
+    notes = json.loads((tmp_path / "out" / "manifest.json").read_text())["files"]["a.csv"]["notes"]
+    assert notes["repeated_stamps"] == {"count": 2, "lines": [102, 202]}
+    read = FileRead(notes=notes)
+    assert read.faults == ["2 rows repeat the time stamp before them", *found.notes]
+
+
+def test_quick_noise_strokes_and_standing_axes_are_no_faults(tmp_path):
+    def fair(columns):
+        columns["x"][:] = np.round(np.clip(50 * np.sin(columns["t"] * 8), -40, 40), 3)
+        columns["x"][1500:] = columns["x"][1500]
+        columns["g"][:] += np.random.default_rng(1).normal(0, 5e4, FAULTY_ROWS)  # 50 mm
+
+    assert faulty(tmp_path, fair).notes == ()
+
+
+def test_a_distance_to_go_that_jumps_at_each_block_is_no_fault(tmp_path):
+    def blocks(columns):
+        columns["x"][:] = 80.0 - 80.0 * (columns["t"] / 0.5 % 1.0)
+
+    assert faulty(tmp_path, blocks).notes == ()

@@ -1,4 +1,4 @@
-"""Recordings in columnar files: Parquet; HDF5; TDMS, the format of NI's data loggers.
+"""Recordings in columnar files: Parquet; HDF5; TDMS, the format of NI's data loggers; WAV.
 
 HDF5 gives datasets of a group, columns of a matrix or fields of a compound dataset.  TDMS needs the
 extra ``tdms``.
@@ -28,6 +28,7 @@ from pipeline.signals.tables.table import (
     RawTable,
     assemble,
     columns_to_read,
+    known_signal,
     layout_of,
     named_columns,
 )
@@ -161,6 +162,84 @@ def _dataset_values(data: Any, part: Any) -> Array:
         return data[part]
     except (ValueError, TypeError) as error:
         raise UnreadableFile(f"{data.name!r} is damaged: {str(error)[:200]}") from error
+
+
+def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:
+    """Trace of a WAV file; a row's line is the number of its sample, from 1.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    source : RecordSource
+        With the table's layout; channels are ``#1``, ``#2``.  Counts are shares of full scale, and
+        become a quantity by ``full_scale`` of their column.  The file states the rate.
+    root : Path
+        Folder of the machine's raw files; tables need nothing else from it.
+
+    Raises
+    ------
+    UnreadableFile
+        When the file is no WAV, is cut, is compressed, or a channel of counts has a unit without
+        its full scale.
+    ValueError
+        When the layout is wrong.
+    """
+    import warnings
+
+    from scipy.io import wavfile
+
+    layout = layout_of(source)
+    try:
+        _check_whole(path)
+        with warnings.catch_warnings():  # chunks of notes and marks, which are not read
+            warnings.simplefilter("ignore", wavfile.WavFileWarning)
+            rate, data = wavfile.read(path)
+    except (ValueError, OSError, EOFError, struct.error) as error:
+        raise UnreadableFile(f"the file is no whole WAV file: {str(error)[:200]}") from error
+    table = data.reshape(len(data), -1)
+    shares = table if table.dtype.kind == "f" else _of_full_scale(table)
+    found = ArrayCollector(group=None, separator="/")
+    for place in range(table.shape[1]):
+        name = f"#{place + 1}"
+        values = shares[:, place] * _full_scale(name, layout, table.dtype.kind != "f")
+        found.add(name, values.shape, values.dtype, values.view)
+    return assemble(raw_table(found.found(), layout, rate=float(rate)), layout)
+
+
+def _check_whole(path: Path) -> None:
+    """Refuse a file that ends before its samples do, as its header counts them."""
+    total = path.stat().st_size
+    with path.open("rb") as file:
+        file.seek(12)
+        while len(head := file.read(8)) == 8:
+            name, size = struct.unpack("<4sI", head)
+            if name == b"data" and (missing := file.tell() + size - total) > 0:
+                raise ValueError(f"it ends {missing} of {size} bytes of samples early")
+            file.seek(size + size % 2, 1)
+
+
+def _of_full_scale(counts: Array) -> Array:
+    """Counts as shares of full scale; 24 bits stand in the upper ones of 32, 8 bits from 128 on."""
+    if counts.dtype == np.uint8:
+        return (counts.astype(float) - 128) / 128
+    return counts / (float(np.iinfo(counts.dtype).max) + 1)
+
+
+def _full_scale(name: str, layout: TableLayout, counts: bool) -> float:
+    """Value at full scale of a channel, in its unit."""
+    for signal, column in layout.columns.items():
+        if column.column != name:
+            continue
+        if column.full_scale is not None:
+            return column.full_scale
+        known = known_signal(signal)
+        if counts and (column.unit or (known is not None and known.unit)):
+            raise UnreadableFile(
+                f"channel {name!r} holds counts: give full_scale, its value at full scale, beside "
+                f"the unit of {signal!r} in the layout"
+            )
+    return 1.0
 
 
 _SINCE_1904 = 2_082_844_800  # seconds from the format's zero, which stands for "not set", to 1970

@@ -10,7 +10,7 @@ import difflib
 import json
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from pipeline.signals.formats import (
     Trace,
     UnreadableFile,
 )
+from pipeline.signals.recorder_faults import recorder_faults
 from pipeline.signals.tables.cells import (
     NANOSECONDS,
     TIME_UNITS,
@@ -255,12 +256,28 @@ def layout_of(source: RecordSource) -> TableLayout:
     for name in ("time", "t"):
         if name in layout.columns:
             raise ValueError(f"{name!r} is the name of the time column, not of a signal: rename it")
+    _check_full_scales(source, layout)
     for name in layout.text:
         if name not in layout.columns:
             raise ValueError(f"text names {name!r}, which is no signal of the layout: correct it")
     if layout.start is not None:
         start_of(layout)
     return layout
+
+
+def _check_full_scales(source: RecordSource, layout: TableLayout) -> None:
+    for name, column in layout.columns.items():
+        if column.full_scale is None:
+            continue
+        if source.format != "wav":
+            raise ValueError(
+                f"full_scale of {name!r} is of a WAV file's counts, the format is "
+                f"{source.format}: leave it out"
+            )
+        if not column.full_scale or not np.isfinite(column.full_scale):
+            raise ValueError(
+                f"full_scale = {column.full_scale} of {name!r} leaves nothing: correct it"
+            )
 
 
 def columns_to_read(layout: TableLayout, available: Sequence[str]) -> list[str]:
@@ -353,6 +370,8 @@ def assemble(raw: RawTable, layout: TableLayout) -> Trace:
             f"no row of {len(rejected)} can be read, the first at line {first.line}: {first.reason}"
         )
     notes = raw.notes | _notes(table.column(0), raw.lines[keep], raw.left_out)
+    if faults := recorder_faults(table):
+        notes["faults"] = [asdict(one) for one in faults]
     table = table.replace_schema_metadata({"notes": json.dumps(notes, sort_keys=True)})
     kept = table.num_rows
     return Trace(table=table, read=kept + len(rejected), kept=kept, rejected=rejected)
@@ -448,7 +467,9 @@ def _notes(time: pa.ChunkedArray, lines: Ints, left_out: list[str]) -> dict[str,
     """What must not be lost and has no row of its own."""
     notes: dict[str, Any] = {"columns_left_out": left_out} if left_out else {}
     kind = pa.int64() if pa.types.is_timestamp(time.type) else time.type
-    back = lines[1:][np.diff(time.cast(kind).to_numpy()) < 0]
-    if len(back):
-        notes["clock_backwards"] = {"count": len(back), "lines": back[:LISTED].tolist()}
+    steps = np.diff(time.cast(kind).to_numpy())
+    for name, rows in (("clock_backwards", steps < 0), ("repeated_stamps", steps == 0)):
+        if rows.any():
+            found = lines[1:][rows]
+            notes[name] = {"count": len(found), "lines": found[:LISTED].tolist()}
     return notes

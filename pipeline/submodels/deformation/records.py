@@ -29,6 +29,9 @@ OFFSET_UM = 10.0
 """First reading up to which a probe may have been zeroed [um], beside what it moves."""
 FEWEST_SENSORS = 3
 """Fewest temperature sensors [1]: front, middle and rear of the spindle."""
+FROZEN_S, FROZEN_K = 1200.0, 2.0
+"""Least time [s] for which a frozen probe shows one value, and movement of the temperatures in it
+[K], as of a frozen sensor."""
 FEWEST_SAMPLES = 10
 """Fewest samples of growth in a recording [1]; fewer show no transient."""
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
@@ -321,7 +324,10 @@ def _profile(
     firsts = [float(clock[np.argmax(one)]) for one in known if one.any()]
     latest = min(firsts, default=0.0) + records.longest_gap_s
     start = max((first for first in firsts if first <= latest), default=0.0)
-    grid = np.arange(start, clock[-1] + 1e-9 * records.period_s, records.period_s)
+    end = clock[-1]
+    if records.speed and not holds:
+        end = min(end, _planned_end(clock, samples.channels[SPEED][rows][order], records))
+    grid = np.arange(start, end + 1e-9 * records.period_s, records.period_s)
 
     def held(channel: str, factor: float = 1.0, offset: float = 0.0) -> Floats:
         values = factor * samples.channels[channel][rows][order] + offset
@@ -334,6 +340,7 @@ def _profile(
         for sensor, gone in zip(records.temperatures, empty, strict=True)
     ])  # fmt: skip
     growth = held(GROWTH, 1 / UM)
+    growth[_frozen_since(growth, temperatures, records.period_s) :] = np.nan
     if (start > 0 or not records.probe_is_zeroed) and np.isfinite(growth).any():
         growth = growth - growth[np.isfinite(growth)][0]
     speed = held(SPEED, RPM) if records.speed else np.zeros(len(grid))
@@ -345,6 +352,31 @@ def _profile(
         ambient=ambient,
     )  # fmt: skip
     return Profile(name=name, state=state, growth=growth)
+
+
+def _planned_end(clock: Floats, speed: Floats, records: DeformationRecords) -> float:
+    """Time up to which a speed that comes with the rows is known [s]: what follows was not planned.
+
+    A spindle that stands last goes on standing; a speed that is written down as it changes holds.
+    """
+    known = np.flatnonzero(np.isfinite(speed))
+    often = len(known) > 1 and np.median(np.diff(clock[known])) <= records.longest_gap_s
+    if not often or speed[known[-1]] == 0:
+        return float(clock[-1])
+    return float(clock[known[-1]]) + records.longest_gap_s
+
+
+def _frozen_since(growth: Floats, temperatures: Floats, period: float) -> int:
+    """First sample from which the probe holds one value to the end while temperatures move."""
+    known = np.flatnonzero(np.isfinite(growth))
+    moved = np.flatnonzero(np.diff(growth[known]) != 0)
+    if not len(known) or not len(moved):
+        return len(growth)
+    last = int(known[moved[-1] + 1])
+    since = np.abs(temperatures[last:] - temperatures[last])
+    since = since[np.isfinite(since).any(axis=1)]
+    far = len(since) > 0 and float(np.nanmedian(since, axis=1).max()) > FROZEN_K
+    return last if far and (len(growth) - last) * period > FROZEN_S else len(growth)
 
 
 def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floats:

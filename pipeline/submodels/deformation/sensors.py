@@ -242,8 +242,12 @@ class SensorModel:
                 found[:, sensor] = vector[:, sensor] - self.expected(vector, sensor, gone)
         return found
 
-    def sizes(self, vector: Floats, gone: frozenset[int]) -> tuple[Floats, Floats]:
+    def sizes(
+        self, vector: Floats, gone: frozenset[int], kept: bool = True
+    ) -> tuple[Floats, Floats]:
         """Smoothed departures over what is tolerated more while the lags settle, and jumps [K].
+
+        A jump counts where the sample after it is there too, unless it need not be ``kept``.
 
         Returns
         -------
@@ -254,15 +258,20 @@ class SensorModel:
         unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
         smoothed = np.abs(lag(time, found, self.settings.smooth_s)) / unsettled[:, None]
         jumps = np.zeros(found.shape)
-        if len(found) > JUMP_SAMPLES + 1:  # a jump counts when the sample after it is there too
+        if len(found) <= JUMP_SAMPLES + 1:
+            return smoothed, jumps
+        if kept:
             before = np.median(sliding_window_view(found, JUMP_SAMPLES, axis=0)[:-2], axis=-1)
             first, second = found[JUMP_SAMPLES:-1] - before, found[JUMP_SAMPLES + 1 :] - before
             jumps[JUMP_SAMPLES + 1 :] = np.where(
                 first * second > 0, np.minimum(np.abs(first), np.abs(second)), 0.0
             )
+        else:
+            before = np.median(sliding_window_view(found, JUMP_SAMPLES, axis=0)[:-1], axis=-1)
+            jumps[JUMP_SAMPLES:] = np.abs(found[JUMP_SAMPLES:] - before)
         return smoothed, jumps
 
-    def ratios(self, vector: Floats, gone: frozenset[int]) -> Floats:
+    def ratios(self, vector: Floats, gone: frozenset[int], kept: bool = True) -> Floats:
         """Departures and jumps over what is tolerated when the sensors ``gone`` are not read [1].
 
         With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
@@ -271,7 +280,7 @@ class SensorModel:
             self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
             for k in range(len(self.sensors))
         ])  # fmt: skip
-        smoothed, jumps = self.sizes(vector, gone)
+        smoothed, jumps = self.sizes(vector, gone, kept)
         ratios: Floats = smoothed / (np.array(self.tolerance_K) * more)
         if self.jump_K:
             ratios = np.maximum(ratios, jumps / (np.array(self.jump_K) * more))
@@ -323,13 +332,18 @@ class SensorModel:
             sensor = min(silent, key=lambda s: (silent[s], s))
             return sensor, silent[sensor]
         for at in over:
-            best, least = -1, 1.0
-            for suspect in np.flatnonzero(ratios[at] > 0.5).tolist():
-                worst = float(self.ratios(vector[: at + 1], gone | {suspect})[-1].max())
-                if worst < least:
-                    best, least = suspect, worst
-            if best >= 0:
-                return best, int(at)
+            worst = {
+                suspect: float(self.ratios(vector[: at + 1], gone | {suspect})[-1].max())
+                for suspect in np.flatnonzero(ratios[at] > 0.5).tolist()
+            }
+            agreeing = [suspect for suspect, one in worst.items() if one < 1.0]
+            if not agreeing:
+                continue
+            if len(agreeing) > 1:  # in the sample of a jump the mean has hardly moved yet
+                for suspect in agreeing:
+                    found = self.ratios(vector[: at + 1], gone | {suspect}, kept=False)
+                    worst[suspect] = float(found[-1].max())
+            return min(agreeing, key=lambda one: worst[one]), int(at)
         return None
 
     def _fault(

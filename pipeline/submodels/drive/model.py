@@ -28,6 +28,7 @@ from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify
 from pipeline.submodels.drive.motor import MotorFit, identify_motor
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording, of_axis
+from pipeline.submodels.drive.servo import loop_gain
 from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
 from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
@@ -60,6 +61,8 @@ class DriveIdentification:
         Why there is no motor.
     shafts : mapping of str to ShaftFit
         Of axes whose both ends were recorded.
+    loop_gains : mapping of str to LoopGain
+        Of axes whose commanded and actual position was recorded, with or without a torque.
     """
 
     feed_drives: Mapping[str, FeedDriveFit]
@@ -71,6 +74,7 @@ class DriveIdentification:
     motor_axis: str = ""
     motor_reason: str = ""
     shafts: Mapping[str, ShaftFit] = field(default_factory=dict)
+    loop_gains: Mapping[str, loop_gain.LoopGain] = field(default_factory=dict)
 
 
 def identify_drives(
@@ -94,7 +98,8 @@ def identify_drives(
     }
     found = [one for one in tried.values() if not isinstance(one, str)]
     drives = {axis: fit for one in found for axis, fit in one.feed_drives.items()}
-    if not drives:
+    gains = loop_gains(training, records, settings.widest)
+    if not drives and not gains:
         raise ValueError(
             "no drive can be identified: " + "; ".join(f"{a}: {why}" for a, why in missing.items())
         )
@@ -106,7 +111,21 @@ def identify_drives(
         presliding={axis: fit for one in found for axis, fit in one.presliding.items()},
         open_axes=missing, motor=motor, shafts=_shafts(training, drives, prior, settings),
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
+        loop_gains=gains,
     )  # fmt: skip
+
+
+def loop_gains(
+    training: Sequence[Recording], records: DriveRecords, widest: float
+) -> dict[str, loop_gain.LoopGain]:
+    """Loop gains of the axes whose commanded and actual position was recorded."""
+    tried = {
+        axis: loop_gain.loop_gain(
+            [(one.tracked[axis], one.period) for one in training if axis in one.tracked], widest
+        )
+        for axis in records.axes
+    }
+    return {axis: gain for axis, gain in tried.items() if gain is not None}
 
 
 def _whole_axis(
@@ -165,7 +184,7 @@ def axis_again(
 
 def _determined_of(letter: str, found: DriveIdentification) -> set[str]:
     """Parameters of mechanics and loops that are determined."""
-    own = axis_parameters(letter, replace(found, shafts={}, presliding={}))
+    own = axis_parameters(letter, replace(found, shafts={}, presliding={}, loop_gains={}))
     return {name for name, one in own.items() if one.determined}
 
 
@@ -290,11 +309,12 @@ def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
 
 
 def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
-    """Parameters of an axis: of its mechanics, then of its servo."""
-    fits: list[AxisFit] = [found.feed_drives[letter]]
-    if letter in found.servos:
-        fits.append(found.servos[letter])
+    """Parameters of an axis: of its mechanics, of its servo, of its position loop alone."""
+    both: list[AxisFit | None] = [found.feed_drives.get(letter), found.servos.get(letter)]
+    fits = [fit for fit in both if fit is not None]
     known = {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
+    if letter in found.loop_gains:
+        known[loop_gain.NAME] = found.loop_gains[letter].parameter
     if letter in found.presliding:
         known |= found.presliding[letter].parameters(found.feed_drives[letter].force_unit)
     if letter in found.shafts:
@@ -323,7 +343,7 @@ def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tup
     rows = [
         LeftOut(case=one.name, reason="; ".join(sorted(set(one.lacking.values()))))
         for one in recordings
-        if not one.axes and not one.motor
+        if not one.axes and not one.motor and not one.tracked
     ]
     rows += [
         LeftOut(case="all of them", reason=f"axis {axis}: {why}")

@@ -48,6 +48,7 @@ from pipeline.submodels.drive.page_parameters import (
     truth_table,
     truth_words,
 )
+from pipeline.submodels.drive.records import BLOCK
 
 FORCE_NOTE = (
     "Force: error of the force that the recorded motion needs, over the measured force; its "
@@ -190,8 +191,7 @@ def drives_verdict(drives: Driven) -> sections.PartVerdict | None:
     follow = "axis follows its" if len(axes) == 1 else "axes follow their"
     return sections.PartVerdict(
         status="passed",
-        sentence=f"The twin’s {joined(axes)} {follow} records: on "
-        f"{counted(_recordings(drives.judged), 'judged recording')} "
+        sentence=f"The twin’s {joined(axes)} {follow} records: on {_judged_words(drives.judged)} "
         f"{errors_words(drives, drives.judged)}.",
         todo="The twin’s axes move as the machine’s do.",
     )
@@ -206,8 +206,7 @@ def _failed(drives: Driven, failed: list[DriveRun]) -> sections.PartVerdict:
     return sections.PartVerdict(
         status="failed",
         sentence=f"The twin’s {joined(axes)} {follow} records: on {_recordings(failed)} of "
-        f"{counted(_recordings(judged), 'judged recording')} "
-        f"{errors_words(drives, failed)}{rest}."
+        f"{_judged_words(judged)} {errors_words(drives, failed)}{rest}."
         + causes_words([(run.axis, run.case) for run in failed]),
         todo=f"Do not plan with the twin’s {joined(axes)} yet. Where an axis was serviced after "
         "its training records, record its reciprocation again; else the table of recordings "
@@ -251,6 +250,16 @@ def errors_words(drives: Driven, runs: list[DriveRun]) -> str:
 
 def _axes_of(runs: list[DriveRun]) -> list[str]:
     return sorted({run.axis for run in runs})
+
+
+def _judged_words(runs: list[DriveRun]) -> str:
+    """How many recordings were judged; blocks of a single one are no other recordings."""
+    if all(BLOCK in run.case.case for run in runs):
+        return (
+            f"{counted(_recordings(runs), 'block')} of the only recording’s own time (each by a "
+            "drive of the others)"
+        )
+    return counted(_recordings(runs), "judged recording")
 
 
 def _recordings(runs: list[DriveRun]) -> int:

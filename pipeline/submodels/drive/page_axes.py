@@ -92,6 +92,10 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
     blocks: list[Block] = []
     for axis in identified_axes(shown):
         blocks += _axis(shown, axis)
+    for axis in _gain_alone(model):
+        words = f"Its mechanics stays unknown; {_why_open(model, axis)}".rstrip("; ")
+        blocks.append(Heading(heading=f"Axis {axis}", text=f"{words}."))
+        blocks += present(axis_parameters_table(shown, axis, f"axis {axis}", axis))
     if model.motor is not None:
         words = _fit_words(model.motor.condition, model.motor.correlation)
         blocks.append(Heading(heading="Motor", text=words))
@@ -108,6 +112,17 @@ def drives_section(shown: Shown[DriveModel]) -> Section | None:
     )
     return Section(key="drives", title="The feed drives: what moves the axes", text=text,
                    blocks=blocks)  # fmt: skip
+
+
+def _gain_alone(model: DriveModel) -> list[str]:
+    """Axes of which commanded and actual position told the loop gain, and no more."""
+    return sorted(set(model.parameters) - set(model.axes) - {MOTOR})
+
+
+def _why_open(model: DriveModel, axis: str) -> str:
+    of_axis = f"axis {axis}: "
+    said = (one.reason for one in model.left_out if one.reason.startswith(of_axis))
+    return next(said, "").removeprefix(of_axis).rstrip(".")
 
 
 def _axis(shown: Shown[DriveModel], axis: str) -> list[Block]:

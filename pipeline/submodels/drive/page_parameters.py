@@ -53,6 +53,7 @@ MEANINGS = {
     "position_scale": "gain of the position loop over its nominal one",
     "velocity_scale": "gain of the velocity loop over its nominal one",
     "integral_scale": "gain of the velocity loop’s integral over its nominal one",
+    "loop_gain": "Kv: speed over following error at constant speed, with what is fed forward",
     "velocity_feedforward": "share of the commanded speed that is fed forward",
     "acceleration_feedforward": "command for the commanded acceleration",
     "presliding_stiffness": "stiffness of friction before it slides",

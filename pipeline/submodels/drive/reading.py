@@ -15,6 +15,7 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.signals import recordings
+from pipeline.signals.recorder_faults import without_faults
 from pipeline.signals.sampling import UniformSegment, uniform_segments
 from pipeline.signals.units import conversion
 from pipeline.submodels.drive.prior import (
@@ -33,6 +34,7 @@ from pipeline.submodels.drive.records import (
     MotorRecords,
     Recording,
     ShaftRecords,
+    Tracked,
     check_channels,
 )
 
@@ -119,11 +121,11 @@ def read_file(
         Whether the drives are fitted on it.
     """
     name = file.name
-    blank = Recording(name=name, trained=trained, sha256=file.sha256)
+    blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
     if file.file is None:
         return [_nothing(blank, records, file.reason)]
     try:
-        table = pq.read_table(file.file)
+        table = without_faults(pq.read_table(file.file), file.faults)
     except (OSError, pa.ArrowException):
         place = f"{file.file.parent.name}/{file.file.name}"
         return [_nothing(blank, records, f"{place} cannot be read: run `dvc repro`")]
@@ -136,7 +138,7 @@ def read_file(
         used = {one for letter in records.axes for one in names_of(prior.axis(letter))}
         if lent := sorted(used & set(shared) - set(own)):
             said = f"{', '.join(lent)} taken from the other recordings: this one does not hold it"
-            blank = replace(blank, notes=(said,))
+            blank = replace(blank, notes=(*blank.notes, said))
         return _drives(table, blank, records, prior, {**shared, **own})
     except Unusable as error:
         return [_nothing(blank, records, str(error))]
@@ -156,36 +158,52 @@ def _drives(
     lacking: dict[str, str] = {}
     for letter, names in records.axes.items():
         try:
+            channels[letter] = _moving(table, names)
             constants_of_axis[letter] = prior.axis(letter).resolved(constants)
-            found = _axis(table, names)
-            unit = _unit(table.schema.field(names.command))
-            check_command(names.command, unit)
-            channels[letter], units[letter] = found, COMMAND_UNITS.get(unit, unit)
+            command, unit = _command(table, names)
+            channels[letter] |= {"command": command}
+            units[letter] = COMMAND_UNITS.get(unit, unit)
         except ValueError as error:  # what is wrong with a constant or a channel of this file
             lacking[letter] = str(error)
+    channels = {letter: one for letter, one in channels.items() if letter in units or _both(one)}
     if not channels:
         return [replace(blank, lacking=lacking)]
     air = _air(table, records.air)
     rows, pieces = _pieces(table, [v for axis in channels.values() for v in axis.values()])
 
-    def record(letter: str, piece: UniformSegment) -> AxisRecord:
-        on_grid = {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
+    def grid(letter: str, piece: UniformSegment) -> dict[str, Floats]:
+        return {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
+
+    def record(letter: str, on_grid: dict[str, Floats]) -> AxisRecord:
         return AxisRecord(
-            command=on_grid.pop("command"), constants=constants_of_axis[letter],
+            command=on_grid["command"], constants=constants_of_axis[letter],
             command_unit=units[letter],
             load_unit=_load_unit(table, _named(table, records.axes[letter].load)),
             load=on_grid.get("load"), **{key: on_grid.get(key) for key in SI},
         )  # fmt: skip
 
-    return [
-        replace(
-            one,
-            axes={letter: record(letter, piece) for letter in channels},
-            lacking=lacking,
-            air=_near(piece, air[rows]) & ~piece.filled,
+    found = []
+    for piece, one in _parts(pieces, table.num_rows, blank):
+        grids = {letter: grid(letter, piece) for letter in channels}
+        found.append(
+            replace(
+                one,
+                axes={letter: record(letter, grids[letter]) for letter in units},
+                tracked={
+                    letter: Tracked(reference=of["reference"], position=of["position"])
+                    for letter, of in grids.items()
+                    if _both(of)
+                },
+                lacking=lacking,
+                air=_near(piece, air[rows]) & ~piece.filled,
+            )
         )
-        for piece, one in _parts(pieces, table.num_rows, blank)
-    ]
+    return found
+
+
+def _both(channels: Mapping[str, Floats]) -> bool:
+    """Whether commanded and actual position are there."""
+    return {"reference", "position"} <= set(channels)
 
 
 def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Recording]:
@@ -277,34 +295,41 @@ def _nothing(blank: Recording, records: DriveRecords, reason: str) -> Recording:
     return replace(blank, lacking=dict.fromkeys(records.axes, reason))
 
 
-def _axis(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
-    """Channels of an axis in SI, all rows, without those that the recording lacks."""
+def _moving(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
+    """Motion and load of an axis in SI, all rows, without what the recording lacks."""
     found = {
         key: values
-        for key in (*SI, "command")
-        if (values := _channel(table, _named(table, getattr(channels, key)), SI.get(key)))
-        is not None
+        for key in SI
+        if (values := _channel(table, _named(table, getattr(channels, key)), SI[key])) is not None
     }
     name = _named(table, channels.load)
     unit = _load_unit(table, name)
     if (load := _channel(table, name, unit if unit in DISTURBANCES else None)) is not None:
         found["load"] = load
-    if "command" not in found:
-        raise Unusable(f"it has no channel {channels.command!r}: record the torque command")
-    if channels.reversed:
-        found["command"] = -found["command"]
     if "position" not in found and "velocity" not in found:
         name = channels.position or channels.velocity
         raise Unusable(f"it has no channel {name!r}: record the position")
-    command = found["command"][np.isfinite(found["command"])]
-    if not len(command) or np.ptp(command) == 0:
-        raise Unusable(
-            f"{channels.command!r} is {command[:1].sum():g} throughout: record the drive's current"
-        )
     motion = found.get("position", found.get("velocity"))
     if motion is not None and np.nanmax(motion) == np.nanmin(motion):
         raise Unusable("the axis does not move in it")
     return found
+
+
+def _command(table: pa.Table, channels: AxisChannels) -> tuple[Floats, str]:
+    """Torque command of an axis, all rows, a positive one towards plus, and its unit."""
+    name = _named(table, channels.command)
+    values = _channel(table, name, None)
+    if name is None or values is None:
+        what = f"no channel {channels.command!r}" if name else "no torque command"
+        raise Unusable(f"it has {what}: record the torque command")
+    known = values[np.isfinite(values)]
+    if np.ptp(known) == 0:
+        raise Unusable(
+            f"{channels.command!r} is {known[0]:g} throughout: record the drive's current"
+        )
+    unit = _unit(table.schema.field(name))
+    check_command(name, unit)
+    return (-values if channels.reversed else values), unit
 
 
 def _named(table: pa.Table, pattern: str | None) -> str | None:

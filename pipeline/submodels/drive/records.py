@@ -2,11 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from math import inf
+from typing import Any
 
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.signals.parts import samples_sha256
+
+BLOCK = " (block "
+"""Stands in the name of a block of a recording's own time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,8 +21,8 @@ class AxisChannels:
 
     Parameters
     ----------
-    command : str
-        Torque command: current or voltage.
+    command : str, optional
+        Torque command: current or voltage; without it the loop gain alone can be found.
     reference, position, velocity_reference, velocity, acceleration_reference, acceleration : \
 str, optional
         Commanded and measured motion; velocity and acceleration that are not recorded are derived
@@ -28,7 +34,7 @@ str, optional
         Whether a positive command pushes in the negative direction.
     """
 
-    command: str
+    command: str | None = None
     reference: str | None = None
     position: str | None = None
     velocity_reference: str | None = None
@@ -238,6 +244,14 @@ class AxisRecord:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Tracked:
+    """Commanded and actual position of one axis [m]; shape (T,) each."""
+
+    reference: Floats
+    position: Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
     """One stretch of a recording on a uniform grid of T samples.
 
@@ -253,6 +267,8 @@ class Recording:
         Recorded samples, not interpolated ones, that are free of cutting load.
     axes : mapping of str to AxisRecord
         Axes that it shows, by letter.
+    tracked : mapping of str to Tracked
+        Axes whose commanded and actual position it has, with or without a command of the motor.
     lacking : mapping of str to str
         Axes that it does not show, with reason and remedy.
     motor : mapping of str to ndarray, shape (T,)
@@ -272,6 +288,7 @@ class Recording:
     period: float = inf
     air: Bools = field(default_factory=lambda: np.zeros(0, bool))
     axes: Mapping[str, AxisRecord] = field(default_factory=dict)
+    tracked: Mapping[str, Tracked] = field(default_factory=dict)
     lacking: Mapping[str, str] = field(default_factory=dict)
     motor: Mapping[str, Floats] = field(default_factory=dict)
     shafts: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
@@ -281,7 +298,7 @@ class Recording:
     @property
     def file(self) -> str:
         """Name of the raw file below the machine's folder."""
-        return self.name.partition(" (part ")[0]
+        return self.name.partition(BLOCK)[0].partition(" (part ")[0]
 
     @property
     def samples(self) -> int:
@@ -300,6 +317,47 @@ def of_axis(recordings: Sequence[Recording], axis: str) -> list[Recording]:
         replace(one, axes={axis: one.axes[axis]}, motor={}, shafts={})
         for one in recordings if axis in one.axes
     ]  # fmt: skip
+
+
+BLOCKS = 4
+"""Blocks in which the only recording is judged, each by a drive of the others [1]."""
+
+
+def blocks_of(parts: Sequence[Recording]) -> list[Recording]:
+    """Parts of one recording in about :data:`BLOCKS` blocks of its own time, cut where it is slow.
+
+    Each has the hash of its own samples.
+    """
+    total = sum(one.seconds for one in parts)
+    cut = [block for one in parts for block in _cut(one, round(BLOCKS * one.seconds / total))]
+    return [
+        replace(block, name=f"{block.name}{BLOCK}{k} of {len(cut)} of its own time)")
+        for k, block in enumerate(cut, start=1)
+    ]
+
+
+def _cut(one: Recording, many: int) -> list[Recording]:
+    """About equal blocks of a recording, from and to where its axes are slowest."""
+    speed = np.zeros(one.samples)
+    for axis in one.axes.values():
+        moved = axis.velocity if axis.position is None else np.gradient(axis.position)
+        if moved is not None:
+            speed += np.abs(moved) / max(float(np.abs(moved).max()), 1e-300)
+    wide = one.samples // (4 * max(many, 1))
+    middles = [one.samples * k // many for k in range(1, many)]
+    cuts = [m - wide + int(np.argmin(speed[m - wide : m + wide])) for m in middles]
+    ends = [0, *cuts, one.samples]
+    return [_within(one, slice(a, b)) for a, b in pairwise(ends)]
+
+
+def _within(one: Recording, rows: slice) -> Recording:
+    """Some rows of a recording."""
+    axes = {}
+    for letter, axis in one.axes.items():
+        part: dict[str, Any] = {k: v[rows] for k, v in vars(axis).items() if hasattr(v, "dtype")}
+        axes[letter] = replace(axis, **part)
+    hashed = samples_sha256((letter, axis.command) for letter, axis in sorted(axes.items()))
+    return replace(one, axes=axes, air=one.air[rows], tracked={}, sha256=hashed)
 
 
 MOTION = (

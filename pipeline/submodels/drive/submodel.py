@@ -22,6 +22,7 @@ from pipeline.schema.drive import (
     RIGID,
     SPEED,
     TWIST,
+    DriveAxis,
     DriveModel,
     TrainingRecording,
 )
@@ -39,6 +40,7 @@ from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
 from pipeline.submodels.drive.intervals import with_intervals
 from pipeline.submodels.drive.model import (
+    DriveIdentification,
     axis_again,
     axis_parameters,
     identify_drives,
@@ -50,10 +52,17 @@ from pipeline.submodels.drive.model import (
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
-from pipeline.submodels.drive.records import AxisRecord, DriveRecords, Recording
+from pipeline.submodels.drive.records import (
+    BLOCK,
+    AxisRecord,
+    DriveRecords,
+    Recording,
+    blocks_of,
+    of_axis,
+)
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
 from pipeline.submodels.drive.twist import is_known, twist_frames
-from pipeline.twin.drive import IdentifiedDrive, identified_drives, speed_of
+from pipeline.twin.drive import IdentifiedDrive, identified_drive, identified_drives, speed_of
 from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between
 
@@ -165,7 +174,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
             if one.motor and of_file == "held_out":
                 of_file = "training"
             cases.append(drive_case(one, of_file))
-        return Cases(cases=tuple(cases), left_out=tuple(others))
+        return Cases(cases=(*cases, *_own_time(cases)), left_out=tuple(others))
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> DriveModel:
         """Mechanics, servo and mass over time of each axis, and the motor."""
@@ -181,7 +190,9 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
             partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
         )
-        parameters = {letter: axis_parameters(letter, found) for letter in axes}
+        parameters = {
+            letter: axis_parameters(letter, found) for letter in sorted({*axes, *found.loop_gains})
+        }
         if found.motor is not None:
             pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1
             parameters[MOTOR] = motor_parameters(found.motor, pairs)
@@ -191,9 +202,11 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         }
         used = [
             c for c, one in zip(training, recordings, strict=True)
-            if one.axes or one.motor or one.shafts
+            if one.axes or one.motor or one.shafts or one.tracked
         ]  # fmt: skip
+        blocks = [case.load() for case in cases.of("held_out") if BLOCK in case.name]
         return DriveModel(
+            blocks=_by_rest(blocks, found, settings),
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
@@ -209,7 +222,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                     recording=one.name, seconds=round(one.seconds, 3), notes=one.notes
                 )
                 for one in recordings
-                if one.axes
+                if one.axes or one.tracked
             ),
             substeps=settings.drive_fit.substeps,
             shafts=shafts,
@@ -220,7 +233,13 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         """Predictor of recordings."""
         model = read_json(folder / "model.json", DriveModel)
         drives = identified_drives(model)
-        return lambda case: _predicted(case.load(), model, drives)
+        of_rest = {
+            name: {letter: identified_drive(axis) for letter, axis in axes.items()}
+            for name, axes in model.blocks.items()
+        }
+        return lambda case: _predicted(
+            case.load(), model, of_rest.get(case.name, {}) if BLOCK in case.name else drives
+        )
 
     def figures(self, model: DriveModel) -> dict[str, Any]:
         """Parameters of shafts, and speed loops by kind and gains, for the metrics."""
@@ -283,6 +302,36 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         return drive_page(shown)
 
 
+def _own_time(cases: list[Case]) -> list[Case]:
+    """Blocks to judge by where all cases that show an axis are parts of one training recording."""
+    shown = [case for case in cases if case.conditions or case.role == "sealed"]
+    files = {one.file for case in shown for one in case.files}
+    if len(files) != 1 or any(case.role != "training" for case in shown):
+        return []
+    parts: list[Recording] = [case.load() for case in shown]
+    return [
+        drive_case(block, "held_out") for block in blocks_of([one for one in parts if one.axes])
+    ]
+
+
+def _by_rest(
+    blocks: list[Recording], found: DriveIdentification, settings: Fitting
+) -> dict[str, dict[str, DriveAxis]]:
+    """By the name of each block the axes that the other blocks determine as well as all do."""
+    tasks = [(block.name, letter) for block in blocks for letter in block.axes]
+    tasks = [one for one in tasks if one[1] in found.feed_drives]
+
+    def of_rest(task: tuple[str, str]) -> DriveAxis | None:
+        rest = of_axis([one for one in blocks if one.name != task[0]], task[1])
+        return axis_again(task[1], rest, found, settings.drive, settings.drive_fit)
+
+    axes: dict[str, dict[str, DriveAxis]] = {}
+    for (name, letter), axis in zip(tasks, mapped(of_rest, tasks), strict=True):
+        if axis is not None:
+            axes.setdefault(name, {})[letter] = axis
+    return axes
+
+
 def drive_case(recording: Recording, role: Role) -> Case:
     """A recording as a case; of a sealed one nothing is said but its name and hash."""
     return Case(
@@ -327,8 +376,12 @@ def _predicted(
             notes.setdefault(why, []).append(letter)
     if not frames:
         why = "it shows a motor, no axis" if recording.motor else "it shows no identified axis"
+        if BLOCK in recording.name:
+            why = "the rest of the recording determines less than the whole: record another"
         return Prediction(frame=pd.DataFrame(), facts=facts, note=why)
-    note = "; ".join(f"{' and '.join(letters)}: {why}" for why, letters in notes.items())
+    said = [f"{' and '.join(letters)}: {why}" for why, letters in notes.items()]
+    said += ["a block of the only recording, by a drive of the others"] * (BLOCK in recording.name)
+    note = "; ".join(said)
     return Prediction(frame=pd.concat(frames, ignore_index=True), facts=facts, note=note)
 
 

@@ -151,3 +151,28 @@ def test_a_probe_that_begins_far_from_zero_names_the_setting(tmp_path: Path) -> 
     signals = signals_of(tmp_path, {"a": replace(one, growth=one.growth + 500.0)})
     (found,) = read_profiles(signals, RECORDS, lambda name: True)
     assert found.profile is None and "probe_is_zeroed: false" in found.reason
+
+
+def test_what_a_frozen_probe_shows_is_no_growth(tmp_path: Path) -> None:
+    one = made(5, minutes=120)
+    frozen = one.growth.copy()
+    frozen[40:] = frozen[40]
+    (found,) = read_profiles(
+        signals_of(tmp_path, {"a": replace(one, growth=frozen)}), RECORDS, lambda name: True
+    )
+    assert found.profile is not None
+    assert np.flatnonzero(np.isnan(found.profile.growth)).tolist() == list(range(40, 120))
+
+
+@pytest.mark.parametrize("standing", [False, True])
+def test_readings_after_the_planned_end_are_not_read(tmp_path: Path, standing: bool) -> None:
+    one = made(5, minutes=120)
+    speed = np.where(np.arange(120) < 80, np.maximum(one.speed, 600.0), np.nan)
+    speed[79] = 0.0 if standing else 600.0
+    (found,) = read_profiles(
+        signals_of(tmp_path, {"a": replace(one, speed=speed)}), RECORDS, lambda name: True
+    )
+    assert found.profile is not None
+    # a spindle that stands goes on standing; a value counts for the longest gap
+    rows = 120 if standing else 80 + round(RECORDS.longest_gap_s / 60)
+    assert len(found.profile.state) == rows

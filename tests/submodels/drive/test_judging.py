@@ -18,13 +18,16 @@ from pipeline.schema.store import json_text, parsed, read_json, write_json
 from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Cases, Roles
+from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.comparison import (
     compared_force,
     constant_level,
     following_comparison,
 )
+from pipeline.submodels.drive.page import Driven, _judged_words
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import (
+    BLOCKS,
     AxisChannels,
     AxisConstants,
     AxisRecord,
@@ -32,7 +35,13 @@ from pipeline.submodels.drive.records import (
     Recording,
 )
 from pipeline.submodels.drive.servo.fit import identify_servo
-from pipeline.submodels.drive.submodel import SUBMODEL, DriveLimits, Judging, drive_case
+from pipeline.submodels.drive.submodel import (
+    SUBMODEL,
+    DriveLimits,
+    Judging,
+    _own_time,
+    drive_case,
+)
 from pipeline.submodels.judge import Judged, judge
 from pipeline.twin.drive import DriveParameters, IdentifiedDrive, identified_drive
 from tests.machine.plain_drive import simulate_drive
@@ -140,6 +149,33 @@ def test_the_twins_own_records_are_rebuilt(judged):
     assert other.rmse < other.baselines["speed_over_loop_gain"].rmse / 20
     assert one.baselines["constant_level"].relative_percent > 20
     assert (one.role, one.status, other.status) == ("held_out", "passed", "passed")
+
+
+def test_the_only_recording_is_judged_by_blocks_of_its_own_time(judged):
+    whole = twin_record("train.csv", trained=True, speeds=(0.01, 0.05, 0.2) * 3)
+    blocks = _own_time([drive_case(whole, "training")])
+    assert [one.role for one in blocks] == ["held_out"] * BLOCKS
+    assert len({one.files[0].sha256 for one in (*blocks, drive_case(whole, "training"))}) == 5
+    cut = [one.load() for one in blocks]
+    assert {one.file for one in cut} == {"train.csv"}
+    ends = [float(np.ptp(one.axes["X"].position[-3:])) for one in cut[:-1]]
+    assert max(ends) < 1e-6  # from and to standstill
+    joined = np.concatenate([one.axes["X"].command for one in cut])
+    assert np.array_equal(joined, whole.axes["X"].command)
+    model = stored([whole])
+    model = replace(model, blocks={one.name: model.axes for one in blocks[:3]})
+    found = judged([whole, *(replace(one, trained=False) for one in cut)], model=model)
+    assert found.verdict.status == "passed"
+    names = {s.group for s in found.verdict.of("force X") if s.status == "passed"}
+    assert names == {f"train.csv (block {k} of 4 of its own time)" for k in (1, 2, 3)}
+    assert "determines less than the whole" in case_of(found, blocks[3].name).note
+    shown = Shown(
+        machine="mill", origin="simulated", model=model, verdict=found.verdict, predictions=None
+    )
+    runs = Driven.of(shown).judged
+    assert _judged_words(runs).startswith("3 blocks of the only recording’s own time")
+    other = [drive_case(TRAINED, "training"), drive_case(NEW, "held_out")]
+    assert _own_time(other) == []
 
 
 def test_a_force_constant_by_a_load_holds_for_recordings_without_one(judged):

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.submodels.drive.mechanics.motion import first_difference
 from pipeline.submodels.drive.records import AxisConstants
 from pipeline.submodels.drive.servo.equation import (
     NODES,
@@ -14,7 +15,6 @@ from pipeline.submodels.drive.servo.equation import (
     Nominal,
     ServoRecord,
     delayed,
-    derivative,
     servo_bandwidth,
     servo_equation,
     servo_low_passed,
@@ -183,7 +183,7 @@ def test_derivative_is_of_fourth_order():
     errors = []
     for h in (2e-3, 1e-3):
         t = np.arange(0, 1, h)
-        found = derivative(np.sin(20 * t), h)[4:-4]
+        found = first_difference(np.sin(20 * t), h)[4:-4]
         errors.append(np.abs(found - 20 * np.cos(20 * t[4:-4])).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)
 

@@ -3,4 +3,4 @@
 The control law of a cascade (Sim2023) is fitted to the recorded command, in SI at the encoder.
 """
 
-__all__ = ["equation", "fit", "presliding", "search"]
+__all__ = ["equation", "fit", "loop_gain", "presliding", "search"]

@@ -28,6 +28,7 @@ import numpy as np
 
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.submodels.drive.mechanics.motion import first_difference
 from pipeline.submodels.drive.records import AxisConstants, Recording
 
 TERMS = (
@@ -471,7 +472,7 @@ def servo_signals(record: ServoRecord, bandwidth: float, difference: Difference)
     h = record.period
     motion = np.stack((record.reference, record.position, record.command))
     r, x, A = servo_low_passed(motion, h, bandwidth)
-    e, v = r - x, derivative(x, h)
+    e, v = r - x, first_difference(x, h)
     swept = h * np.cumsum(e - 0.5 * np.diff(e, prepend=e[0]))
     way, speed, ahead = _fed_forward(r, h, difference)
     return np.stack((e, speed, swept, way, ahead, v, x - r[0], A))
@@ -530,12 +531,4 @@ def without_drift(columns: Floats) -> list[Floats]:
         line = np.linspace(-1, 1, len(part))
         level = part - part.mean(axis=0)
         found.append(level - np.outer(line, line @ level / (line @ line)))
-    return found
-
-
-def derivative(signal: Floats, period: float) -> Floats:
-    """Central difference of fourth order, of second at the edges; shape (T,)."""
-    found = np.gradient(signal, period)
-    near, far = signal[3:-1] - signal[1:-3], signal[4:] - signal[:-4]
-    found[2:-2] = (8 * near - far) / (12 * period)
     return found

@@ -25,7 +25,7 @@ from pipeline.submodels.drive.mechanics.estimates import (
     compared_methods,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, Recording
+from pipeline.submodels.drive.records import AxisConstants, Recording, Tracked
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -40,11 +40,14 @@ from pipeline.submodels.drive.servo.equation import (
     TX,
     Nominal,
     ServoEquation,
+    ServoRecord,
     servo_bandwidth,
     servo_equation,
     servo_periods,
     servo_records,
 )
+from pipeline.submodels.drive.servo.loop_gain import DECAYS, LoopGain, loop_gain
+from pipeline.submodels.drive.servo.loop_gain import LISTED as GAIN_LISTED
 from pipeline.submodels.drive.servo.search import (
     ServoOptimum,
     genetic_servo,
@@ -59,6 +62,10 @@ FITTED = "the servo's own equation on recorded reference, position and command"
 LISTED = "as conf/machine/ has it; these records do not tell it better"
 WITHOUT = "not determined by these records; the twin goes without"
 LOOSE = "not determined by these records; the twin uses the best value all the same"
+HALVINGS = 4
+"""Bandwidths that are tried, each half of the one before [1]."""
+SAME = 0.01
+"""Relative difference up to which two loop gains are one [1]."""
 AT_BOUND = 1e-3
 """Share of a bound within which a term is at it [1]."""
 SHORTEST = 1e-7
@@ -111,11 +118,87 @@ def identify_servo(
     if not records:
         return _without(nominal, unit, f"no training recording of axis {axis} has commanded "
                         "position, measured position and command: record all three")  # fmt: skip
+    alone = loop_gain(
+        [(Tracked(reference=r.reference, position=r.position), r.period) for r in records],
+        settings.widest,
+    )
     bandwidth = settings.bandwidth_Hz or servo_bandwidth(records)
+    fits: list[ServoFit] = []
     try:
-        equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
-    except ValueError as error:
-        return _without(nominal, unit, f"axis {axis}: {error}")
+        for k in range(1 if settings.bandwidth_Hz else HALVINGS):
+            fits.append(
+                _at_bandwidth(records, nominal, constants, unit, bandwidth / 2**k, settings)
+            )
+            if alone is None or not _contradicts(fits[-1], nominal, alone):
+                return replace(_beside(fits[-1], nominal, alone), left_out=tuple(others))
+    except ValueError as error:  # too short for as narrow a filter
+        if not fits:
+            return _without(nominal, unit, f"axis {axis}: {error}")
+    return replace(_beside(fits[0], nominal, alone), left_out=tuple(others))
+
+
+def _contradicts(fit: ServoFit, nominal: Nominal, alone: LoopGain) -> bool:
+    """Whether speed over following error is another by the equation than by positions alone.
+
+    At high bandwidths the encoder's steps are as large as what the loops answer.  Without an
+    integral friction takes a share of the speed, and the two differ by it.  A feed-forward that is
+    not determined is fitted in the gain's stead.
+    """
+    if not (fit.determined[SPP] and alone.determined and fit.values[SVI] > 0):
+        return False
+    if fit.how[FV] == LOOSE:
+        return True
+    gain = fit.values[SPP] * nominal.position_gain
+    left = 1 - fit.values[FV]
+    half = (fit.high[SPP] - fit.values[SPP]) / fit.values[SPP]
+    if np.isfinite(fit.high[FV] - fit.values[FV]):
+        half += (fit.high[FV] - fit.values[FV]) / max(left, SAME)
+    away = abs(gain - left * alone.value) / gain
+    return bool(away > SAME + half + (alone.high - alone.low) / alone.value)
+
+
+def _beside(fit: ServoFit, nominal: Nominal, alone: LoopGain | None) -> ServoFit:
+    """The loops without what positions alone speak against."""
+    if alone is None:
+        return fit
+    if alone.decays and not nominal.named(TERMS[FV]):
+        return _refused(fit, nominal, (SPP,), DECAYS, GAIN_LISTED)
+    if _contradicts(fit, nominal, alone):
+        how = f"not determined: by positions alone the loop gain is {alone.value:.4g} 1/s"
+        return _refused(fit, nominal, SCALES, how, REMEDY[TERMS[SPP]])
+    return fit
+
+
+def _refused(
+    fit: ServoFit, nominal: Nominal, terms: Sequence[int], how: str, remedy: str
+) -> ServoFit:
+    """The loops with some terms not determined; without a servo where no list names their gains."""
+    determined, whys, remedies = fit.determined.copy(), list(fit.how), list(fit.remedy)
+    for k in terms:
+        determined[k], whys[k], remedies[k] = False, how, remedy
+    lost = not all(nominal.named(TERMS[k]) for k in terms)
+    return replace(
+        fit, determined=determined, how=tuple(whys), remedy=tuple(remedies),
+        servo=None if lost else fit.servo, reason=f"{how}: {remedy}" if lost else fit.reason,
+    )  # fmt: skip
+
+
+def _at_bandwidth(
+    records: Sequence[ServoRecord],
+    nominal: Nominal,
+    constants: AxisConstants,
+    unit: str,
+    bandwidth: float,
+    settings: DriveFitSettings,
+) -> ServoFit:
+    """Servo from its equation below ``bandwidth`` [Hz].
+
+    Raises
+    ------
+    ValueError
+        When the records are too short for it.
+    """
+    equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest
     )
@@ -144,7 +227,6 @@ def identify_servo(
         bandwidth_Hz=bandwidth, relative_error_percent=100 * best.error / equation.spread,
         condition=uncertainty.condition, rank=rank, correlation=uncertainty.correlation,
         correlated=tuple(t for t, fitted in zip(TERMS, best.fitted, strict=True) if fitted),
-        left_out=tuple(others),
     )  # fmt: skip
 
 

@@ -248,7 +248,7 @@ def servo_uncertainty(
     residuals = equation.columns @ equation.factors(found.values)
     blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
-    again = least_squares_servo(slower, found.values, found.fitted, found.values)
+    again = least_squares_servo(slower, found.values, found.fitted)
     half = np.full(len(TERMS), np.inf)
     half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
     half[inside] += CLOCK * np.abs(found.values[inside])
