@@ -89,12 +89,6 @@ class WearJudge:
         found = self.trained.predict(self._inputs(values, conditions))
         return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
 
-    def embeddings(
-        self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None = None
-    ) -> Floats:
-        """What the last layer sees of windows, shape (N, F); raises as :meth:`predict`."""
-        return self.trained.features(self._inputs(values, conditions))
-
     def _inputs(self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None) -> Floats:
         return _inputs(
             values, conditions or {}, (self.shift, self.scale), self.conditions,

@@ -61,11 +61,6 @@ class FrozenSet:
         lines = "".join(f"{f.sha256}  {f.file}\n" for f in self.files)
         return hashlib.sha256(lines.encode()).hexdigest()
 
-    @property
-    def hashes(self) -> frozenset[str]:
-        """SHA-256 of each file."""
-        return frozenset(one.sha256 for one in self.files)
-
 
 @dataclass(frozen=True, kw_only=True)
 class GoldenSets:

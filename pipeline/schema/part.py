@@ -22,7 +22,7 @@ from pipeline.schema.part_sheet import (
 )
 from pipeline.schema.program_cut import CutWarning, NotKnown, ToolEdge
 from pipeline.schema.store import write_json
-from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
@@ -480,17 +480,6 @@ def part_values(part: OptimisedPart) -> dict[str, Any]:
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values
-
-
-def part_of(values: Any, path: str = "$") -> OptimisedPart:
-    """A stored part, read from JSON; ``path`` names it in messages.
-
-    Raises
-    ------
-    ValueError
-        When it is of another shape; the message names the keys.
-    """
-    return structured(values, OptimisedPart, path)
 
 
 def write_part(part: OptimisedPart, path: Path) -> None:

@@ -63,11 +63,6 @@ class ChannelScaling:
         shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
         return ((values - shift) / scale).astype(np.float32)
 
-    def unscaled(self, values: Singles) -> Singles:
-        """Windows in the channels' units again, shape (N, C, L)."""
-        shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
-        return (values * scale + shift).astype(np.float32)
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearWindows:
@@ -124,11 +119,6 @@ class WearWindows:
     def is_class(self) -> bool:
         """Whether wear is worn or not, no number."""
         return self.wear_unit == "1"
-
-    @property
-    def window_s(self) -> float:
-        """Length of a window [s]."""
-        return self.values.shape[2] / self.rate_Hz
 
     def of(self, rows: Any) -> "WearWindows":
         """Some of the windows, by a mask, by numbers or as a slice."""

@@ -160,12 +160,6 @@ class DeformationNetwork(Ranged, section="deformation"):
             body_cooling_rate=self.structure_cooling_rate,
         )
 
-    @property
-    def time_constants_s(self) -> tuple[float, float]:
-        """Time constants of the network, the shorter first [s]."""
-        slow, fast = np.sort(np.abs(np.linalg.eigvals(self.thermal.rates).real))
-        return float(1 / fast), float(1 / slow)
-
     def growth(self, nodes_C: Floats, speed_rad_s: ArrayLike) -> Floats:
         """Growth since the first sample [m], shape (..., T), from the nodes, (2, ..., T)."""
         rise = nodes_C - nodes_C[..., :1]

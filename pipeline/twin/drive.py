@@ -28,22 +28,6 @@ from pipeline.schema.verdict import Fact
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveParameters:
-    """One axis.
-
-    Parameters
-    ----------
-    servo : ServoParameters
-        The loops.
-    feed_drive : FeedDriveParameters
-        The mechanics.
-    """
-
-    servo: ServoParameters
-    feed_drive: FeedDriveParameters
-
-
-@dataclass(frozen=True, kw_only=True)
 class DriveStart(Ranged, section="start"):
     """The axis at the first sample.
 

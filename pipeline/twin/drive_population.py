@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.machine.axis.feed_drive import DriveColumn, check_rows, drive_row
+from pipeline.machine.axis.feed_drive import DriveColumn, check_rows
 from pipeline.schema.arrays import Floats
 from pipeline.twin.drive import DriveStart, check_steps, samples
 

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from pipeline.kernels import compiled
 from pipeline.machine.axis.drive_step import FARTHEST, decay
 from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.twin.drive import DriveParameters, DriveStart
+from pipeline.twin.drive import DriveStart
 from pipeline.twin.drive_population import simulate_traces
 from tests.machine.plain_drive import simulate_drive
-from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
+from tests.twin.axes import AXIS, DriveParameters, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(
     with_drive(AXIS, offset=70.0),

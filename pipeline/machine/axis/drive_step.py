@@ -85,8 +85,8 @@ def prepare(row, start, first, period, held, data):  # type: ignore[no-untyped-d
     """Fill the quantities ``data``, shape (ROWS,), of an axis before its first sample.
 
     ``row`` is one of :func:`pipeline.machine.axis.feed_drive.drive_row`, ``start`` holds the
-    numbers of :class:`pipeline.twin.drive.DriveStart`, ``first`` is the first reference [m], ``period`` the servo's [s], in which the mechanics
-    make ``held`` steps.
+    numbers of :class:`pipeline.twin.drive.DriveStart`, ``first`` is the first reference [m],
+    ``period`` the servo's [s], in which the mechanics make ``held`` steps.
     """
     per_newton = period / held / row[_MASS]
     unit = per_newton * row[_FORCE]

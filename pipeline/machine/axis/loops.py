@@ -26,7 +26,7 @@ w_ref = (K_v (x_ref - x) + f_v x_ref') 2 pi / L.
 """
 
 from dataclasses import dataclass
-from math import exp, expm1
+from math import expm1
 from typing import Annotated, Any
 
 import numpy as np
@@ -62,10 +62,6 @@ class CurrentLoopParameters(Ranged, section="current_loop"):
         fade = -expm1(-resistance * self.period / inductance)
         proportional = -expm1(-self.bandwidth * self.period) * resistance / fade
         return proportional, proportional * fade
-
-    def response(self, periods: Any) -> Any:
-        """Return the share of a step of the reference that is reached after whole periods [1]."""
-        return 1 - exp(-self.bandwidth * self.period) ** periods
 
 
 def induced_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:

@@ -150,11 +150,6 @@ class InverterParameters(Ranged, section="inverter"):
     switched: bool = False
     overmodulation: bool = False
 
-    @property
-    def linear_limit(self) -> float:
-        """U_dc / sqrt(3) [V], greatest amplitude of a phase that is free of distortion."""
-        return float(self.dc_link / _SQRT3)
-
 
 def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[Any, Any]:
     """Return the voltage within the inverter's limit; its direction stays, its length is cut.

@@ -166,11 +166,6 @@ class Plan:
         """Greatest speed along the path in each row [m/s]; shape (M,)."""
         return self.motion.v_peak
 
-    @property
-    def v_in(self) -> Floats:
-        """Speed along the path at the start of each row [m/s]; shape (M,)."""
-        return np.concatenate([[0.0], self.v_out[:-1]])[: len(self.v_out)]
-
     @cached_property
     def limit(self) -> npt.NDArray[np.uint8]:
         """Limit that keeps each row from being faster, :class:`.path.Binding`."""

@@ -320,26 +320,6 @@ def cut(
     return peaks
 
 
-def mean_forces(
-    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
-    random: np.random.Generator,
-) -> Floats:  # fmt: skip
-    """Force on the tool along X, Y, Z in each cycle of a track, its mean over it [N]; (T, 3)."""
-    total: Floats = np.zeros((track.line.size, 3))
-    for force, moment in _cuts(track, blank, part, parameters, random):
-        if moment.size < 2:
-            continue
-        first, last = int(moment[0] / track.cycle), int(moment[-1] / track.cycle) + 1
-        edges = np.arange(first, last + 1) * track.cycle
-        steps = np.diff(moment)[:, None] * (force[1:] + force[:-1]) / 2
-        impulse = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-        rows = slice(first, min(last, len(total)))
-        for axis in range(3):
-            gained = np.diff(np.interp(edges, moment, impulse[:, axis])) / track.cycle
-            total[rows, axis] += gained[: rows.stop - first]
-    return total
-
-
 def _cuts(
     track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
     random: np.random.Generator,

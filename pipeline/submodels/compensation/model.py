@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
-USES = (PREDICTION, ESTIMATION)
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"

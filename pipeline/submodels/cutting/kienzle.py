@@ -61,28 +61,6 @@ class Kienzle:
     cuts: int
 
 
-def kienzle_by_thickness(h: ArrayLike, k_c: ArrayLike, deviation: ArrayLike = 0.0) -> Kienzle:
-    """Constants from specific forces, one a cut: ln k_c = ln k_c1.1 - m_c ln h.
-
-    Parameters
-    ----------
-    h : array_like, shape (L,)
-        Chip thickness [m].
-    k_c : array_like, shape (L,)
-        Tangential force over the chip's section [N/m^2].
-    deviation : array_like, shape (L,) or ()
-        Standard deviation of each, as a share [1].
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than three cuts, a value is not positive, or chips are too alike.
-    """
-    thickness, specific = _cuts(h, k_c, deviation, "specific force")
-    design = np.stack([np.ones_like(thickness), -np.log(thickness / MM)], axis=1)
-    return _kienzle(_fit(design, np.log(specific / N_MM2), deviation))
-
-
 def kienzle_by_force(
     force: ArrayLike, *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike,
     phi_ex: ArrayLike, deviation: ArrayLike = 0.0,
@@ -105,7 +83,7 @@ def kienzle_by_force(
     Raises
     ------
     ValueError
-        As :func:`kienzle_by_thickness`.
+        When there are fewer than three cuts, a value is not positive, or chips are too alike.
     """
     feed, mean = _cuts(f_z, force, deviation, "mean tangential force")
     arc = [np.broadcast_to(np.asarray(v, dtype=np.float64), feed.shape) for v in (phi_st, phi_ex)]

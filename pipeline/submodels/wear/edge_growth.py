@@ -61,22 +61,6 @@ class EdgeGrowth:
     error_percent: float
     material: str = ""
 
-    def added(self, wear_um: float) -> tuple[float, float]:
-        """What wear [um] adds to K_te and K_re [N/mm].
-
-        Raises
-        ------
-        ValueError
-            When the records did not determine it.
-        """
-        found = []
-        for name in NAMES:
-            one = self.parameters[name]
-            if one.value is None:
-                raise ValueError(f"{name} is not determined, {one.method}: {one.remedy}")
-            found.append(one.value * wear_um * 1e-3)
-        return found[0], found[1]
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanForces:
