@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
 from typing import Any
@@ -159,6 +160,23 @@ def test_settings_on_one_line_have_each_its_unit() -> None:
     axis = next(cls for cls in classes if cls.__name__ == "AxisPrior")
     units = {one.name: one.unit for one in settings(axis)}
     assert (units["torque_constant"], units["lead"]) == ("N m/A", "mm/rev")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stroke:
+    """A stroke of an axis."""
+
+    begin: float = 0.0
+    speed: float = 1.0
+    """Its place [mm] and how fast it is [mm/s]."""
+    repeats: int = 1
+    """Number of strokes."""
+
+
+def test_the_meaning_stands_below_the_field_or_the_last_that_shares_it() -> None:
+    first, second, third = settings(Stroke)
+    assert first.meaning == second.meaning == "Its place [mm] and how fast it is [mm/s]."
+    assert (first.unit, second.unit, third.meaning) == ("mm", "mm/s", "Number of strokes.")
 
 
 def test_the_command_writes_schemas_and_page(

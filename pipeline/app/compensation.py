@@ -41,28 +41,19 @@ LONGEST_CALL = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """A correction that was written, with what its file rests on.
-
-    Parameters
-    ----------
-    machine, origin : str
-        Whose; where the machine's records come from.
-    method : str
-        That serves, for a person.
-    status : str
-        Of its verdict.
-    found : Correction
-        The correction.
-    models : Path
-        Folder of the model.
-    """
+    """A correction that was written, with what its file rests on."""
 
     machine: str
     origin: str
+    """Whose; where the machine's records come from."""
     method: str
+    """That serves, for a person."""
     status: str
+    """Status of its verdict."""
     found: Correction
+    """The correction."""
     models: Path
+    """Folder of the model."""
 
     @property
     def simulated(self) -> str:

@@ -57,39 +57,26 @@ WITHOUT_TIME = {
 
 @dataclass(frozen=True, kw_only=True)
 class Controlled:
-    """A machine with its control: identified, or as in conf/machine/.
-
-    Parameters
-    ----------
-    control : ControlParameters
-        Of the unit.
-    identified : bool
-        Whether it was identified.
-    origin : str
-        Of the machine's records.
-    setup : Setup
-        Of the machine.
-    parameters : dict
-        All that conf/ composes to with this machine.
-    models : Path
-        Folder of the sub-models that are used: the champion's, or the latest ones.
-    unit : str
-        Which of several machines of a kind; empty where there is one.
-    chosen : bool
-        Whether the user named it.
-    units : tuple of str
-        All of them.
-    """
+    """A machine with its control: identified, or as in conf/machine/."""
 
     control: ControlParameters
+    """Of the unit."""
     identified: bool
+    """Whether it was identified."""
     unit: str = ""
+    """Which of several machines of a kind; empty where there is one."""
     chosen: bool = False
+    """Whether the user named it."""
     units: tuple[str, ...] = ()
+    """All of them."""
     origin: str
+    """Origin of the machine's records."""
     setup: Setup
+    """Setup of the machine."""
     parameters: dict[str, Any]
+    """All that conf/ composes to with this machine."""
     models: Path
+    """Folder of the sub-models that are used: the champion's, or the latest ones."""
 
     @property
     def source(self) -> str:

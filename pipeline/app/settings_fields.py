@@ -24,30 +24,20 @@ NOTHING: Any = MISSING
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One key of a section.
-
-    Parameters
-    ----------
-    name : str
-        The key.
-    hint : type
-        Of its value, with what annotates it.
-    default : object
-        What holds where the key is left out; ``NOTHING`` where it has to be given.
-    meaning : str
-        For people.
-    unit : str
-        ``""`` where none is known.
-    allowed : Range or None
-        In which its numbers lie.
-    """
+    """One key of a section."""
 
     name: str
+    """The key."""
     hint: Any
+    """Hint of its value, with what annotates it."""
     default: Any
+    """What holds where the key is left out; ``NOTHING`` where it has to be given."""
     meaning: str
+    """For people."""
     unit: str
+    """``""`` where none is known."""
     allowed: Range | None
+    """In which its numbers lie."""
 
 
 @dataclass(frozen=True, kw_only=True)

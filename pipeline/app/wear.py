@@ -32,60 +32,41 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Wear at one place of a recording.
-
-    Parameters
-    ----------
-    recording : str
-        Its name, and that of the part of a table.
-    time_s : float
-        Since the recording began [s].
-    use : float or None
-        Of the tool, in the unit of the model; None where it is not known.
-    wear, low, high : float, float or None
-        In the unit of the model, and the ends of the 90 % interval; None for a class.
-    """
+    """Wear at one place of a recording."""
 
     recording: str
+    """Its name, and that of the part of a table."""
     time_s: float
+    """Since the recording began [s]."""
     use: float | None
+    """Use of the tool, in the unit of the model; None where it is not known."""
     wear: float
     low: float | None
     high: float | None
+    """In the unit of the model, and the ends of the 90 % interval; None for a class."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WearTold:
-    """Wear of recordings, with what it rests on.
-
-    Parameters
-    ----------
-    machine, origin : str
-        Whose; where the records come from that were learnt from.
-    model : str
-        ``champion`` or ``latest``.
-    status : str
-        Of the model's verdict.
-    quantity, unit, use_unit : str
-        What is told; unit of the tool's use.
-    method : str
-        That serves, for a person.
-    readings : tuple of Reading
-        In the order of recordings and time.
-    notes : tuple of str
-        What limits them.
-    """
+    """Wear of recordings, with what it rests on."""
 
     machine: str
     origin: str
+    """Whose; where the records come from that were learnt from."""
     model: str
+    """``champion`` or ``latest``."""
     status: str
+    """Status of the model's verdict."""
     quantity: str
     unit: str
     use_unit: str
+    """What is told; unit of the tool's use."""
     method: str
+    """That serves, for a person."""
     readings: tuple[Reading, ...]
+    """In the order of recordings and time."""
     notes: tuple[str, ...] = ()
+    """What limits them."""
 
     @property
     def simulated(self) -> str:

@@ -40,29 +40,20 @@ Scaling = tuple[Sequence[float], Sequence[float]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearJudge:
-    """A trained residual network that gives wear of windows.
-
-    Parameters
-    ----------
-    trained : TrainedSequence
-        On scaled channels and conditions.
-    shift, scale : tuple of float
-        Of the C channels, in their units.
-    conditions : tuple of str
-        Known numbers that it takes beside the window.
-    condition_shift, condition_scale : tuple of float
-        Middle and half range of each, in training.
-    wear_unit : str
-        ``"um"``, or ``"1"`` where wear is a class.
-    """
+    """A trained residual network that gives wear of windows."""
 
     trained: TrainedSequence
+    """On scaled channels and conditions."""
     shift: tuple[float, ...]
     scale: tuple[float, ...]
+    """Of the C channels, in their units."""
     conditions: tuple[str, ...]
+    """Known numbers that it takes beside the window."""
     condition_shift: tuple[float, ...]
     condition_scale: tuple[float, ...]
+    """Middle and half range of each, in training."""
     wear_unit: str
+    """``"um"``, or ``"1"`` where wear is a class."""
 
     @property
     def length(self) -> int:

@@ -70,27 +70,20 @@ def _marks(of: AssessedCut, height: float | None) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
-    """A program, before or after, by the M rows that it had before.
-
-    Parameters
-    ----------
-    cut, of : Cut, Judged
-        Of its own M' rows.
-    time, cost : ndarray, shape (M,)
-        Of each row with those that were added before it [s], [currency]; NaN where not known.
-    feed, speed : ndarray, shape (M,)
-        F and S, in the units of ``Moves``.
-    peak : ndarray, shape (M,)
-        Greatest load of each row [N].
-    """
+    """A program, before or after, by the M rows that it had before."""
 
     cut: Cut = field(repr=False)
     of: AssessedCut = field(repr=False)
+    """Of its own M' rows."""
     time: Floats = field(repr=False)
     cost: Floats = field(repr=False)
+    """Of each row with those that were added before it [s], [currency]; NaN where not known;
+    shape (M,)."""
     feed: Floats = field(repr=False)
     speed: Floats = field(repr=False)
+    """F and S, in the units of ``Moves``; shape (M,)."""
     peak: Floats = field(repr=False)
+    """Greatest load of each row [N]; shape (M,)."""
 
     @classmethod
     def of_rows(cls, cut: Cut, of: AssessedCut, rows: Rows) -> "Side":

@@ -32,27 +32,18 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutForce:
-    """Force of the cut at T times.
-
-    Parameters
-    ----------
-    force : (T, 3) array
-        On the tool along X, Y, Z of the machine [N]; 0 in air.
-    ripple : (T, 3) array
-        Amplitude of its harmonic at tooth passing [N].
-    tooth_frequency : (T,) array
-        [Hz]; 0 in air.
-    cutting : (T,) array of bool
-        Whether the tool is in the material at feed, and its command not in a rapid yet.
-    f_z : (T,) array
-        Feed for each tooth, 0 in air [m].
-    """
+    """Force of the cut at T times."""
 
     force: Floats = field(repr=False)
+    """On the tool along X, Y, Z of the machine [N]; 0 in air."""
     ripple: Floats = field(repr=False)
+    """Amplitude of its harmonic at tooth passing [N]."""
     tooth_frequency: Floats = field(repr=False)
+    """Tooth frequency [Hz]; 0 in air."""
     cutting: Bools = field(repr=False)
+    """Whether the tool is in the material at feed, and its command not in a rapid yet."""
     f_z: Floats = field(repr=False)
+    """Feed for each tooth, 0 in air [m]."""
 
 
 def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:

@@ -21,27 +21,19 @@ BINDS = ("load limit", "spindle drive", "stability")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutLimits:
-    """K blocks against their limits; arrays of shape (K,), NaN where nothing is known.
-
-    Parameters
-    ----------
-    drive : ndarray
-        Power of the motor over its greatest at that speed, infinite above its top speed [1].
-    margin : ndarray
-        Of stability [1].
-    deflection : ndarray
-        Of the tip under the peak load; a drill's lips balance each other, it has none [m].
-    used : ndarray
-        Share of the limit that binds [1].
-    binds : ndarray of str
-        Which one that is; empty where no limit is known.
-    """
+    """K blocks against their limits; arrays of shape (K,), NaN where nothing is known."""
 
     drive: Floats
+    """Power of the motor over its greatest at that speed, infinite above its top speed [1]."""
     margin: Floats
+    """Of stability [1]."""
     deflection: Floats
+    """Deflection of the tip under the peak load; a drill's lips balance each other, it has none
+    [m]."""
     used: Floats
+    """Share of the limit that binds [1]."""
     binds: NDArray[np.str_]
+    """Which one that is; empty where no limit is known."""
 
 
 def cut_limits(

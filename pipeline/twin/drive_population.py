@@ -15,19 +15,13 @@ from pipeline.twin.drive import DriveStart, check_steps, samples
 
 @dataclass(frozen=True, kw_only=True)
 class DriveTraces:
-    """P individuals of one axis at T samples; every array has shape (P, T).
-
-    Parameters
-    ----------
-    position, velocity : array
-        At the encoder [m], [m/s].
-    command : array
-        Set at the sample [A].
-    """
+    """P individuals of one axis at T samples; every array has shape (P, T)."""
 
     position: Floats = field(repr=False)
     velocity: Floats = field(repr=False)
+    """At the encoder [m], [m/s]."""
     command: Floats = field(repr=False)
+    """Set at the sample [A]."""
 
 
 def simulate_traces(

@@ -20,14 +20,6 @@ Singles = NDArray[np.float32]
 class EndRings:
     """Stations on their way down over less than the whole flat of the tool's end, P of them.
 
-    Parameters
-    ----------
-    station : ndarray of int, shape (P,)
-        Which stations of the engagement, rising; at all others the whole end counts.
-    inner, outer : ndarray of float32, shape (P, F)
-        From which to which distance from the axis the flat lies on material at each of F angles
-        [m]; nothing where ``outer <= inner``.
-
     Raises
     ------
     ValueError
@@ -35,8 +27,11 @@ class EndRings:
     """
 
     station: Ints
+    """Which stations of the engagement, rising; at all others the whole end counts; shape (P,)."""
     inner: Singles
     outer: Singles
+    """From which to which distance from the axis the flat lies on material at each of F angles [m];
+    nothing where ``outer <= inner``; shape (P, F)."""
 
     def __post_init__(self) -> None:
         if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):

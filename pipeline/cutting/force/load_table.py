@@ -49,23 +49,17 @@ class BlockLoads:
 
     Over a block, peaks are the greatest of its stations and means are weighted by the length that
     each stands for, as its time is at one feed; the part of a block in air does not count.
-
-    Parameters
-    ----------
-    peak, mean, rms : ndarray, shape (..., B)
-        Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N].
-    axial : ndarray, shape (..., B)
-        Peak of |F_z| [N].
-    torque, peak_torque : ndarray, shape (..., B)
-        Mean and peak of the torque that the cut takes [N m].
     """
 
     peak: Floats
     mean: Floats
     rms: Floats
+    """Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
     axial: Floats
+    """Peak of |F_z| [N]; shape (..., B)."""
     torque: Floats
     peak_torque: Floats
+    """Mean and peak of the torque that the cut takes [N m]; shape (..., B)."""
 
 
 def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks: int) -> Floats:
@@ -115,37 +109,26 @@ CORNER = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadTable:
-    """Loads over the feed for each tooth.
-
-    Parameters
-    ----------
-    values : ndarray, shape (6, B, K + 1)
-        Peak, mean, RMS, axial, torque and peak torque of each block at K nodes, and their
-        extrapolation beyond.
-    station_values : ndarray, shape (6, U, K + 1)
-        The same of the different stations.
-    station_force : ndarray, shape (6, U, K + 1)
-        Mean force of the different stations over a turn, on the tool along the feed and to the
-        left of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`);
-        then the standard deviation of each.
-    station : ndarray of int, shape (N,)
-        Which of them each station of the engagement is.
-    block : ndarray of int32, shape (N,)
-        Block of each station.
-    scale, exponent : ndarray, shape (B,)
-        u is scale f_z^exponent, so that nodes are at squares.
-    length : ndarray, shape (B,)
-        Length in the material of each block [m].
-    """
+    """Loads over the feed for each tooth."""
 
     values: Floats
+    """Peak, mean, RMS, axial, torque and peak torque of each block at K nodes, and their
+    extrapolation beyond; shape (6, B, K + 1)."""
     station_values: Floats
+    """The same of the different stations; shape (6, U, K + 1)."""
     station_force: Floats
+    """Mean force of the different stations over a turn, on the tool along the feed and to the left
+    of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`); then the
+    standard deviation of each; shape (6, U, K + 1)."""
     station: Integers
+    """Which of them each station of the engagement is; shape (N,)."""
     block: NDArray[np.int32]
+    """Block of each station; shape (N,)."""
     scale: Floats
     exponent: Floats
+    """u is scale f_z^exponent, so that nodes are at squares; shape (B,)."""
     length: Floats
+    """Length in the material of each block [m]; shape (B,)."""
 
     def loads(self, f_z: ArrayLike) -> BlockLoads:
         """Loads at feeds for each tooth [m] of shape (B,) or (P, B); arrays have the same shape.

@@ -36,32 +36,22 @@ ARCS = 8
 
 @dataclass(frozen=True, kw_only=True)
 class RegenerativeCut(Ranged, section="cut"):
-    """Regenerative cut: all of a milling cut that decides on chatter, but its depth and speed.
-
-    Parameters
-    ----------
-    K_tc, K_rc : float
-        dF_t / dh and dF_r / dh for each depth of cut, in the plane [N/m^2].
-    flutes : int
-        Number of teeth, equally spaced.
-    entry, exit : float
-        Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad].
-    feed_direction : float
-        From the machine's x, anticlockwise seen from above [rad].
-    direction : {1, -1}
-        Of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4).
-    lag : float
-        By which an edge stays behind its tip for each height, tan(helix) / R [rad/m].
-    """
+    """Regenerative cut: all of a milling cut that decides on chatter, but its depth and speed."""
 
     K_tc: Positive
     K_rc: Finite
+    """dF_t / dh and dF_r / dh for each depth of cut, in the plane [N/m^2]."""
     flutes: Count
+    """Number of teeth, equally spaced."""
     entry: float
     exit: float
+    """Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad]."""
     feed_direction: Finite = 0.0
+    """From the machine's x, anticlockwise seen from above [rad]."""
     direction: Literal[1, -1] = 1
+    """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4)."""
     lag: Finite = 0.0
+    """By which an edge stays behind its tip for each height, tan(helix) / R [rad/m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -64,21 +64,14 @@ _PATIENCE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class ModalFit:
-    """Modes of a tip, and how well they say what was measured.
-
-    Parameters
-    ----------
-    modes : tuple of Mode
-        More compliant than measured by their own error each.
-    error : float
-        Greatest error of a mode's peak, over the greatest peak of its direction [1].
-    caution : str
-        What the band does not show; empty where nothing is missing.
-    """
+    """Modes of a tip, and how well they say what was measured."""
 
     modes: tuple[Mode, ...]
+    """More compliant than measured by their own error each."""
     error: float
+    """Greatest error of a mode's peak, over the greatest peak of its direction [1]."""
     caution: str = ""
+    """What the band does not show; empty where nothing is missing."""
 
 
 def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:

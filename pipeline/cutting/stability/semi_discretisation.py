@@ -84,24 +84,18 @@ def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Ti
 
 @dataclass(frozen=True, kw_only=True)
 class DepthLimits:
-    """Depth limit at S spindle speeds, as far as the cells were refined.
-
-    Parameters
-    ----------
-    n : ndarray, shape (S,)
-        Spindle speed [1/s].
-    depth_limit : ndarray, shape (S,)
-        Least depth at which chatter begins [m]; inf where none is up to the depth looked at.
-    error : ndarray, shape (S,)
-        Estimated error of the finest cells before extrapolation, over the depth limit [1].
-    cells : ndarray of int, shape (S,)
-        Of the cut in one tooth period.
-    """
+    """Depth limit at S spindle speeds, as far as the cells were refined."""
 
     n: Floats
+    """Spindle speed [1/s]; shape (S,)."""
     depth_limit: Floats
+    """Least depth at which chatter begins [m]; inf where none is up to the depth looked at;
+    shape (S,)."""
     error: Floats
+    """Estimated error of the finest cells before extrapolation, over the depth limit [1];
+    shape (S,)."""
     cells: Ints
+    """Cells of the cut in one tooth period; shape (S,)."""
 
 
 def settled_limits(

@@ -34,26 +34,18 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """B blocks over Q feeds.
-
-    Parameters
-    ----------
-    feeds : ndarray, shape (Q,)
-        Rising, in the units of ``Moves``.
-    values, times : ndarray, shape (B, Q)
-        Objective, and time [s], of each block at each of them.
-    low, high : ndarray, shape (B,)
-        Feeds that each block allows.
-    own : ndarray, shape (B,)
-        F as programmed; NaN where its rows have several.
-    """
+    """B blocks over Q feeds."""
 
     feeds: Floats = field(repr=False)
+    """Rising, in the units of ``Moves``; shape (Q,)."""
     values: Floats = field(repr=False)
     times: Floats = field(repr=False)
+    """Objective, and time [s], of each block at each of them; shape (B, Q)."""
     low: Floats = field(repr=False)
     high: Floats = field(repr=False)
+    """Feeds that each block allows; shape (B,)."""
     own: Floats = field(repr=False)
+    """F as programmed; NaN where its rows have several; shape (B,)."""
 
 
 def feed_groups(

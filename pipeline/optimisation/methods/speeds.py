@@ -34,21 +34,14 @@ LATE = 1e6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretches:
-    """H stretches of one S in M rows of A pieces.
-
-    Parameters
-    ----------
-    stretch : ndarray of intp, shape (M,)
-        -1 in rows that keep their S.
-    speeds : ndarray, shape (H,)
-        [rev/min].
-    of_piece : ndarray of intp, shape (A,)
-        Stretch of each piece.
-    """
+    """H stretches of one S in M rows of A pieces."""
 
     stretch: Rows = field(repr=False)
+    """-1 in rows that keep their S; shape (M,)."""
     speeds: Floats = field(repr=False)
+    """Speeds [rev/min]; shape (H,)."""
     of_piece: Rows = field(repr=False)
+    """Stretch of each piece; shape (A,)."""
 
 
 def spread(speeds: Floats, stretch: Rows, own: Floats) -> Floats:

@@ -44,15 +44,10 @@ _NUMBER = re.compile(rb"[+-]?[0-9.%b]*[0-9.]" % re.escape(BLANKS))
 
 @dataclass(frozen=True, eq=False)
 class ProgramWords:
-    """Words of a program by line; arrays have L + 1 places, that of line n is n.
-
-    Parameters
-    ----------
-    program : Program
-        Of L lines.
-    """
+    """Words of a program by line; arrays have L + 1 places, that of line n is n."""
 
     program: Program = field(repr=False)
+    """Of L lines."""
 
     @cached_property
     def line_of(self) -> Rows:
@@ -250,18 +245,12 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
 
 @dataclass(frozen=True, kw_only=True)
 class NumberStyle:
-    """Style in which a program writes the numbers of one letter.
-
-    Parameters
-    ----------
-    point : bool
-        Whether they have a decimal point even where nothing follows it.
-    least : int
-        Decimals that they have at least.
-    """
+    """Style in which a program writes the numbers of one letter."""
 
     point: bool = False
+    """Whether they have a decimal point even where nothing follows it."""
     least: int = 0
+    """Decimals that they have at least."""
 
     @classmethod
     def of(cls, numbers: list[bytes]) -> "NumberStyle":
@@ -322,21 +311,14 @@ def rounded_speeds(speeds: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeedText:
-    """Units and numbers in which the F of each row of a program is written.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (M,)
-        Millimetres in the unit of length that F counts.
-    style : NumberStyle
-        In which the program writes its own F words.
-    own : mapping of float to bytes
-        Their values in the units of ``Moves`` -> their numbers as written.
-    """
+    """Units and numbers in which the F of each row of a program is written."""
 
     unit: Floats = field(repr=False)
+    """Millimetres in the unit of length that F counts; shape (M,)."""
     style: NumberStyle
+    """In which the program writes its own F words."""
     own: Mapping[float, bytes] = field(repr=False)
+    """Their values in the units of ``Moves`` -> their numbers as written."""
 
     @classmethod
     def of(cls, words: ProgramWords, moves: Moves) -> Self:

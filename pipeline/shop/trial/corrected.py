@@ -78,19 +78,13 @@ def _spreads(found: Sequence[Any]) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Commands:
-    """Commands of a table at the ticks of the position loop.
-
-    Parameters
-    ----------
-    asked, corrected : mapping of str to ndarray, shape (T,)
-        Commanded and corrected position of each axis [mm].
-    cut : ndarray of bool, shape (T,)
-        Whether the program cuts.
-    """
+    """Commands of a table at the ticks of the position loop."""
 
     asked: Mapping[str, Floats]
     corrected: Mapping[str, Floats]
+    """Commanded and corrected position of each axis [mm]; shape (T,)."""
     cut: Bools
+    """Whether the program cuts; shape (T,)."""
 
     @classmethod
     def of(cls, table: Path, parameters: ShopParameters) -> "Commands":

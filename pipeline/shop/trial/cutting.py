@@ -230,30 +230,20 @@ def _in_material(
 
 @dataclass(frozen=True, kw_only=True)
 class Chance:
-    """One part: its batch, the tools as mounted this time.
-
-    Parameters
-    ----------
-    workpiece : Workpiece
-        Of this batch.
-    tools : dict of int to EndMill
-        With this mounting's runout, tilt and teeth.
-    used : dict of int to float
-        Length of cut of a tooth of each before [m].
-    deeper : dict of int to float
-        Extra depth of each at the blank's top over the programmed one [mm].
-    speed_error : float
-        Of the spindle [1].
-    angle : float
-        Of the spindle when the run begins [rad].
-    """
+    """One part: its batch, the tools as mounted this time."""
 
     workpiece: Workpiece
+    """Workpiece of this batch."""
     tools: dict[int, EndMill]
+    """With this mounting's runout, tilt and teeth."""
     used: dict[int, float]
+    """Length of cut of a tooth of each before [m]."""
     deeper: dict[int, float]
+    """Extra depth of each at the blank's top over the programmed one [mm]."""
     speed_error: float
+    """Speed error of the spindle [1]."""
     angle: float
+    """Angle of the spindle when the run begins [rad]."""
 
 
 def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generator) -> Chance:

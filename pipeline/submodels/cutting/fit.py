@@ -56,24 +56,16 @@ FREE = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """Optimum of a waveform problem.
-
-    Parameters
-    ----------
-    problem : Problem
-        With its last weights.
-    x : ndarray, shape (P,)
-        Nonlinear unknowns.
-    solved : Solved
-        Coefficients and residuals there.
-    evaluations : int
-        Evaluations of the cost.
-    """
+    """Optimum of a waveform problem."""
 
     problem: Problem
+    """With its last weights."""
     x: Floats
+    """Nonlinear unknowns; shape (P,)."""
     solved: Solved
+    """Coefficients and residuals there."""
     evaluations: int
+    """Evaluations of the cost."""
 
     @property
     def values(self) -> Floats:

@@ -34,31 +34,21 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kienzle:
-    """Kienzle's constants of a set of cuts.
-
-    Parameters
-    ----------
-    k_c11 : float
-        [N/mm^2].
-    m_c : float
-        [1].
-    k_c11_interval, m_c_interval : tuple of float
-        95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm.
-    correlation : float
-        Of ln k_c1.1 and m_c.
-    scatter : float
-        Scatter of the forces about Kienzle's equation, as a share [1].
-    cuts : int
-        Number of cuts.
-    """
+    """Kienzle's constants of a set of cuts."""
 
     k_c11: float
+    """[N/mm^2]."""
     m_c: float
+    """[1]."""
     k_c11_interval: tuple[float, float]
     m_c_interval: tuple[float, float]
+    """95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm."""
     correlation: float
+    """Of ln k_c1.1 and m_c."""
     scatter: float
+    """Scatter of the forces about Kienzle's equation, as a share [1]."""
     cuts: int
+    """Number of cuts."""
 
 
 def kienzle_by_force(

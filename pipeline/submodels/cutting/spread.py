@@ -44,24 +44,17 @@ class ForceLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ForceWave:
-    """Force on the tool over a revolution, and the error that is expected of it.
-
-    Parameters
-    ----------
-    force : ndarray, shape (ANGLES, 3)
-        Along the feed, to its left, along the axis [N].
-    draws : ndarray, shape (D, ANGLES, 3)
-        By each law [N].
-    shaped : ndarray, shape (3,)
-        Variance by the model error of all harmonics [N^2].
-    recording : ndarray, shape (K, ANGLES, 3)
-        One standard deviation by each cause that differs from recording to recording [N].
-    """
+    """Force on the tool over a revolution, and the error that is expected of it."""
 
     force: Floats
+    """Along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
     draws: Floats
+    """By each law [N]; shape (D, ANGLES, 3)."""
     shaped: Floats
+    """Variance by the model error of all harmonics [N^2]; shape (3,)."""
     recording: Floats
+    """One standard deviation by each cause that differs from recording to recording [N];
+    shape (K, ANGLES, 3)."""
 
     @property
     def deviation(self) -> Floats:
