@@ -39,20 +39,30 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class MachineModels:
-    """Models that were identified of a machine, as far as there are records."""
+    """Models that were identified of a machine, as far as there are records.
+
+    Parameters
+    ----------
+    control : ControlParameters
+        Whose time counts.
+    drives : mapping of str to IdentifiedDrive
+        By axis.
+    cutting : CuttingModel or None
+        The cut.
+    verdicts : mapping of str to Verdict or None
+        By the name of each sub-model that was identified; None where it was not judged.
+    residual : Residual or None
+        What the drives leave over; None where it is not asked for.
+    residual_name : str
+        Of its model.
+    """
 
     control: ControlParameters
-    """Whose time counts."""
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
-    """By axis."""
     cutting: CuttingModel | None = None
-    """The cut."""
     verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
-    """By the name of each sub-model that was identified; None where it was not judged."""
     residual: Residual | None = field(default=None, repr=False)
-    """What the drives leave over; None where it is not asked for."""
     residual_name: str = ""
-    """Of its model."""
 
     @property
     def judged(self) -> Verdict | None:
@@ -62,27 +72,40 @@ class MachineModels:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One part on one machine."""
+    """One part on one machine.
+
+    Parameters
+    ----------
+    program : Program
+        As written.
+    setup : Setup
+        Of the machine.
+    models : MachineModels
+        Identified of the machine.
+    cut : CutJob
+        Blank, tools and force laws.
+    basis : CutBasis
+        Prices, laws and limits of the cut.
+    limits : CutLimit
+        Of the part.
+    objective : str
+        ``pareto`` is all of the others that are known.
+    settings : OptimisationSettings
+        Reliability, grouping, search.
+    catalogue : CuttingCatalogue, optional
+        Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
+        alone.
+    """
 
     program: Program = field(repr=False)
-    """As written."""
     setup: Setup
-    """Setup of the machine."""
     models: MachineModels = field(repr=False)
-    """Identified of the machine."""
     cut: CutJob
-    """Blank, tools and force laws."""
     basis: CutBasis
-    """Prices, laws and limits of the cut."""
     limits: CutLimit
-    """Limits of the part."""
     objective: Objective
-    """``pareto`` is all of the others that are known."""
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
-    """Reliability, grouping, search."""
     catalogue: CuttingCatalogue | None = field(default=None, repr=False)
-    """Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
-    alone."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -91,26 +114,39 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True, kw_only=True)
 class Workshop:
-    """Tools, material, prices and the spindle that a part is cut with."""
+    """Tools, material, prices and the spindle that a part is cut with.
+
+    Parameters
+    ----------
+    table : ToolTable
+        Tools by number.
+    material : Material
+        Of the blank.
+    rates : CostRates, optional
+        Prices of time and electricity.
+    drive : SpindleDrive, optional
+        Of the spindle.
+    drive_source : str
+        Where its values come from.
+    energy : EnergyParameters, optional
+        Power that the machine draws beside the cut.
+    dynamics : TipDynamics, optional
+        Of the tools' tips.
+    catalogue : CuttingCatalogue
+        Of feeds and speeds by tool and operation.
+    wear : ToolWear
+        That the tools are taken to have.
+    """
 
     table: ToolTable
-    """Tools by number."""
     material: Material
-    """Material of the blank."""
     rates: CostRates | None
-    """Prices of time and electricity."""
     drive: SpindleDrive | None
-    """Drive of the spindle."""
     drive_source: str
-    """Where its values come from."""
     energy: EnergyParameters | None
-    """Power that the machine draws beside the cut."""
     dynamics: TipDynamics | None
-    """Dynamics of the tools' tips."""
     catalogue: CuttingCatalogue
-    """Of feeds and speeds by tool and operation."""
     wear: ToolWear = field(default_factory=ToolWear)
-    """That the tools are taken to have."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,47 +28,72 @@ WHOLE = "whole run"
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFitFacts:
-    """How well a control explains the durations of segments."""
+    """How well a control explains the durations of segments.
+
+    Parameters
+    ----------
+    rmse_s : float or None
+        Of the residuals, without outliers beyond 10 times the noise [s].
+    segments : int
+        Number of segments.
+    condition : float or None
+        Condition number of the scaled Jacobian [1].
+    correlation : Correlation
+        Of the parameters that were fitted to durations.
+    """
 
     rmse_s: float | None
-    """Of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
-    """Number of segments."""
     condition: float | None
-    """Condition number of the scaled Jacobian [1]."""
     correlation: Correlation
-    """Correlation of the parameters that were fitted to durations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlModelFile(Model):
-    """The content of a control's ``model.json``."""
+    """The content of a control's ``model.json``.
+
+    Parameters
+    ----------
+    control : mapping of str to ControlParameters
+        By unit, where several machines of a kind are taken as one; else by ``""``.
+    fit : ControlFitFacts
+        How well they fit.
+    programs : mapping of str to str
+        Program that each training run executed.
+    intervals : Bands
+        Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
+        :data:`WHOLE`; empty where too few programs ran to tell.
+    """
 
     control: Mapping[str, ControlParameters]
-    """By unit, where several machines of a kind are taken as one; else by ``""``."""
     fit: ControlFitFacts
-    """How well they fit."""
     programs: Mapping[str, str]
-    """Program that each training run executed."""
     intervals: Bands = field(default_factory=dict)
-    """Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
-    :data:`WHOLE`; empty where too few programs ran to tell."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlRecords:
-    """Recordings of runs of programs, and the programs."""
+    """Recordings of runs of programs, and the programs.
+
+    Parameters
+    ----------
+    logs : str
+        Pattern of the recordings' names below the machine's folder.
+    programs : str
+        Pattern of the part programs there.
+    units : mapping of str to str
+        Where several machines of a kind are taken as one: name -> pattern of its recordings.
+    default_unit : str
+        Whose control programs are simulated with when nobody names another.
+    simulate : tuple of str
+        Patterns of the programs that the report shows.
+    """
 
     logs: str
-    """Pattern of the recordings' names below the machine's folder."""
     programs: str
-    """Pattern of the part programs there."""
     units: Mapping[str, str] = field(default_factory=dict)
-    """Where several machines of a kind are taken as one: name -> pattern of its recordings."""
     default_unit: str = ""
-    """Whose control programs are simulated with when nobody names another."""
     simulate: tuple[str, ...] = ("*",)
-    """Patterns of the programs that the report shows."""
 
     def __post_init__(self) -> None:
         if self.units and self.default_unit not in self.units:
