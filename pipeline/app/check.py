@@ -20,10 +20,10 @@ from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import Program, parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.operations import MAY_BE, told_operations
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
+from pipeline.schema.arrays import Rows
 
 ADDED = "-"
 NEAR = 1e-3

@@ -8,10 +8,9 @@ import numpy as np
 from pipeline.app.check import NEAR, moves_of, place
 from pipeline.app.programs import machine_setup, setup_beside
 from pipeline.gcode.moves import Moves
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import at_speed, cuts_at_feed
-from pipeline.schema.arrays import Bools
+from pipeline.schema.arrays import Bools, Rows
 from pipeline.schema.limits import MachiningPractice
 
 

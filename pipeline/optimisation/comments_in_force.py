@@ -14,9 +14,8 @@ import numpy as np
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_words import named_operation
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.modal_words import reads_feed
-from pipeline.schema.arrays import Bools
+from pipeline.schema.arrays import Bools, Rows
 
 _PROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
 _SUB = re.compile(rb"\s*(?:N\d+\s*)?O\s*(\d+|<[^>]*>)\s*(END)?SUB(?![A-Z])", re.IGNORECASE)

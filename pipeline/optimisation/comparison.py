@@ -8,9 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.problem.limits import feed_for_marks
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut import Cut

@@ -18,9 +18,8 @@ from pipeline.gcode.program import Program
 from pipeline.optimisation.comments_in_force import CommentsInForce, comments_in_force
 from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
 from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.modal_words import reads_feed
-from pipeline.schema.arrays import Bools
+from pipeline.schema.arrays import Bools, Rows
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 

@@ -26,12 +26,10 @@ import numpy.typing as npt
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Complexes, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
 from pipeline.twin.program_axes import Residual, driven
-
-Complexes = npt.NDArray[np.complex128]
 
 REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""

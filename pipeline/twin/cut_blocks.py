@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE_PER_SECOND
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
 
 STEEP = float(np.sqrt(0.5))
@@ -71,16 +70,13 @@ def _thickness(
     return thickest
 
 
-Indices = NDArray[np.intp]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutBlocks:
     """K blocks that cut at feed; every array has shape (K,)."""
 
-    row: Indices
-    line: Indices
-    tool: Indices
+    row: Rows
+    line: Rows
+    tool: Rows
     """Row of ``Moves``, line of the program, index of the tool."""
     spindle_speed: Floats
     """Spindle speed [rev/min]."""
@@ -178,7 +174,7 @@ def _greatest(cut: Cut, values: Floats) -> Floats:
     return out
 
 
-def _worst_station(cut: Cut, values: Floats) -> Indices:
+def _worst_station(cut: Cut, values: Floats) -> Rows:
     """Station of each row where ``values`` are greatest; shape (M,)."""
     order = np.lexsort((values, cut.engagement.block))
     worst = np.zeros(cut.engagement.blocks, dtype=np.intp)

@@ -19,15 +19,12 @@ force.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN
 from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.path import Motion
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
-
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
 from pipeline.cutting.tool import tip_deflection
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
@@ -93,9 +93,6 @@ def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
         if cut.tools[tool].stickout is not None and cut.tools[tool].kind != "drill":
             deflection[mine] = tip_deflection(cut.tools[tool], peak[mine])
     return deflection
-
-
-Rows = NDArray[np.intp]
 
 
 def cut_warnings(

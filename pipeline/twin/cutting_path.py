@@ -24,7 +24,7 @@ from pipeline.cutting.engagement.engagement import ToolPath
 from pipeline.gcode.moves import METRE, RADIAN, Frame, Kind, Moves
 from pipeline.gcode.setup import ZERO, Vector
 from pipeline.machine.control.path import where
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.program_cut import LeftOutMoves
 
 LENGTH = "G43"
@@ -153,8 +153,6 @@ def _earlier_length(moves: Moves, row: int, offsets: Mapping[str, Vector]) -> Fl
         f"coordinates ({moves.frames[index].name}): program G43 before it"
     )
 
-
-Rows = NDArray[np.intp]
 
 CUTS = (Kind.FEED, Kind.ARC)
 MOVES = (Kind.RAPID, *CUTS, Kind.PROBE, Kind.THREAD)

@@ -11,9 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Floats, Ints
-
-Singles = NDArray[np.float32]
+from pipeline.schema.arrays import Floats, Ints, Singles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

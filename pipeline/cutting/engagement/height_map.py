@@ -16,12 +16,9 @@ from math import ceil, fsum, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, Stock
-from pipeline.schema.arrays import Bools, Floats
-
-Singles = NDArray[np.float32]
+from pipeline.schema.arrays import Bools, Floats, Singles
 
 MM = 1e-3
 MOST_CELLS = 40_000_000

@@ -38,7 +38,7 @@ from pipeline.cutting.force.edge import (
 )
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 
 MEAN, RMS, TORQUE = 1, 2, 4
 
@@ -100,8 +100,6 @@ def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks
     return out
 
 
-Integers = NDArray[np.intp]
-
 NODES = 16
 ANGLES = 288
 CORNER = 6
@@ -120,7 +118,7 @@ class LoadTable:
     """Mean force of the different stations over a turn, on the tool along the feed and to the left
     of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`); then the
     standard deviation of each; shape (6, U, K + 1)."""
-    station: Integers
+    station: Rows
     """Which of them each station of the engagement is; shape (N,)."""
     block: NDArray[np.int32]
     """Block of each station; shape (N,)."""
@@ -161,7 +159,7 @@ class LoadTable:
             self.exponent[self.block],
         )
 
-    def mean_forces(self, station: Integers, f_z: Floats) -> Floats:
+    def mean_forces(self, station: Rows, f_z: Floats) -> Floats:
         """Mean force over a turn at places of some stations, and the standard deviation of each
         component [N]; shape (Q, 6), frame of the cut.
 
@@ -275,7 +273,7 @@ def _greatest(
     return np.broadcast_to(most, (len(tools),))
 
 
-def _tools(engagement: Engagement) -> Integers:
+def _tools(engagement: Engagement) -> Rows:
     """Tool of each block, -1 in air, where loads are 0."""
     of_block = np.full(engagement.blocks, -1, dtype=np.intp)
     of_block[engagement.block] = engagement.tool
@@ -287,7 +285,7 @@ def _tools(engagement: Engagement) -> Integers:
     return of_block
 
 
-def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.int32]]:
+def _different(engagement: Engagement) -> tuple[Rows, Rows, NDArray[np.int32]]:
     """Stations that differ, which of them each station is, and their tools."""
     bins = engagement.upper.shape[1]
     key = np.zeros((len(engagement), 2 * bins + 3), dtype=np.float32)
@@ -303,7 +301,7 @@ def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.i
 
 
 def _station_values(
-    engagement: Engagement, rows: Integers, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
+    engagement: Engagement, rows: Rows, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
     """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
     from pipeline.cutting.force.profile_kernel import COLUMNS, FINEST, station_loads
@@ -347,7 +345,7 @@ def _add_chisel(
     out[:, :, FORCE + 2] -= thrust
 
 
-def _rings(engagement: Engagement, rows: Integers) -> tuple[Integers, Floats, Floats]:
+def _rings(engagement: Engagement, rows: Rows) -> tuple[Rows, Floats, Floats]:
     """Row of each of some stations in inner and outer radii, of which the first is a whole end."""
     rings, bins = engagement.rings, engagement.upper.shape[1]
     inner, outer = (

@@ -22,14 +22,13 @@ from math import cos, pi, sin, tan
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.ranges import Count, Finite, Positive, Ranged
 
-Complex = NDArray[np.complex128]
 ARCS = 8
 """Parts of the arc of a cut for each harmonic."""
 
@@ -171,7 +170,7 @@ def mean_matrix(cut: RegenerativeCut) -> Floats:
     return mean
 
 
-def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complex:
+def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complexes:
     """Harmonics of A at the tooth passing frequency, in the machine's frame; shape (many, 2, 2).
 
     The first is the mean.  Without helix, which only weakens the others.
@@ -180,7 +179,9 @@ def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complex:
     parts = np.diff(_matrices(cut, _once(cut, edges)), axis=0)
     middle = 0.5 * (edges[1:] + edges[:-1])
     turns = np.exp(-1j * cut.flutes * np.arange(many)[:, None] * middle)
-    found: Complex = cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
+    found: Complexes = (
+        cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
+    )
     return found
 
 

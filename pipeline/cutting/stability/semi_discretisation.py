@@ -30,8 +30,8 @@ from pipeline.cutting.stability.directional import (
     harmonic_matrices,
     mean_matrix,
 )
-from pipeline.cutting.stability.tip_dynamics import Complex, Mode, modal_receptance
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.cutting.stability.tip_dynamics import Mode, modal_receptance
+from pipeline.schema.arrays import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
@@ -170,7 +170,7 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
     return _depths(tuple(modes), cut)[1]
 
 
-def eigenvalues(matrix: Floats, response: Complex) -> Complex:
+def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
     """Both eigenvalues of A Phi [1/m], in no order.
 
     Parameters

@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 
 DIRECTIONS = ("x", "y")
@@ -102,9 +102,6 @@ def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[
     return receptance
 
 
-Complex = NDArray[np.complex128]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse:
     """Receptance of the tip at F frequencies; straight between them, both its parts.
@@ -118,7 +115,7 @@ class FrequencyResponse:
 
     frequency_Hz: Floats
     """Growing, above 0 [Hz]; shape (F,)."""
-    receptance: Complex
+    receptance: Complexes
     """Displacement over force [m/N], time as e^(i w t); rows: direction of the displacement,
     columns: of the force; x, y of the machine.  Entries that were not measured are 0;
     shape (F, 2, 2)."""
@@ -148,12 +145,12 @@ class FrequencyResponse:
                     "the displacement, where the hammer hits against the sensor)"
                 )
 
-    def at(self, frequency_Hz: Floats) -> Complex:
+    def at(self, frequency_Hz: Floats) -> Complexes:
         """Receptance at frequencies within the measured ones [m/N]; shape (..., 2, 2)."""
         place = np.interp(frequency_Hz, self.frequency_Hz, np.arange(len(self.frequency_Hz)))
         low = np.minimum(place.astype(np.int64), len(self.frequency_Hz) - 2)
         share = (place - low)[..., None, None]
-        between: Complex = self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
+        between: Complexes = self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
         return between
 
 

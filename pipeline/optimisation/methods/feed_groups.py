@@ -19,10 +19,10 @@ import numpy as np
 from pipeline.gcode.moves import Moves
 from pipeline.machine.control.path import Motion
 from pipeline.optimisation.methods.feeds import BlockModel, best_feeds, block_feeds
-from pipeline.optimisation.problem.arrays import RowGroups, Rows
+from pipeline.optimisation.problem.arrays import RowGroups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 NODES = 49
 """Feeds at which blocks are tabulated."""

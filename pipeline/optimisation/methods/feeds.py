@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import plan
-from pipeline.optimisation.problem.arrays import RowGroups, Rows
+from pipeline.optimisation.problem.arrays import RowGroups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.words import ROUNDING, rounded_down
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.part import Objective
 
 SLACK = 1e-9

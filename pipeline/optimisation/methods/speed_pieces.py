@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import leads
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns
 from pipeline.optimisation.text.words import stepped
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 SPEEDS = 48
 """Of the geometric row."""

@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.cutting.catalogue import CuttingRange, Operation
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode, Kind
 from pipeline.machine.control.path import Motion
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import MachiningPractice
 from pipeline.schema.part import HeldRows
 from pipeline.twin.cut import Cut
-
-Rows = NDArray[np.intp]
-"""Indices of rows, blocks or groups."""
 
 CONSTRAINTS = (
     "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",

@@ -19,8 +19,8 @@ from pipeline.machine.control.parameters import AuxiliaryParameters
 from pipeline.machine.control.path import Path
 from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING, run_up_time
-from pipeline.optimisation.problem.arrays import Editable, Ranges, Rows
-from pipeline.schema.arrays import Floats
+from pipeline.optimisation.problem.arrays import Editable, Ranges
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks

@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.gcode.moves import INCH, FeedMode, Kind, Moves
 from pipeline.optimisation.proof.text import same_but_words
-from pipeline.schema.arrays import Bools, Floats
-
-Rows = NDArray[np.intp]
-"""Indices of rows or lines."""
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 BOUND = "F or S is bound to the motion there (thread, tapping, probing, G93, G96) and differs"
 

@@ -25,10 +25,9 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.cache import keep, kept
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP

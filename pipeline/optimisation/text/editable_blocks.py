@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.text.modal_words import (
     LineRuns,
     ModalWords,
@@ -21,7 +21,7 @@ from pipeline.optimisation.text.modal_words import (
     reads_feed,
 )
 from pipeline.optimisation.text.words import NONE, OTHER, FeedText, ProgramWords
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.part import HeldRows
 
 Reasons = Sequence[tuple[str, Bools]]

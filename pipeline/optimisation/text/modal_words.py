@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
-from pipeline.optimisation.text.words import NONE, OTHER, ProgramWords, Rows
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.optimisation.text.words import NONE, OTHER, ProgramWords
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 READS_F = (Kind.FEED, Kind.ARC, Kind.PROBE, Kind.THREAD)
 OTHER_MEANING = (4, 10, 25, 26, 50, 65, 66, 66.1, 92)

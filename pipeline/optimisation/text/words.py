@@ -18,10 +18,8 @@ from pipeline.gcode.moves import INCH, FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.program import TokenKind as Token
 from pipeline.gcode.scanner import BLANKS
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
-Rows = NDArray[np.intp]
-"""Indices of tokens, lines or rows."""
 CLOSED_G = (
     4, 10, 11, 25, 26, 31, 33, 33.1, 34, 35, 38.2, 38.3, 38.4, 38.5, 50, 63, 65, 66, 66.1, 67, 74,
     76, 84, 92, 92.1, 92.2, 92.3, 93, 96, 961, 962, 331, 332,

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.search.genetic import GeneticSettings, minimise
 from pipeline.submodels.cutting.waveform import (
     COEFFICIENTS,
@@ -24,9 +23,6 @@ from pipeline.submodels.cutting.waveform import (
     phase_shift,
     rotated,
 )
-
-Complexes = NDArray[np.complex128]
-
 
 ROUNDS = 4
 """Alternations between weights and fit, at most."""

@@ -21,7 +21,6 @@ NAMES = ("kienzle.k_c11", "kienzle.m_c")
 UNITS = ("N/mm^2", "1")
 """Their units."""
 MM = 1e-3
-N_MM2 = 1e6
 NODES = 48
 """Gauss nodes over an arc."""
 TYPICAL = 0.25

@@ -37,9 +37,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pipeline.cutting.force.chip_law import design, feeds, local_lines
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, Complexes, CutHarmonics
+from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, CutHarmonics
 
 EXPONENTS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Exponents m of the size effect beside an edge force [1]: those of Kienzle's law alone, which hold

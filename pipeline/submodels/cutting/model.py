@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import (
     CutConditions,
     ForceSpread,
@@ -35,9 +34,6 @@ from pipeline.submodels.cutting.waveform import (
     tooth_columns,
     transfer,
 )
-
-Complexes = NDArray[np.complex128]
-
 
 SPEED = 0.01
 """Share by which equal speeds differ at most [1]: their harmonics meet the same modes."""

@@ -12,10 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Bools, Floats
-
-Complexes = NDArray[np.complex128]
-
+from pipeline.schema.arrays import Bools, Complexes, Floats
 
 AIR = 0.12
 """Share of the cut's fluctuation below which a revolution is one in air [1]."""

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.cutting.force.chip_law import local_lines
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
@@ -28,7 +28,6 @@ from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
     STRAIGHT,
     ChipShape,
-    Complexes,
     CutHarmonics,
     Terms,
     rotated,

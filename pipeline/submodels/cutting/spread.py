@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.force.chip_law import laws_lines, outside_share
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import FRICTION, FittedLine, KnownShape, law_draws
@@ -25,7 +24,6 @@ from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import own_line
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
-Complexes = NDArray[np.complex128]
 PRIOR = 4
 """Degrees of freedom for which the expected error counts beside recordings left out."""
 ANGLES = 720

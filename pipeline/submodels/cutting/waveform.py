@@ -18,16 +18,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.force.chip_law import REFERENCE
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import DEGREE, UM, Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ToolGeometry
-
-Complexes = NDArray[np.complex128]
-
 
 COEFFICIENTS = 6
 """Cutting-force coefficients of the linear-edge model."""
