@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.app.fleet import DATA, ingest_files, machine_parameters
-from pipeline.app.programs import CHAMPION, VERDICT_WORDS, model_folder
+from pipeline.app.programs import CHAMPION, VERDICT_WORDS, passed_status, stored_model
 from pipeline.parameters import structure
-from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
 from pipeline.signals.conditions import Condition
 from pipeline.signals.wear_lives import ConditionRows, read_lives
 from pipeline.signals.wear_records import WearRecords
@@ -107,10 +105,8 @@ def wear_of_files(
             f"{SUBMODEL.needs}"
         )
     records = structure(own, "wear_records", WearRecords)
-    folder = model_folder(machine, model) / SUBMODEL.name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {SUBMODEL.needs}")
-    status = _judged(folder, anyway=anyway)
+    folder = stored_model(machine, model, SUBMODEL)
+    status = passed_status(folder, "wear model", anyway=anyway)
     wear = load_wear(folder)
     conditions = _given(given, records)
     with tempfile.TemporaryDirectory() as scratch:
@@ -139,20 +135,6 @@ def wear_of_files(
         quantity=wear.file.quantity, unit=wear.file.wear_unit, use_unit=wear.file.progress_unit,
         method=", ".join(dict.fromkeys(methods)), readings=tuple(readings), notes=tuple(notes),
     )  # fmt: skip
-
-
-def _judged(folder: Path, *, anyway: bool) -> str:
-    """Status of the verdict beside a model; refused where it did not pass, unless ``anyway``."""
-    path = folder / "verdict.json"
-    verdict = read_json(path, Verdict) if path.exists() else None
-    status = "not judged" if verdict is None else verdict.status
-    if status != "passed" and not anyway:
-        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
-        raise ValueError(
-            f"the wear model in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or use "
-            "it with --anyway"
-        )
-    return status
 
 
 def _given(given: Sequence[str], records: WearRecords) -> dict[str, Condition]:

@@ -14,6 +14,7 @@ from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
+from pipeline.twin.cut_tables import stations_of_columns
 
 OVER = 1e-3
 """Excess over a limit, as a share, up to which it is rounding."""
@@ -114,7 +115,7 @@ def load_trace(cut: Cut, columns: int = COLUMNS) -> LoadTrace:
     end = (start + engagement.length[kept]) * scale
     high = np.clip(np.ceil(end - 1e-9).astype(np.intp) - 1, low, columns - 1)
     load = np.full(columns, -np.inf)
-    station, column = _spread(low, high)
+    station, column = stations_of_columns(low, high)
     np.maximum.at(load, column, cut.station_loads.peak[kept][station])
     edges = np.arange(columns) / scale
     fed = np.flatnonzero(pieces.feed)
@@ -150,11 +151,3 @@ def path_length(cut: Cut) -> tuple[Floats, float]:
     length = np.where(pieces.feed, pieces.length, 0.0)
     end = np.cumsum(length)
     return end - length, float(end[-1]) if len(end) else 0.0
-
-
-def _spread(low: Rows, high: Rows) -> tuple[Rows, Rows]:
-    """Each station once for every column that it lies in: station, column."""
-    count = high - low + 1
-    station = np.repeat(np.arange(len(low)), count)
-    inside = np.arange(len(station)) - np.repeat(np.cumsum(count) - count, count)
-    return station, low[station] + inside
