@@ -10,7 +10,6 @@ written or read.
     judge = train_judge(values, wear, tool, scaling=(shift, scale), wear_unit="um",
                         conditions={"feed": feed}, training=WindowTraining(epochs=40))
     judge.predict(values, {"feed": feed})             # (N,) in judge.wear_unit
-    judge.embeddings(values, {"feed": feed})          # (N, F), what its last layer sees
     write_json(judge.document(), path); restore_judge(json.loads(path.read_text()))
 
 Sources: DCGAN2019 (a ResNet as the judge of generated signals); He, Zhang, Ren and Sun 2016.
