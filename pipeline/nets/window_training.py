@@ -1,13 +1,16 @@
-"""One training loop for all networks on windows: Adam and early stopping.
+"""One training loop for all networks on windows: Adam, early stopping, checkpoints.
 
 Whole recordings are kept for early stopping, and the state with the least error on them is the
-result.  The linear model is solved at once from the same windows.
+result.  A training that was interrupted goes on from its checkpoint to the same bits.  The linear
+model is solved at once from the same windows.
 """
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
+from hashlib import sha256
 from math import inf, isfinite
+from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -15,6 +18,7 @@ import torch
 from torch import Tensor
 
 from pipeline.nets.adam import Adam
+from pipeline.nets.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
 from pipeline.nets.sequence import Arx, SequenceNetwork, sequence_network
 from pipeline.nets.sequence_settings import SequenceSettings, WindowTraining
 from pipeline.nets.settings import TrainingSettings
@@ -53,7 +57,7 @@ Watch = Callable[[Epoch], bool | None]
 
 def train_windows(
     kind: SequenceSettings, windows: Windows, *, settings: WindowTraining,
-    watch: Watch | None = None, device: str = "cpu",
+    checkpoint: Path | None = None, watch: Watch | None = None, device: str = "cpu",
 ) -> TrainedSequence:  # fmt: skip
     """Network that is trained on windows, in its best state.
 
@@ -65,6 +69,9 @@ def train_windows(
         To learn from and to stop by; their groups are whole recordings.
     settings : WindowTraining
         Budget.
+    checkpoint : Path or None
+        File to go on from where it is there, written after each epoch.  One that was ended by its
+        patience or by ``watch`` goes on too, when more epochs are asked for than it has.
     watch : callable or None
         Called after each epoch.
     device : str
@@ -74,8 +81,8 @@ def train_windows(
     ------
     ValueError
         When windows are empty, not finite or of shapes that do not fit, when there is no recording
-        to learn from beside those for validation, or when the first epoch diverges
-        (:class:`Diverged`).
+        to learn from beside those for validation, when the first epoch diverges
+        (:class:`Diverged`), or when the checkpoint is of another training.
     """
     x, y = samples("x", windows.x, 3), samples("y", windows.y, np.ndim(windows.y))
     labels = [str(one) for one in windows.group]
@@ -106,8 +113,9 @@ def train_windows(
             history = [(1.0, least, _rmse(built, validation) if kept else least)]
         else:
             loop = _Loop(built.to(device), settings, precision, generator, scaling.y_scale)
-            loop.run(training, validation, watch)
-            history = loop.history
+            told = (kind, windows.inputs, scaled, held, precision, device)
+            loop.run(training, validation, watch, checkpoint, _fingerprint(settings, *told))
+            history = loop.at.history
         built.to("cpu")
     found = np.array(history)
     found[:, 1:] *= scaling.y_scale
@@ -185,14 +193,20 @@ class _Loop:
         names, weights = zip(*built.named_parameters(), strict=True)
         l2 = [0.0 if "bias" in name else settings.l2 for name in names]
         self.adam = Adam(weights, settings.learning_rate, l2=l2)
-        self.history: list[tuple[float, float, float]] = []
+        self.at = Checkpoint(history=[], best=inf, best_at=0, best_state=self._state())
 
-    def run(self, training: Samples, validation: Samples, watch: Watch | None) -> None:
+    def run(
+        self, training: Samples, validation: Samples, watch: Watch | None,
+        checkpoint: Path | None, fingerprint: str,
+    ) -> None:  # fmt: skip
         """Train, and give the network its best state."""
-        best, best_at, best_state = inf, 0, self._state()
-        started = perf_counter()
-        for done in range(1, self.settings.epochs + 1):
-            if self.history and done - 1 - best_at >= self.settings.patience:
+        at = self.at
+        if checkpoint is not None and checkpoint.exists():
+            at = self.at = read_checkpoint(checkpoint, fingerprint, self.built, self.adam.state)
+            self.generator.set_state(at.generator)
+        started, first = perf_counter(), len(at.history)
+        for done in range(first + 1, self.settings.epochs + 1):
+            if at.history and done - 1 - at.best_at >= self.settings.patience:
                 break
             self.adam.rate = self.settings.learning_rate * cooled(
                 done, self.settings.epochs, self.settings.cooling
@@ -206,12 +220,15 @@ class _Loop:
                         f"from {self.settings.learning_rate:g}"
                     )
                 break  # the best state is an earlier one
-            self.history.append((float(done), learnt, error))
-            if error < best:
-                best, best_at, best_state = error, done, self._state()
-            if watch and watch(self._told(done, perf_counter() - started)):
+            at.history.append((float(done), learnt, error))
+            if error < at.best:
+                at.best, at.best_at, at.best_state = error, done, self._state()
+            if checkpoint is not None:
+                at.generator = self.generator.get_state()
+                write_checkpoint(checkpoint, fingerprint, at, self.built, self.adam.state)
+            if watch and watch(self._told(done, first, perf_counter() - started)):
                 break
-        self.built.load_state_dict(best_state)
+        self.built.load_state_dict(at.best_state)
 
     def _epoch(self, x: Tensor, y: Tensor) -> float:
         """One pass over all windows in a new order; the RMSE that its steps met."""
@@ -229,9 +246,9 @@ class _Loop:
     def _state(self) -> dict[str, Tensor]:
         return {k: v.detach().clone() for k, v in self.built.state_dict().items()}
 
-    def _told(self, done: int, seconds: float) -> Epoch:
-        _, learnt, error = self.history[-1]
-        left = seconds / done * (self.settings.epochs - done)
+    def _told(self, done: int, first: int, seconds: float) -> Epoch:
+        _, learnt, error = self.at.history[-1]
+        left = seconds / (done - first) * (self.settings.epochs - done)
         return Epoch(
             number=done, of=self.settings.epochs, training=self.unit * learnt,
             validation=self.unit * error, seconds=seconds, left_s=left,
@@ -249,3 +266,20 @@ def _rmse(built: SequenceNetwork, part: Samples) -> float:
     x, y = part
     found = torch.cat([built(piece) for piece in x.split(ROWS)])
     return float(torch.sqrt(torch.mean((found - y) ** 2)))
+
+
+def _fingerprint(settings: WindowTraining, *told: object) -> str:
+    """SHA-256 of what decides on the bits of a training; the number of epochs does not."""
+    digest = sha256(torch.__version__.encode())
+    same = {k: v for k, v in vars(settings).items() if k not in ("epochs", "patience")}
+    for one in (same, *told):
+        parts = one if isinstance(one, tuple) else (one,)
+        for part in parts:
+            if isinstance(part, Tensor):
+                part = part.numpy()
+            if isinstance(part, np.ndarray):
+                digest.update(f"{part.shape}{part.dtype}".encode())
+                digest.update(np.ascontiguousarray(part).tobytes())
+            else:
+                digest.update(repr(part).encode())
+    return digest.hexdigest()

@@ -1,7 +1,8 @@
-"""Training on windows: what can be learnt is, recordings stay whole, bits hold."""
+"""Training on windows: what can be learnt is, recordings stay whole, bits and checkpoints hold."""
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -95,6 +96,67 @@ def test_a_restored_network_predicts_the_same_bits(kind: SequenceSettings) -> No
     assert again.predict(DATA.x).tobytes() == one.predict(DATA.x).tobytes()
     assert again.document() == one.document()
     assert (again.kind, again.settings, again.inputs) == (kind, SHORT, DATA.inputs)
+
+
+class Interrupted(Exception):  # noqa: N818
+    pass
+
+
+@pytest.mark.parametrize("kind", NETWORKS, ids=repr)
+@pytest.mark.parametrize("at", [1, 3])
+def test_what_goes_on_from_a_checkpoint_ends_in_the_same_bits(
+    kind: SequenceSettings, at: int, tmp_path: Path
+) -> None:
+    whole = trained(kind)
+    path = tmp_path / "checkpoint.npz"
+
+    def power_cut(epoch: Epoch) -> None:
+        if epoch.number == at:
+            raise Interrupted
+
+    with pytest.raises(Interrupted):
+        trained(kind, checkpoint=path, watch=power_cut)
+    seen: list[int] = []
+    resumed = trained(kind, checkpoint=path, watch=lambda epoch: seen.append(epoch.number))
+    assert seen == list(range(at + 1, 6))
+    assert json.dumps(resumed.document()) == json.dumps(whole.document())
+    assert json.dumps(trained(kind, checkpoint=path).document()) == json.dumps(whole.document())
+
+
+def test_more_epochs_go_on_from_a_checkpoint(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    trained(NETWORKS[2], settings=replace(SHORT, epochs=2), checkpoint=path)
+    assert trained(NETWORKS[2], checkpoint=path).history.tobytes() == (
+        trained(NETWORKS[2]).history.tobytes()
+    )
+
+
+def test_a_checkpoint_of_another_training_or_a_broken_one_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    trained(NETWORKS[2], checkpoint=path)
+    for kind, data, settings in (
+        (NETWORKS[1], DATA, SHORT),
+        (NETWORKS[2], replace_y(DATA), SHORT),
+        (NETWORKS[2], DATA, replace(SHORT, learning_rate=0.1)),
+    ):
+        with pytest.raises(ValueError, match="of another training"):
+            trained(kind, data, settings, checkpoint=path)
+    whole = path.read_bytes()
+    for broken in (b"", b"no archive", whole[: len(whole) // 2]):
+        path.write_bytes(broken)
+        with pytest.raises(ValueError, match="cannot be read"):
+            trained(NETWORKS[2], checkpoint=path)
+
+
+def replace_y(data: Windows) -> Windows:
+    return Windows(x=data.x, y=data.y**2, group=data.group, inputs=data.inputs)
+
+
+def test_an_object_in_a_checkpoint_is_not_unpickled(tmp_path: Path) -> None:
+    path = tmp_path / "checkpoint.npz"
+    np.savez(path, told=np.array([{"an": "object"}], dtype=object))
+    with pytest.raises(ValueError, match="cannot be read"):
+        trained(NETWORKS[2], checkpoint=path)
 
 
 def test_validation_recordings_are_whole_and_never_learnt_from() -> None:
