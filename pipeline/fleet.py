@@ -8,26 +8,6 @@ from dataclasses import dataclass, field
 class Fleet:
     """A fleet, as in ``conf/fleet/``.
 
-    Parameters
-    ----------
-    name : str
-        Of the fleet.
-    machines : tuple of str
-        Every machine.
-    simulated : tuple of str
-        Those whose records the simulated shop floor writes.
-    submodels : mapping of str to tuple of str
-        Sub-model -> machines with records for it, in the order in which pages show them.
-    drives_under : mapping of str to str
-        Machine of ``submodels.compensation`` -> folder of the drives' model whose errors are
-        learnt; one without ``model.json`` where the machine has no such model.
-    optimised : tuple of str
-        Those with part programs that are made faster or cheaper inside their limits.
-    trials : tuple of str
-        Those of them where the simulated shop floor cuts these programs before and after.
-    chosen_budget : str
-        File of ``conf/budget/`` that it is built with.
-
     Raises
     ------
     ValueError
@@ -36,13 +16,22 @@ class Fleet:
     """
 
     name: str
+    """Name of the fleet."""
     machines: tuple[str, ...]
+    """Every machine."""
     simulated: tuple[str, ...] = ()
+    """Those whose records the simulated shop floor writes."""
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Sub-model -> machines with records for it, in the order in which pages show them."""
     drives_under: Mapping[str, str] = field(default_factory=dict)
+    """Machine of ``submodels.compensation`` -> folder of the drives' model whose errors are learnt;
+    one without ``model.json`` where the machine has no such model."""
     optimised: tuple[str, ...] = ()
+    """Those with part programs that are made faster or cheaper inside their limits."""
     trials: tuple[str, ...] = ()
+    """Those of them where the simulated shop floor cuts these programs before and after."""
     chosen_budget: str = "default"
+    """File of ``conf/budget/`` that it is built with."""
 
     def __post_init__(self) -> None:
         lists = {

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import DATA, machine_parameters
-from pipeline.app.programs import VERDICT_WORDS, model_folder
+from pipeline.app.programs import VERDICT_WORDS, passed_status, stored_model
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json
@@ -41,28 +41,19 @@ LONGEST_CALL = 5
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """A correction that was written, with what its file rests on.
-
-    Parameters
-    ----------
-    machine, origin : str
-        Whose; where the machine's records come from.
-    method : str
-        That serves, for a person.
-    status : str
-        Of its verdict.
-    found : Correction
-        The correction.
-    models : Path
-        Folder of the model.
-    """
+    """A correction that was written, with what its file rests on."""
 
     machine: str
     origin: str
+    """Whose; where the machine's records come from."""
     method: str
+    """That serves, for a person."""
     status: str
+    """Status of its verdict."""
     found: Correction
+    """The correction."""
     models: Path
+    """Folder of the model."""
 
     @property
     def simulated(self) -> str:
@@ -97,9 +88,7 @@ def write_compensation(
     if kind not in FORMATS:
         raise ValueError(f"--format {kind} is not known: name csv, fanuc or siemens")
     parameters = machine_parameters(machine)
-    folder = model_folder(machine, model) / SUBMODEL.name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {SUBMODEL.needs}")
+    folder = stored_model(machine, model, SUBMODEL)
     growth = load_growth_model(folder)
     status = _judged(folder, anyway=anyway)
     file = growth.file
@@ -115,10 +104,9 @@ def write_compensation(
 
 
 def _judged(folder: Path, *, anyway: bool) -> str:
-    """Status of the verdict beside a model; refused where it did not pass, unless ``anyway``."""
+    """Status of the verdict; refused, whatever is asked, where no correction at all errs less."""
     path = folder / "verdict.json"
     verdict = read_json(path, Verdict) if path.exists() else None
-    status = "not judged" if verdict is None else verdict.status
     total = None if verdict is None else verdict.total(QUANTITY)
     still = None if total is None else total.baselines.get(PERSISTENCE)
     if total and still and (total.rmse or 0.0) >= (still.rmse or 0.0) > 0:
@@ -127,13 +115,7 @@ def _judged(folder: Path, *, anyway: bool) -> str:
             f"correction by {still.rmse:.4g} um: its correction is not written, with --anyway "
             "neither; mend the sensors that it names, or record more speed profiles"
         )
-    if status != "passed" and not anyway:
-        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
-        raise ValueError(
-            f"the growth model in {folder} {VERDICT_WORDS[status]}"
-            f"{why}: mend that first, or write its correction with --anyway"
-        )
-    return status
+    return passed_status(folder, "growth model", "write its correction", anyway=anyway)
 
 
 def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> list[State]:

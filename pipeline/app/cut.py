@@ -120,36 +120,24 @@ WEAR = re.compile(r"[Tt]?(\d{1,9})=(\d{1,9}(?:\.\d*)?|\.\d+)")
 
 @dataclass(frozen=True, kw_only=True)
 class CutOptions:
-    """Options that describe a cut, of ``kerf simulate`` and ``kerf optimise``.
-
-    Parameters
-    ----------
-    stock : str
-        Blank, see :func:`pipeline.cutting.engagement.stock.stock_of`.
-    tool_table : str
-        Name of a table of conf/tool/, or a YAML file.
-    material : str
-        Name of a material of conf/material/.
-    limits : CutLimit
-        That the cut is held against.
-    resolution : float
-        Of the blank [mm].
-    work_offset : str or None
-        That the blank is measured in.
-    frf : tuple of str
-        Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``.
-    wear : WearOption
-        Of the tools.
-    """
+    """Options that describe a cut, of ``kerf simulate`` and ``kerf optimise``."""
 
     stock: str
+    """Blank, see :func:`pipeline.cutting.engagement.stock.stock_of`."""
     tool_table: str
+    """Name of a table of conf/tool/, or a YAML file."""
     material: str
+    """Name of a material of conf/material/."""
     limits: CutLimit = field(default_factory=CutLimit)
+    """That the cut is held against."""
     resolution: float = RESOLUTION
+    """Resolution of the blank [mm]."""
     work_offset: str | None = None
+    """That the blank is measured in."""
     frf: tuple[str, ...] = ()
+    """Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``."""
     wear: "WearOption" = field(default_factory=lambda: WearOption())
+    """Wear of the tools."""
 
     def __post_init__(self) -> None:
         if not 0.001 <= self.resolution <= 100.0:

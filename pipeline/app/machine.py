@@ -25,37 +25,25 @@ LEARNT = 2 / 3
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """What is known of a new machine.
-
-    Parameters
-    ----------
-    name : str
-        Of the machine.
-    model : DeviceModel
-        Of its one device.
-    devices, device : str or None
-        Its Devices document below the machine's folder, and how the device is called there.
-    groups : tuple of (str, str)
-        Format and pattern of its logs.
-    series : dict of str to ItemSeries
-        What the logs said.
-    found : Found
-        Which item is which signal.
-    time_zone : str
-        Of the plant's days.
-    tables : tuple of str
-        Lines of the records of its tables, as YAML.
-    """
+    """What is known of a new machine."""
 
     name: str
+    """Name of the machine."""
     model: DeviceModel
+    """Of its one device."""
     devices: str | None
     device: str | None
+    """Its Devices document below the machine's folder, and how the device is called there."""
     groups: tuple[tuple[str, str], ...]
+    """Format and pattern of its logs."""
     series: dict[str, ItemSeries]
+    """What the logs said."""
     found: Found
+    """Which item is which signal."""
     time_zone: str = UTC
+    """Time zone of the plant's days."""
     tables: tuple[str, ...] = ()
+    """Lines of the records of its tables, as YAML."""
 
     @property
     def days(self) -> list[str]:

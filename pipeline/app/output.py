@@ -23,18 +23,12 @@ STANDARD = Path("-")
 
 @dataclass
 class Outputs:
-    """Files of a command; what one named ``-`` holds goes to standard output in the end.
-
-    Parameters
-    ----------
-    folder : Path
-        For the file that is ``-``.
-    taken : Path or None
-        That file, None where no output is ``-``.
-    """
+    """Files of a command; what one named ``-`` holds goes to standard output in the end."""
 
     folder: Path
+    """For the file that is ``-``."""
     taken: Path | None = None
+    """That file, None where no output is ``-``."""
 
     def file(self, path: Path | None, suffix: str = "") -> Path | None:
         """The file to write for an output that was named, with an end of its name for ``-``.

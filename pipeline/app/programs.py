@@ -19,12 +19,13 @@ from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.structure import unstructured
-from pipeline.schema.verdict import UsedModel
+from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight
 
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.submodels.contract import SubModel
     from pipeline.twin.program_axes import Residual
 
 Share = Callable[[float], None]
@@ -57,39 +58,26 @@ WITHOUT_TIME = {
 
 @dataclass(frozen=True, kw_only=True)
 class Controlled:
-    """A machine with its control: identified, or as in conf/machine/.
-
-    Parameters
-    ----------
-    control : ControlParameters
-        Of the unit.
-    identified : bool
-        Whether it was identified.
-    origin : str
-        Of the machine's records.
-    setup : Setup
-        Of the machine.
-    parameters : dict
-        All that conf/ composes to with this machine.
-    models : Path
-        Folder of the sub-models that are used: the champion's, or the latest ones.
-    unit : str
-        Which of several machines of a kind; empty where there is one.
-    chosen : bool
-        Whether the user named it.
-    units : tuple of str
-        All of them.
-    """
+    """A machine with its control: identified, or as in conf/machine/."""
 
     control: ControlParameters
+    """Of the unit."""
     identified: bool
+    """Whether it was identified."""
     unit: str = ""
+    """Which of several machines of a kind; empty where there is one."""
     chosen: bool = False
+    """Whether the user named it."""
     units: tuple[str, ...] = ()
+    """All of them."""
     origin: str
+    """Origin of the machine's records."""
     setup: Setup
+    """Setup of the machine."""
     parameters: dict[str, Any]
+    """All that conf/ composes to with this machine."""
     models: Path
+    """Folder of the sub-models that are used: the champion's, or the latest ones."""
 
     @property
     def source(self) -> str:
@@ -298,6 +286,34 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
     if not (DATA / "models" / machine).is_dir():
         raise ValueError(f"data/models/{machine} does not exist: run `dvc repro` to identify it")
     return DATA / "models" / machine
+
+
+def stored_model(machine: str, model: str, one: "SubModel[Any, Any, Any]") -> Path:
+    """Folder of one sub-model's model.
+
+    Raises
+    ------
+    ValueError
+        As :func:`model_folder`, or when it holds no model.
+    """
+    folder = model_folder(machine, model) / one.name
+    if not (folder / "model.json").exists():
+        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
+    return folder
+
+
+def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool) -> str:
+    """Status of the verdict beside a model; refused where it did not pass, unless ``anyway``."""
+    path = folder / "verdict.json"
+    verdict = read_json(path, Verdict) if path.exists() else None
+    status = "not judged" if verdict is None else verdict.status
+    if status != "passed" and not anyway:
+        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
+        raise ValueError(
+            f"the {name} in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or {use} with "
+            "--anyway"
+        )
+    return status
 
 
 def simulate_program(
@@ -582,9 +598,8 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
     from pipeline.submodels.contract import submodel
 
     machine_parameters(machine)  # refuses one that is not known
-    one, folder = submodel(name), model_folder(machine, model) / name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
+    one = submodel(name)
+    folder = stored_model(machine, model, one)
     check_outputs(table, out)
     try:
         read = pd.read_parquet if table.suffix == ".parquet" else pd.read_csv

@@ -24,69 +24,47 @@ HOLE = 24 * 3600 * 10**9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ItemSeries:
-    """What one data item or channel said, in the order of time.
-
-    Parameters
-    ----------
-    time : ndarray of int
-        UTC [ns], shape (T,).
-    number : ndarray
-        Values, NaN for words and where it was unavailable, shape (T,).
-    known : ndarray of bool
-        Whether it was available, shape (T,).
-    words : int
-        Different words among its values.
-    """
+    """What one data item or channel said, in the order of time."""
 
     time: Ints
+    """UTC [ns], shape (T,)."""
     number: Floats
+    """Values, NaN for words and where it was unavailable, shape (T,)."""
     known: np.ndarray
+    """Whether it was available, shape (T,)."""
     words: int
+    """Different words among its values."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ItemRecord:
-    """One row of `kerf records`.
-
-    Parameters
-    ----------
-    item, signal : str
-        Data item or channel, and the signal that it stands for; ``""`` for none.
-    samples : int
-        Values that were reported; unavailable counts as none.
-    interval_s : float or None
-        Median time between two reports [s].
-    low, high : float or None
-        Range of its numbers, in the unit of the record.
-    words : int
-        Different words among its values.
-    unavailable : float
-        Share of the time from its first to its last report in which it was unavailable [1]; days
-        without a value of any item do not count.
-    first, last : str or None
-        UTC of its first and last value.
-    unit : str
-        As its Devices document or the table's layout says.
-    described : bool
-        False where the machine has a Devices document and it does not describe the item.
-    sparkline : str
-        Its mean in equal parts of the time that all records span, without those days; blank where
-        it said nothing.
-    """
+    """One row of `kerf records`."""
 
     item: str
     signal: str
+    """Data item or channel, and the signal that it stands for; ``""`` for none."""
     samples: int
+    """Values that were reported; unavailable counts as none."""
     interval_s: float | None
+    """Median time between two reports [s]."""
     low: float | None
     high: float | None
+    """Range of its numbers, in the unit of the record."""
     words: int
+    """Different words among its values."""
     unavailable: float
+    """Share of the time from its first to its last report in which it was unavailable [1]; days
+    without a value of any item do not count."""
     first: str | None
     last: str | None
+    """UTC of its first and last value."""
     unit: str = ""
+    """As its Devices document or the table's layout says."""
     described: bool = True
+    """False where the machine has a Devices document and it does not describe the item."""
     sparkline: str = ""
+    """Its mean in equal parts of the time that all records span, without those days; blank where it
+    said nothing."""
 
 
 def item_series(signals: Path) -> dict[str, ItemSeries]:

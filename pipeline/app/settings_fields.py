@@ -1,14 +1,17 @@
 """Settings of a section, read from its dataclass: meaning, unit, range and default of each field.
 
-The meaning is what the class' numpydoc says under ``Parameters``; the unit is that of the declared
+The meaning is the text below the field, or below the last of the fields that share it, or what the
+class' numpydoc says under ``Parameters``; the unit is that of the declared
 range, else the first one in brackets in the meaning, else the one that ends the key's name.  A
 class that says one unit for all of its fields needs no list of them.
 """
 
+import ast
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from inspect import getdoc
+from inspect import getdoc, getsource
+from textwrap import dedent
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pipeline.schema.ranges import Range
@@ -21,30 +24,20 @@ NOTHING: Any = MISSING
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One key of a section.
-
-    Parameters
-    ----------
-    name : str
-        The key.
-    hint : type
-        Of its value, with what annotates it.
-    default : object
-        What holds where the key is left out; ``NOTHING`` where it has to be given.
-    meaning : str
-        For people.
-    unit : str
-        ``""`` where none is known.
-    allowed : Range or None
-        In which its numbers lie.
-    """
+    """One key of a section."""
 
     name: str
+    """The key."""
     hint: Any
+    """Hint of its value, with what annotates it."""
     default: Any
+    """What holds where the key is left out; ``NOTHING`` where it has to be given."""
     meaning: str
+    """For people."""
     unit: str
+    """``""`` where none is known."""
     allowed: Range | None
+    """In which its numbers lie."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,20 +78,39 @@ def summary(cls: type) -> str:
 
 
 def meanings(cls: type) -> dict[str, Meaning]:
-    """Field -> what the docstring's ``Parameters`` say of it; fields that share a line share it."""
+    """Field -> what is said of it; fields that share a text share its words."""
     found: dict[str, Meaning] = {}
     for base in reversed(cls.__mro__[:-1]):
-        head = re.search(r"^Parameters\n-+\n", getdoc(base) or "", re.MULTILINE)
-        if not is_dataclass(base) or head is None:
+        if not is_dataclass(base):
             continue
-        text = re.split(r"\n\n[^\n]+\n-{3,}\n", (getdoc(base) or "")[head.end() :])[0]
-        for entry in re.split(r"\n(?=\S)", text):
-            names, _, described = entry.partition("\n")
-            every = [one.strip() for one in names.partition(" : ")[0].split(",")]
-            words = _one_line(described)
+        for every, text in (*_in_docstring(base), *_below_fields(base)):
+            words = _one_line(text)
             for place, name in enumerate(every):
                 found[name] = Meaning(words=words, units=_units_of(words, place, len(every)))
     return found
+
+
+def _in_docstring(cls: type) -> Iterator[tuple[list[str], str]]:
+    """Names that share a line of the docstring's ``Parameters``, and its text."""
+    head = re.search(r"^Parameters\n-+\n", getdoc(cls) or "", re.MULTILINE)
+    if head is None:
+        return
+    text = re.split(r"\n\n[^\n]+\n-{3,}\n", (getdoc(cls) or "")[head.end() :])[0]
+    for entry in re.split(r"\n(?=\S)", text):
+        names, _, described = entry.partition("\n")
+        yield [one.strip() for one in names.partition(" : ")[0].split(",")], described
+
+
+def _below_fields(cls: type) -> Iterator[tuple[list[str], str]]:
+    """Names of fields one after another, and the text below the last of them."""
+    names: list[str] = []
+    (tree,) = ast.parse(dedent(getsource(cls))).body
+    for node in tree.body if isinstance(tree, ast.ClassDef) else ():
+        if isinstance(node, ast.AnnAssign):
+            names.append(ast.unparse(node.target))
+        elif names and isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+            yield names, str(node.value.value)
+            names = []
 
 
 def _units_of(words: str, place: int, count: int) -> tuple[str, ...]:

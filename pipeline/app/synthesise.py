@@ -5,9 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import check_outputs, machine_parameters
-from pipeline.app.programs import VERDICT_WORDS, model_folder, write_document
-from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
+from pipeline.app.programs import passed_status, stored_model, write_document
 from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows
 from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
 from pipeline.submodels.synthesis.samples import (
@@ -28,18 +26,8 @@ def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
         When the machine or its model is not known, or the model failed or was not judged.
     """
     machine_parameters(machine)  # refuses one that is not known
-    folder = model_folder(machine, model) / SUBMODEL.name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {SUBMODEL.needs}")
-    path = folder / "verdict.json"
-    verdict = read_json(path, Verdict) if path.exists() else None
-    status = "not judged" if verdict is None else verdict.status
-    if status != "passed" and not anyway:
-        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
-        raise ValueError(
-            f"the generator in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or use "
-            "it with --anyway"
-        )
+    folder = stored_model(machine, model, SUBMODEL)
+    passed_status(folder, "generator", anyway=anyway)
     return load_synthesis(folder)
 
 

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.app.fleet import DATA, ingest_files, machine_parameters
-from pipeline.app.programs import CHAMPION, VERDICT_WORDS, model_folder
+from pipeline.app.programs import CHAMPION, VERDICT_WORDS, passed_status, stored_model
 from pipeline.parameters import structure
-from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
 from pipeline.signals.conditions import Condition
 from pipeline.signals.wear_lives import ConditionRows, read_lives
 from pipeline.signals.wear_records import WearRecords
@@ -32,60 +30,41 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Reading:
-    """Wear at one place of a recording.
-
-    Parameters
-    ----------
-    recording : str
-        Its name, and that of the part of a table.
-    time_s : float
-        Since the recording began [s].
-    use : float or None
-        Of the tool, in the unit of the model; None where it is not known.
-    wear, low, high : float, float or None
-        In the unit of the model, and the ends of the 90 % interval; None for a class.
-    """
+    """Wear at one place of a recording."""
 
     recording: str
+    """Its name, and that of the part of a table."""
     time_s: float
+    """Since the recording began [s]."""
     use: float | None
+    """Use of the tool, in the unit of the model; None where it is not known."""
     wear: float
     low: float | None
     high: float | None
+    """In the unit of the model, and the ends of the 90 % interval; None for a class."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WearTold:
-    """Wear of recordings, with what it rests on.
-
-    Parameters
-    ----------
-    machine, origin : str
-        Whose; where the records come from that were learnt from.
-    model : str
-        ``champion`` or ``latest``.
-    status : str
-        Of the model's verdict.
-    quantity, unit, use_unit : str
-        What is told; unit of the tool's use.
-    method : str
-        That serves, for a person.
-    readings : tuple of Reading
-        In the order of recordings and time.
-    notes : tuple of str
-        What limits them.
-    """
+    """Wear of recordings, with what it rests on."""
 
     machine: str
     origin: str
+    """Whose; where the records come from that were learnt from."""
     model: str
+    """``champion`` or ``latest``."""
     status: str
+    """Status of the model's verdict."""
     quantity: str
     unit: str
     use_unit: str
+    """What is told; unit of the tool's use."""
     method: str
+    """That serves, for a person."""
     readings: tuple[Reading, ...]
+    """In the order of recordings and time."""
     notes: tuple[str, ...] = ()
+    """What limits them."""
 
     @property
     def simulated(self) -> str:
@@ -126,10 +105,8 @@ def wear_of_files(
             f"{SUBMODEL.needs}"
         )
     records = structure(own, "wear_records", WearRecords)
-    folder = model_folder(machine, model) / SUBMODEL.name
-    if not (folder / "model.json").exists():
-        raise ValueError(f"{folder} holds no model: {machine} needs {SUBMODEL.needs}")
-    status = _judged(folder, anyway=anyway)
+    folder = stored_model(machine, model, SUBMODEL)
+    status = passed_status(folder, "wear model", anyway=anyway)
     wear = load_wear(folder)
     conditions = _given(given, records)
     with tempfile.TemporaryDirectory() as scratch:
@@ -158,20 +135,6 @@ def wear_of_files(
         quantity=wear.file.quantity, unit=wear.file.wear_unit, use_unit=wear.file.progress_unit,
         method=", ".join(dict.fromkeys(methods)), readings=tuple(readings), notes=tuple(notes),
     )  # fmt: skip
-
-
-def _judged(folder: Path, *, anyway: bool) -> str:
-    """Status of the verdict beside a model; refused where it did not pass, unless ``anyway``."""
-    path = folder / "verdict.json"
-    verdict = read_json(path, Verdict) if path.exists() else None
-    status = "not judged" if verdict is None else verdict.status
-    if status != "passed" and not anyway:
-        why = f" ({verdict.reasons[0]})" if verdict is not None and verdict.reasons else ""
-        raise ValueError(
-            f"the wear model in {folder} {VERDICT_WORDS[status]}{why}: mend that first, or use "
-            "it with --anyway"
-        )
-    return status
 
 
 def _given(given: Sequence[str], records: WearRecords) -> dict[str, Condition]:

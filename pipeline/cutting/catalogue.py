@@ -75,22 +75,15 @@ def tool_type(tool: Tool, operation: Operation) -> ToolType:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingRange:
-    """Range of cutting data for one tool in one material and operation.
-
-    Parameters
-    ----------
-    feed_per_tooth_mm : tuple of float, optional
-        Least and greatest f_z [mm]; of a drill for each lip.  The least is 0 where the source has
-        an upper value only.  None where the source has none.
-    cutting_speed_m_min : tuple of float, optional
-        Least and greatest v_c at the full diameter [m/min]; None where the source has none.
-    sources : tuple of str
-        Whose tables they are.
-    """
+    """Range of cutting data for one tool in one material and operation."""
 
     feed_per_tooth_mm: tuple[float, float] | None
+    """Least and greatest f_z [mm]; of a drill for each lip.  The least is 0 where the source has an
+    upper value only.  None where the source has none."""
     cutting_speed_m_min: tuple[float, float] | None
+    """Least and greatest v_c at the full diameter [m/min]; None where the source has none."""
     sources: tuple[str, ...]
+    """Whose tables they are."""
 
     @property
     def source(self) -> str:
@@ -102,28 +95,6 @@ class CuttingRange:
 class CatalogueRow(Ranged, section="catalogue.rows"):
     """Rows of a table of cutting data: one line of feeds over the diameter, one range of speed.
 
-    Parameters
-    ----------
-    tools : tuple of ToolType
-        Kinds of tool that it is for.
-    tool_material : {"carbide", "hss"}
-        Cutting material.
-    groups : tuple of int
-        First and last group of VDI 3323.
-    operations : tuple of Operation
-        Operations that it is for.
-    diameter_mm : tuple of float
-        N + 1 rising edges of N spans of diameter [mm]: a tool belongs to the span that begins at or
-        below its diameter; the last edge belongs to the last span.
-    feed_mm : tuple of tuple of float
-        Least and greatest feed in each span [mm]; none where the source has none.
-    feed_per : {"tooth", "revolution"}
-        What ``feed_mm`` is for.
-    cutting_speed_m_min : tuple of float, optional
-        Least and greatest v_c [m/min].
-    sources : tuple of str
-        Names among the sources of the catalogue.
-
     Raises
     ------
     ValueError
@@ -131,14 +102,24 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     """
 
     tools: tuple[ToolType, ...]
+    """Kinds of tool that it is for."""
     tool_material: Literal["carbide", "hss"] = "carbide"
+    """Cutting material."""
     groups: Annotated[tuple[int, ...], Range(least=1, most=41)]
+    """First and last group of VDI 3323."""
     operations: tuple[Operation, ...]
+    """Operations that it is for."""
     diameter_mm: Annotated[tuple[float, ...], Range(least=0.01, most=1000.0)]
+    """N + 1 rising edges of N spans of diameter [mm]: a tool belongs to the span that begins at or
+    below its diameter; the last edge belongs to the last span."""
     feed_mm: Annotated[tuple[tuple[float, ...], ...], Range(least=0.0, most=10.0)] = ()
+    """Least and greatest feed in each span [mm]; none where the source has none."""
     feed_per: Literal["tooth", "revolution"] = "tooth"
+    """What ``feed_mm`` is for."""
     cutting_speed_m_min: Annotated[tuple[float, ...], Range(least=0.0, most=10_000.0)] | None = None
+    """Least and greatest v_c [m/min]."""
     sources: tuple[str, ...]
+    """Names among the sources of the catalogue."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -203,31 +184,21 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
 
 @dataclass(frozen=True, kw_only=True)
 class CoatingFactor(Ranged, section="catalogue.coatings"):
-    """Feed and speed of tools with a coating over those of the rows.
-
-    Parameters
-    ----------
-    tools : tuple of ToolType
-        Kinds of tool that it is for.
-    tool_material : {"carbide", "hss"}
-        Cutting material.
-    coatings : tuple of str
-        As in the tool table; ``none`` is an uncoated tool.
-    groups : tuple of int
-        First and last group of VDI 3323.
-    feed, speed : float
-        Factors on both ends of a range [1].
-    source : str
-        Name among the sources of the catalogue.
-    """
+    """Feed and speed of tools with a coating over those of the rows."""
 
     tools: tuple[ToolType, ...]
+    """Kinds of tool that it is for."""
     tool_material: Literal["carbide", "hss"]
+    """Cutting material."""
     coatings: tuple[str, ...]
+    """As in the tool table; ``none`` is an uncoated tool."""
     groups: Annotated[tuple[int, int], Range(least=1, most=41)] = (1, 41)
+    """First and last group of VDI 3323."""
     feed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
     speed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
+    """Factors on both ends of a range [1]."""
     source: str
+    """Name among the sources of the catalogue."""
 
     def fits(self, tool: Tool, material: Material, operation: Operation) -> bool:
         """Whether it is for that tool in that material and operation."""
@@ -243,15 +214,6 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
 class CuttingCatalogue:
     """Cutting data of public tables.
 
-    Parameters
-    ----------
-    rows : tuple of CatalogueRow
-        No two of them hold for the same tool, material and operation.
-    sources : dict of str to str
-        Name of a source -> its citation.
-    coatings : tuple of CoatingFactor
-        Applied to the rows; a tool whose coating is not said has the values of the rows.
-
     Raises
     ------
     ValueError
@@ -259,8 +221,11 @@ class CuttingCatalogue:
     """
 
     rows: tuple[CatalogueRow, ...]
+    """No two of them hold for the same tool, material and operation."""
     sources: dict[str, str]
+    """Name of a source -> its citation."""
     coatings: tuple[CoatingFactor, ...] = field(default_factory=tuple)
+    """Applied to the rows; a tool whose coating is not said has the values of the rows."""
 
     def __post_init__(self) -> None:
         named = {name for row in self.rows for name in row.sources}

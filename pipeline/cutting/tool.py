@@ -226,22 +226,6 @@ class ToolTable:
             if number < 0:
                 raise ValueError(f"tools.{number} is no tool number: it must be 0 or more")
 
-    def tool(self, number: int) -> Tool:
-        """The tool with that number.
-
-        Raises
-        ------
-        ValueError
-            When the table does not have it.
-        """
-        if number not in self.tools:
-            known = ", ".join(map(str, sorted(self.tools)))
-            raise ValueError(
-                f"tool {number} is not in the tool table, which has {known}: add it there, or name "
-                "another table"
-            )
-        return self.tools[number]
-
 
 FLUTED = 0.8
 """Effective diameter of a fluted part over its outer one [1] (Kops and Vo 1990)."""

@@ -18,27 +18,18 @@ ANGLE = {"radian": 57.29578}
 
 @dataclass(frozen=True)
 class OddSize:
-    """Value of a tool that no usual tool has.
-
-    Parameters
-    ----------
-    field : str
-        Its name in the tool table.
-    value : float
-        As it stands there.
-    reason : str
-        What is odd, as the end of a sentence.
-    units : tuple of str
-        Units in which the value would be usual.
-    beside : str
-        Field that it does not go with; empty where the value is odd by itself.
-    """
+    """Value of a tool that no usual tool has."""
 
     field: str
+    """Its name in the tool table."""
     value: float
+    """As it stands there."""
     reason: str
+    """What is odd, as the end of a sentence."""
     units: tuple[str, ...] = ()
+    """Units in which the value would be usual."""
     beside: str = ""
+    """Field that it does not go with; empty where the value is odd by itself."""
 
     @property
     def remedy(self) -> str:

@@ -15,9 +15,7 @@ import numpy.typing as npt
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.machine.control.parameters import AuxiliaryParameters
 from pipeline.machine.control.path import Halt
-from pipeline.schema.arrays import Bools, Floats
-
-Rows = npt.NDArray[np.intp]
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 AT_REST = (Kind.TOOL_CHANGE, Kind.STOP, Kind.END, Kind.SPINDLE)
 """Rows that need a stopped spindle at rest, with ``spindle_stop_wait = "before_change"``."""

@@ -21,25 +21,17 @@ from pipeline.schema.store import write_bytes
 
 @dataclass(kw_only=True)
 class Checkpoint:
-    """Where a training stands, beside the network and Adam.
-
-    Parameters
-    ----------
-    history : list of (float, float, float)
-        Epochs up to then [1], RMSE of the scaled training and validation windows [1].
-    best, best_at : float, int
-        Least of the latter, and its epoch.
-    best_state : mapping of str to Tensor
-        The network's then.
-    generator : Tensor
-        State of the random numbers.
-    """
+    """Where a training stands, beside the network and Adam."""
 
     history: list[tuple[float, float, float]]
+    """Epochs up to then [1], RMSE of the scaled training and validation windows [1]."""
     best: float
     best_at: int
+    """Least of the latter, and its epoch."""
     best_state: dict[str, Tensor]
+    """The network's then."""
     generator: Tensor = field(default_factory=lambda: torch.Generator().get_state())
+    """State of the random numbers."""
 
 
 def write_checkpoint(

@@ -209,19 +209,13 @@ def _as_it_is(layer: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelScaling:
-    """What is taken off and divided by, of each channel, so that windows fit tanh.
-
-    Parameters
-    ----------
-    shift, scale : ndarray, shape (C,)
-        In the units of the channels.
-    clipped : float
-        Share of the training samples that lie outside of -1..1 and are cut there [1].
-    """
+    """What is taken off and divided by, of each channel, so that windows fit tanh."""
 
     shift: Floats
     scale: Floats
+    """In the units of the channels; shape (C,)."""
     clipped: float = 0.0
+    """Share of the training samples that lie outside of -1..1 and are cut there [1]."""
 
     @staticmethod
     def of(values: Floats) -> "ChannelScaling":
@@ -248,37 +242,26 @@ class ChannelScaling:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrainedGan:
-    """A trained generator: windows at conditions.
-
-    Parameters
-    ----------
-    settings : GanSettings
-        Sizes.
-    training : GanTraining
-        Of its training.
-    space : ConditionSpace
-        Conditions, with the ranges that were learnt.
-    channels, units : tuple of str
-        Of the windows.
-    length : int
-        Samples L of a window.
-    scaling : ChannelScaling
-        Of the windows.
-    network : Generator
-        Running mean of its weights, or the last ones.
-    history : ndarray, shape (H, 3)
-        Steps up to then, mean loss of discriminator and of generator since the row before [1].
-    """
+    """A trained generator: windows at conditions."""
 
     settings: GanSettings
+    """Sizes."""
     training: GanTraining
+    """Of its training."""
     space: ConditionSpace
+    """Conditions, with the ranges that were learnt."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    """Of the windows."""
     length: int
+    """Samples L of a window."""
     scaling: ChannelScaling
+    """Scaling of the windows."""
     network: Generator
+    """Running mean of its weights, or the last ones."""
     history: Floats
+    """Steps up to then, mean loss of discriminator and of generator since the row before [1];
+    shape (H, 3)."""
 
     def noise(self, many: int, seed: int) -> Tensor:
         """Noise of so many windows, shape (N, Z)."""

@@ -25,30 +25,6 @@ SLACK = 1e-6
 class GanSettings(Ranged, section="gan"):
     """Size of a conditional DCGAN; the defaults are those of DCGAN2019.
 
-    Parameters
-    ----------
-    latent : int
-        Numbers of the noise.
-    generator : tuple of int
-        Channels after each block of upsampling by two and convolution.
-    discriminator : tuple of int
-        Channels of its convolutions, each with stride 2.
-    kernel : int
-        Samples of every convolution, odd.
-    dropout : float
-        Share of the discriminator's activations that are dropped [1].
-    condition : str
-        ``film``: feature-wise linear modulation in the generator and projection in the
-        discriminator.  ``multiply``, as published: noise and window are multiplied by the embedded
-        conditions, which scales an amplitude and no more.
-    embedding : int
-        Numbers that stand for the conditions inside the networks.
-    unknown : float
-        Share of the training windows whose discrete conditions are hidden [1], so that a word that
-        was never seen has a learnt mean to fall back on.
-    spectral_norm : bool
-        Whether the discriminator's layers are divided by their largest singular value.
-
     Raises
     ------
     ValueError
@@ -56,14 +32,26 @@ class GanSettings(Ranged, section="gan"):
     """
 
     latent: Count = 3500
+    """Numbers of the noise."""
     generator: tuple[Count, ...] = (64, 64, 64, 32, 32)
+    """Channels after each block of upsampling by two and convolution."""
     discriminator: tuple[Count, ...] = (128, 128, 64, 64)
+    """Channels of its convolutions, each with stride 2."""
     kernel: Annotated[int, Range(least=1, most=31)] = 3
+    """Samples of every convolution, odd."""
     dropout: Annotated[float, Range(least=0.0, below=1.0)] = 0.5
+    """Share of the discriminator's activations that are dropped [1]."""
     condition: str = "film"
+    """``film``: feature-wise linear modulation in the generator and projection in the
+    discriminator.  ``multiply``, as published: noise and window are multiplied by the embedded
+    conditions, which scales an amplitude and no more."""
     embedding: Count = 32
+    """Numbers that stand for the conditions inside the networks."""
     unknown: Share = 0.1
+    """Share of the training windows whose discrete conditions are hidden [1], so that a word that
+    was never seen has a learnt mean to fall back on."""
     spectral_norm: bool = True
+    """Whether the discriminator's layers are divided by their largest singular value."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,43 +66,6 @@ class GanSettings(Ranged, section="gan"):
 class GanTraining(Ranged, section="gan_training"):
     """Budget of an adversarial training and its settings; the defaults are those of DCGAN2019.
 
-    Parameters
-    ----------
-    steps, batch : int
-        Steps of both networks, and windows of each.
-    learning_rate, discriminator_rate : float, float or None
-        Of Adam for the generator and for the discriminator; None for the same.
-    cooling : float
-        Share of the steps, the last ones, over which both rates fall to zero [1].
-    beta1, beta2 : float
-        Of Adam [1].
-    loss : str
-        ``hinge`` or ``cross_entropy`` (as published).
-    r1 : float
-        Factor of the mean squared gradient of the score with respect to recorded windows [1]; 0
-        for none.
-    r1_every : int
-        Steps from one such penalty, which then counts as often, to the next.
-    spectrum : float
-        Weight of the energy distance of spectra in the generator's loss [1]; 0, as published, for
-        the discriminator's word alone.
-    warm : int
-        First steps in which such distances alone are learnt from.
-    reading : float
-        Weight of the energy distance between readings of one condition (``read`` of the training)
-        from recorded and from generated windows, by small networks that saw the former [1].
-    mismatched : float
-        Weight of recorded windows at the conditions of others, which the discriminator is to refuse
-        [1]: it then has to look at the conditions from the first steps on (Reed et al. 2016).
-    average : float
-        Share of the generator's running mean that a step keeps [1]; 0 for the last weights.
-    every : int
-        Steps of which one row of the history is the mean, and after which a watch is called.
-    precision : str
-        ``float32``, or ``bfloat16`` where the processor has such products.
-    seed : int
-        Of weights, noise, order of windows.
-
     Raises
     ------
     ValueError
@@ -123,22 +74,41 @@ class GanTraining(Ranged, section="gan_training"):
 
     steps: Count = 148_000
     batch: Annotated[int, Range(least=2)] = 32
+    """Steps of both networks, and windows of each."""
     learning_rate: Positive = 1e-4
     discriminator_rate: Positive | None = None
+    """Of Adam for the generator and for the discriminator; None for the same."""
     cooling: Share = 0.0
+    """Share of the steps, the last ones, over which both rates fall to zero [1]."""
     beta1: Annotated[float, Range(least=0.0, below=1.0)] = 0.5
     beta2: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
+    """Of Adam [1]."""
     loss: str = "hinge"
+    """``hinge`` or ``cross_entropy`` (as published)."""
     r1: NotNegative = 0.0
+    """Factor of the mean squared gradient of the score with respect to recorded windows [1]; 0 for
+    none."""
     r1_every: Count = 16
+    """Steps from one such penalty, which then counts as often, to the next."""
     spectrum: NotNegative = 0.0
+    """Weight of the energy distance of spectra in the generator's loss [1]; 0, as published, for
+    the discriminator's word alone."""
     warm: Whole = 0
+    """First steps in which such distances alone are learnt from."""
     reading: NotNegative = 0.0
+    """Weight of the energy distance between readings of one condition (``read`` of the training)
+    from recorded and from generated windows, by small networks that saw the former [1]."""
     mismatched: NotNegative = 0.0
+    """Weight of recorded windows at the conditions of others, which the discriminator is to refuse
+    [1]: it then has to look at the conditions from the first steps on (Reed et al. 2016)."""
     average: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
+    """Share of the generator's running mean that a step keeps [1]; 0 for the last weights."""
     every: Count = 200
+    """Steps of which one row of the history is the mean, and after which a watch is called."""
     precision: str = "float32"
+    """``float32``, or ``bfloat16`` where the processor has such products."""
     seed: Whole = 0
+    """Of weights, noise, order of windows."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -218,16 +188,11 @@ class Discrete:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionSpace:
-    """Conditions that a network knows, with their ranges and words.
-
-    Parameters
-    ----------
-    continuous, discrete : tuple
-        In the order in which the network takes them.
-    """
+    """Conditions that a network knows, with their ranges and words."""
 
     continuous: tuple[Continuous, ...] = ()
     discrete: tuple[Discrete, ...] = ()
+    """In the order in which the network takes them."""
 
     @staticmethod
     def of(conditions: Mapping[str, Any], units: Mapping[str, str]) -> "ConditionSpace":

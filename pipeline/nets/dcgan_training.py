@@ -40,27 +40,19 @@ from pipeline.nets.window_training import Diverged, autocast, cooled, usable_pre
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GanStep:
-    """What an adversarial training says every so many steps.
-
-    Parameters
-    ----------
-    number, of : int
-        Steps that are done, and that there are.
-    discriminator, generator : float
-        Mean losses since it last said something [1].
-    seconds, left_s : float
-        Time of this call so far [s], and to come, at the mean time of its steps.
-    so_far : callable
-        The trained generator as it stands, to sample from.
-    """
+    """What an adversarial training says every so many steps."""
 
     number: int
     of: int
+    """Steps that are done, and that there are."""
     discriminator: float
     generator: float
+    """Mean losses since it last said something [1]."""
     seconds: float
     left_s: float
+    """Time of this call so far [s], and to come, at the mean time of its steps."""
     so_far: Callable[[], TrainedGan]
+    """The trained generator as it stands, to sample from."""
 
 
 Watch = Callable[[GanStep], bool | None]

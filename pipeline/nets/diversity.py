@@ -85,21 +85,14 @@ class FeatureScaling:
 
 @dataclass(frozen=True, kw_only=True)
 class Collapse:
-    """Whether samples differ as recorded windows do.
-
-    Parameters
-    ----------
-    within : float
-        Median distance of samples at neighbouring conditions, over that of recorded windows [1].
-    between : float
-        The same over all conditions [1].
-    saturated : bool
-        Whether the discriminator's loss has vanished at the end of the training.
-    """
+    """Whether samples differ as recorded windows do."""
 
     within: float
+    """Median distance of samples at neighbouring conditions, over that of recorded windows [1]."""
     between: float
+    """The same over all conditions [1]."""
     saturated: bool
+    """Whether the discriminator's loss has vanished at the end of the training."""
 
     @property
     def reasons(self) -> tuple[str, ...]:

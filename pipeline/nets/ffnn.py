@@ -102,12 +102,8 @@ class FilteredNetwork(nn.Module, ABC):
         rules = nn.functional.linear(c, consequents[:, :-1], consequents[:, -1])
         return (self.strengths(self.bands, x) * rules).sum(-1)
 
-    def design(self, x: Tensor, c: Tensor) -> Tensor:
-        """Matrix whose product with the consequents is the output, shape (T, J (K + 1))."""
-        return self.designs(self.bands, x, c)
-
     def designs(self, bands: Tensor, x: Tensor, c: Tensor) -> Tensor:
-        """As :meth:`design`, shape (..., T, J (K + 1)), for bands of shape (..., J, F)."""
+        """Matrices whose products with the consequents are outputs; (..., T, J (K + 1))."""
         w = self.strengths(bands, x)
         rules = torch.cat([c, torch.ones_like(c[:, :1])], dim=1)
         return (w[..., :, None] * rules[:, None, :]).flatten(-2)

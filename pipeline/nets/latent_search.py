@@ -27,63 +27,42 @@ from pipeline.schema.ranges import Count, NotNegative, Positive, Ranged
 
 @dataclass(frozen=True, kw_only=True)
 class LatentSearch(Ranged, section="latent_search"):
-    """Budget of a search in the noise.
-
-    Parameters
-    ----------
-    values : int
-        Of the condition, evenly over what was learnt.
-    starts : int
-        Noises from which each begins.
-    steps : int
-        Of Adam.
-    rate : float
-        Of Adam.
-    penalty : float
-        Of the mean square of the noise beyond 1 [1].
-    seed : int
-        Of the starts.
-    """
+    """Budget of a search in the noise."""
 
     values: Count = 11
+    """Values of the condition, evenly over what was learnt."""
     starts: Count = 3
+    """Noises from which each begins."""
     steps: Count = 60
+    """Of Adam."""
     rate: Positive = 0.1
+    """Of Adam."""
     penalty: NotNegative = 0.1
+    """Penalty of the mean square of the noise beyond 1 [1]."""
     seed: Whole = 0
+    """Seed of the starts."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explained:
-    """What a generator says of a recorded window.
-
-    Parameters
-    ----------
-    condition, unit : str
-        Whose values were gone through.
-    values : ndarray, shape (V,)
-        Of it.
-    distance : ndarray, shape (V,)
-        Least distance of a generated window from the recorded one at each value [1].
-    best : float
-        Value at the least distance.
-    noise : ndarray, shape (Z,)
-        At the best value.
-    window : ndarray, shape (C, L)
-        Generated from it, in the units of the channels.
-    typical : float
-        Median distance of generated windows at the best value with noise at random [1]: how much
-        the search gained.
-    """
+    """What a generator says of a recorded window."""
 
     condition: str
     unit: str
+    """Whose values were gone through."""
     values: Floats
+    """Of it; shape (V,)."""
     distance: Floats
+    """Least distance of a generated window from the recorded one at each value [1]; shape (V,)."""
     best: float
+    """Value at the least distance."""
     noise: Floats
+    """At the best value; shape (Z,)."""
     window: Floats
+    """Generated from it, in the units of the channels; shape (C, L)."""
     typical: float
+    """Median distance of generated windows at the best value with noise at random [1]: how much the
+    search gained."""
 
 
 def explain(

@@ -27,70 +27,47 @@ class SequenceSettings(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class LstmSettings(SequenceSettings, section="lstm"):
-    """Settings of a plain LSTM whose last state gives the output.
-
-    Parameters
-    ----------
-    units : int
-        Of the LSTM: 50 to 100 in Feed2025.
-    """
+    """Settings of a plain LSTM whose last state gives the output."""
 
     kind: ClassVar[str] = "lstm"
     units: Count = 50
+    """Units of the LSTM: 50 to 100 in Feed2025."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CnnLstmSettings(SequenceSettings, section="cnn_lstm"):
-    """Settings of a convolution over time before an LSTM.
-
-    Parameters
-    ----------
-    filters, kernel : int
-        Filters of the convolution, and samples that each of them sees.
-    pool : int
-        Samples of which the greatest is passed on; 1 as published, which does nothing.
-    units : int
-        Of the LSTM.
-    """
+    """Settings of a convolution over time before an LSTM."""
 
     kind: ClassVar[str] = "cnn_lstm"
     filters: Count = 16
     kernel: Count = 3
+    """Filters of the convolution, and samples that each of them sees."""
     pool: Count = 1
+    """Samples of which the greatest is passed on; 1 as published, which does nothing."""
     units: Count = 50
+    """Units of the LSTM."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CnnLstmAttentionSettings(CnnLstmSettings, section="cnn_lstm_attention"):
-    """Settings of convolution, LSTM and additive attention over time (Feed2025).
-
-    Parameters
-    ----------
-    attention : int or None
-        Rows of W in e_t = v' tanh(W h_t + b); None for as many as the LSTM has units.
-    """
+    """Settings of convolution, LSTM and additive attention over time (Feed2025)."""
 
     kind: ClassVar[str] = "cnn_lstm_attention"
     attention: Count | None = None
+    """Rows of W in e_t = v' tanh(W h_t + b); None for as many as the LSTM has units."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TcnSettings(SequenceSettings, section="tcn"):
-    """Settings of a temporal convolutional network (Bai, Kolter and Koltun 2018).
-
-    Parameters
-    ----------
-    filters, kernel : int
-        Of each convolution.
-    blocks : int
-        Residual blocks of two convolutions with dilation 1, 2, 4, ...; an output sees
-        1 + 2 (kernel - 1) (2^blocks - 1) samples.
-    """
+    """Settings of a temporal convolutional network (Bai, Kolter and Koltun 2018)."""
 
     kind: ClassVar[str] = "tcn"
     filters: Count = 16
     kernel: Count = 3
+    """Of each convolution."""
     blocks: Annotated[int, Range(least=1, most=12)] = 4
+    """Residual blocks of two convolutions with dilation 1, 2, 4, ...; an output sees 1 + 2 (kernel
+    - 1) (2^blocks - 1) samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,18 +78,6 @@ class ResNetSettings(SequenceSettings, section="resnet"):
     batch normalisation, which would take a window's amplitude away or need the statistics of
     others.
 
-    Parameters
-    ----------
-    filters : int
-        Of the first block; each later one has twice as many at half the rate.
-    kernel : int
-        Rows that each convolution sees, an odd number.
-    blocks : int
-        Residual blocks of two convolutions.
-    rows : int
-        Of the first block at most: the stride of the convolution before it brings a longer window
-        down to them.
-
     Raises
     ------
     ValueError
@@ -121,9 +86,14 @@ class ResNetSettings(SequenceSettings, section="resnet"):
 
     kind: ClassVar[str] = "resnet"
     filters: Count = 16
+    """Of the first block; each later one has twice as many at half the rate."""
     kernel: Count = 7
+    """Rows that each convolution sees, an odd number."""
     blocks: Annotated[int, Range(least=1, most=6)] = 3
+    """Residual blocks of two convolutions."""
     rows: Count = 128
+    """Of the first block at most: the stride of the convolution before it brings a longer window
+    down to them."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -139,50 +109,19 @@ class ArxSettings(SequenceSettings, section="arx"):
     """Settings of the linear model with lagged inputs, solved by ridge least squares.
 
     A measurement among the inputs, older than the horizon, is its autoregressive part.
-
-    Parameters
-    ----------
-    lags : int or None
-        Last rows of a window that it sees; None for all of them.
-    ridge : float
-        Penalty on the squares of the scaled coefficients, as a share of the variance of the
-        scaled output [1].
     """
 
     kind: ClassVar[str] = "arx"
     lags: Count | None = None
+    """Last rows of a window that it sees; None for all of them."""
     ridge: Annotated[float, Range(least=1e-12)] = 1e-6
+    """Penalty on the squares of the scaled coefficients, as a share of the variance of the scaled
+    output [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WindowTraining(Ranged, section="window_training"):
     """Budget of a training on windows and its settings, the same for every network.
-
-    Parameters
-    ----------
-    epochs : int
-        Passes over the training windows at most.
-    patience : int
-        Epochs without a lower error on the validation recordings after which a training ends.
-    learning_rate : float
-        Of Adam: 0.001 to 0.01 in Feed2025.
-    cooling : float
-        Share of the epochs, the last ones, over which the rate falls to zero [1].
-    l2 : float
-        Penalty on the squares of the weights, biases left out [1]: 0.0001 to 0.1 in Feed2025.
-    batch : int
-        Windows of a step.
-    validation : float
-        Share of the recordings that are kept for early stopping, whole, at least one; with 0 all
-        are learnt from, and the state with the least training error is kept.
-    precision : str
-        ``float32`` or ``bfloat16``: products of a training in half the bits where the processor
-        has them, float32 where it has not.
-    seed : int
-        Of initial weights, order of windows, choice of validation recordings.
-    validation_seed : int or None
-        Of the choice of validation recordings, so that trainings with other weights stop by the
-        same ones; None for ``seed``.
 
     Raises
     ------
@@ -191,15 +130,28 @@ class WindowTraining(Ranged, section="window_training"):
     """
 
     epochs: Count = 100
+    """Passes over the training windows at most."""
     patience: Count = 20
+    """Epochs without a lower error on the validation recordings after which a training ends."""
     learning_rate: Positive = 0.003
+    """Of Adam: 0.001 to 0.01 in Feed2025."""
     cooling: Share = 0.0
+    """Share of the epochs, the last ones, over which the rate falls to zero [1]."""
     l2: NotNegative = 0.0
+    """Penalty on the squares of the weights, biases left out [1]: 0.0001 to 0.1 in Feed2025."""
     batch: Count = 64
+    """Windows of a step."""
     validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2
+    """Share of the recordings that are kept for early stopping, whole, at least one; with 0 all are
+    learnt from, and the state with the least training error is kept."""
     precision: str = "float32"
+    """``float32`` or ``bfloat16``: products of a training in half the bits where the processor has
+    them, float32 where it has not."""
     seed: Whole = 0
+    """Of initial weights, order of windows, choice of validation recordings."""
     validation_seed: Whole | None = None
+    """Of the choice of validation recordings, so that trainings with other weights stop by the same
+    ones; None for ``seed``."""
 
     def steps(self, windows: int) -> int:
         """Steps of a training on so many windows at most [1]."""
@@ -218,30 +170,6 @@ class WindowTraining(Ranged, section="window_training"):
 class TuningSettings(Ranged, section="tuning"):
     """Budget of a search for the settings of a network on windows, and where it searches.
 
-    Parameters
-    ----------
-    method : str
-        Name of the search in :data:`pipeline.search.methods.METHODS`.
-    population, generations : int
-        Candidates of a generation, and generations: 8 and 20 in Feed2025.
-    epochs, patience : int
-        Of a candidate, as in :class:`WindowTraining`.
-    windows : int
-        Of a candidate at most, spread evenly over each recording; at least one of each.
-    milestones : tuple of int
-        Epochs after which a candidate is stopped when its least validation error so far is above
-        the median of the ``population`` least ones that candidates of earlier generations had by
-        then; empty for never.
-    fewest : int
-        Candidates of earlier generations whose median may stop one.
-    retrained : int
-        Best settings that are trained again, in full.
-    seed : int
-        Of the search.
-    learning_rate, units, l2 : tuple
-        Lower and upper bound of each: those of Feed2025.  The learning rate and ``l2`` are searched
-        on a logarithmic scale, ``l2`` evenly where its lower bound is 0; equal bounds hold one.
-
     Raises
     ------
     ValueError
@@ -249,18 +177,30 @@ class TuningSettings(Ranged, section="tuning"):
     """
 
     method: str = "genetic"
+    """Name of the search in :data:`pipeline.search.methods.METHODS`."""
     population: Annotated[int, Range(least=2)] = 4
     generations: Count = 3
+    """Candidates of a generation, and generations: 8 and 20 in Feed2025."""
     epochs: Count = 30
     patience: Count = 10
+    """Of a candidate, as in :class:`WindowTraining`."""
     windows: Count = 1500
+    """Of a candidate at most, spread evenly over each recording; at least one of each."""
     milestones: tuple[Count, ...] = (10, 20, 40)
+    """Epochs after which a candidate is stopped when its least validation error so far is above the
+    median of the ``population`` least ones that candidates of earlier generations had by then;
+    empty for never."""
     fewest: Count = 4
+    """Candidates of earlier generations whose median may stop one."""
     retrained: Count = 3
+    """Best settings that are trained again, in full."""
     seed: Whole = 0
+    """Of the search."""
     learning_rate: tuple[Positive, Positive] = (1e-3, 1e-2)
     units: tuple[Count, Count] = (50, 100)
     l2: tuple[NotNegative, NotNegative] = (1e-4, 1e-1)
+    """Lower and upper bound of each: those of Feed2025.  The learning rate and ``l2`` are searched
+    on a logarithmic scale, ``l2`` evenly where its lower bound is 0; equal bounds hold one."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

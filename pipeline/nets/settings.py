@@ -16,20 +16,14 @@ class NetworkSettings(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class FuzzyFilteredSettings(NetworkSettings, section="fuzzy_filtered"):
-    """Settings of the improved fuzzy-filtered network (FFNN2015).
-
-    Parameters
-    ----------
-    bands : int
-        Gaussian pass-bands J over the sensors, each with a rule of its own.
-    offset : float
-        Temperature that is added before the bands' shares are taken, as a multiple of the range of
-        the temperatures that were learnt [1]; the smaller, the more the shares vary.
-    """
+    """Settings of the improved fuzzy-filtered network (FFNN2015)."""
 
     kind: ClassVar[str] = "fuzzy_filtered"
     bands: Count = 3
+    """Gaussian pass-bands J over the sensors, each with a rule of its own."""
     offset: Annotated[float, Range(least=0.01, most=1000.0)] = 1.0
+    """Temperature that is added before the bands' shares are taken, as a multiple of the range of
+    the temperatures that were learnt [1]; the smaller, the more the shares vary."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,52 +36,19 @@ class ClassicFuzzySettings(NetworkSettings, section="classic_fuzzy"):
 
 @dataclass(frozen=True, kw_only=True)
 class BackPropagationSettings(NetworkSettings, section="back_propagation"):
-    """Settings of the network with one sigmoid layer.
-
-    Parameters
-    ----------
-    hidden : int
-        Nodes of the sigmoid layer: 7 as published (9-7-1), 16 beside it.
-    consequent_inputs : bool
-        Whether the consequent inputs enter beside the temperatures; the published network has the
-        temperatures alone.
-    """
+    """Settings of the network with one sigmoid layer."""
 
     kind: ClassVar[str] = "back_propagation"
     hidden: Count = 7
+    """Nodes of the sigmoid layer: 7 as published (9-7-1), 16 beside it."""
     consequent_inputs: bool = False
+    """Whether the consequent inputs enter beside the temperatures; the published network has the
+    temperatures alone."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings(Ranged, section="training"):
     """Budget of a training and its settings, the same for every network and method.
-
-    Parameters
-    ----------
-    passes : int
-        Passes over the training samples at most.  A pass is an epoch of a gradient method, one
-        evaluation of all samples with its least squares in variable projection, and one individual
-        of the genetic search.
-    patience : int
-        Passes without a lower error on the validation groups after which a training ends.
-    learning_rate : float
-        Of gradient descent (0.01 as published) and of Adam; bands move at this share of their
-        bounds' distance.
-    batch : int
-        Samples of each of Adam's steps; back-propagation goes sample by sample.
-    ridge : float
-        Penalty on the squares of the scaled consequents, as a share of the variance of the scaled
-        output [1].  Shares of bands differ by a few per cent, so that consequents of a hundred are
-        at work: it bounds the condition and no more.
-    validation : float
-        Share of the groups that are kept for early stopping, whole, at least one; with 0 all groups
-        are learnt from, and the state with the least training error is kept.
-    population : int
-        Individuals of a generation of the genetic search.
-    breadth : float
-        c of its fitness exp(-(f - f_min) / (c sigma)) [1].
-    seed : int
-        Of initial weights, order of samples, choice of validation groups, genetic search.
 
     Raises
     ------
@@ -96,14 +57,29 @@ class TrainingSettings(Ranged, section="training"):
     """
 
     passes: Count = 400
+    """Passes over the training samples at most.  A pass is an epoch of a gradient method, one
+    evaluation of all samples with its least squares in variable projection, and one individual of
+    the genetic search."""
     patience: Count = 100
+    """Passes without a lower error on the validation groups after which a training ends."""
     learning_rate: Positive = 0.01
+    """Of gradient descent (0.01 as published) and of Adam; bands move at this share of their
+    bounds' distance."""
     batch: Count = 64
+    """Samples of each of Adam's steps; back-propagation goes sample by sample."""
     ridge: Annotated[float, Range(least=1e-12)] = 1e-8
+    """Penalty on the squares of the scaled consequents, as a share of the variance of the scaled
+    output [1].  Shares of bands differ by a few per cent, so that consequents of a hundred are at
+    work: it bounds the condition and no more."""
     validation: Annotated[float, Range(least=0.0, below=1.0)] = 0.2
+    """Share of the groups that are kept for early stopping, whole, at least one; with 0 all groups
+    are learnt from, and the state with the least training error is kept."""
     population: Annotated[int, Range(least=2)] = 20
+    """Individuals of a generation of the genetic search."""
     breadth: Positive = 1.0
+    """c of its fitness exp(-(f - f_min) / (c sigma)) [1]."""
     seed: Whole = 0
+    """Of initial weights, order of samples, choice of validation groups, genetic search."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -73,25 +73,18 @@ def samples(name: str, values: ArrayLike, dimensions: int) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scaling:
-    """What is taken off and divided by, of inputs and output.
-
-    Parameters
-    ----------
-    x_shift, x_scale : ndarray, shape (N,)
-        Of the temperatures [K]: all the same for bands over the channels, which compare them; each
-        its own for the sigmoid network.
-    c_shift, c_scale : ndarray, shape (K,)
-        Mean and standard deviation of the consequent inputs.
-    y_shift, y_scale : float
-        Mean and standard deviation of the output [µm].
-    """
+    """What is taken off and divided by, of inputs and output."""
 
     x_shift: Floats
     x_scale: Floats
+    """Of the temperatures [K]: all the same for bands over the channels, which compare them; each
+    its own for the sigmoid network; shape (N,)."""
     c_shift: Floats
     c_scale: Floats
+    """Mean and standard deviation of the consequent inputs; shape (K,)."""
     y_shift: float
     y_scale: float
+    """Mean and standard deviation of the output [µm]."""
 
     @staticmethod
     def of(kind: NetworkSettings, x: Floats, c: Floats, y: Floats) -> "Scaling":
@@ -128,34 +121,23 @@ def _divisor(scale: Floats, values: Floats) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trained:
-    """A trained network.
-
-    Parameters
-    ----------
-    kind : NetworkSettings
-        Of the network.
-    method : str
-        By which it was trained.
-    settings : TrainingSettings
-        Budget and the like.
-    scaling : Scaling
-        Of inputs and output.
-    network : Network
-        In its best state.
-    history : ndarray, shape (H, 3)
-        Passes up to then [1], RMSE of the training samples and of the validation samples [µm];
-        where no groups were kept for validation, the former twice.
-    validation_groups : tuple of str
-        Labels of the groups that decided on the best state.
-    """
+    """A trained network."""
 
     kind: NetworkSettings
+    """Kind of the network."""
     method: str
+    """By which it was trained."""
     settings: TrainingSettings
+    """Budget and the like."""
     scaling: Scaling
+    """Of inputs and output."""
     network: Network
+    """In its best state."""
     history: Floats
+    """Passes up to then [1], RMSE of the training samples and of the validation samples [µm]; where
+    no groups were kept for validation, the former twice; shape (H, 3)."""
     validation_groups: tuple[str, ...]
+    """Labels of the groups that decided on the best state."""
 
     @property
     def passes(self) -> int:

@@ -42,25 +42,17 @@ Values = dict[str, float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """One that was trained in the search.
-
-    Parameters
-    ----------
-    generation : int
-        From 1.
-    values : dict of str to float
-        What was tuned.
-    errors : ndarray, shape (E,)
-        RMSE of the validation windows after each epoch, in the unit of the target; empty where
-        the first epoch diverged.
-    pruned : bool
-        Whether it was stopped at a milestone.
-    """
+    """One that was trained in the search."""
 
     generation: int
+    """From 1."""
     values: Values
+    """What was tuned."""
     errors: Floats
+    """RMSE of the validation windows after each epoch, in the unit of the target; empty where the
+    first epoch diverged; shape (E,)."""
     pruned: bool
+    """Whether it was stopped at a milestone."""
 
     @property
     def epochs(self) -> int:
@@ -81,33 +73,22 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tuned:
-    """Result of a search for the settings of a network.
-
-    Parameters
-    ----------
-    settings : TuningSettings
-        Of the search.
-    names : tuple of str
-        What was tuned.
-    candidates : tuple of Candidate
-        All that were trained, in the order of the search.
-    history : ndarray, shape (G,)
-        Least validation RMSE of the candidates up to each generation.
-    evaluations : int
-        Candidates that the search asked for; one that it asks for again is not trained again.
-    retrained : tuple of TrainedSequence
-        Those that were trained in full, the best by validation error first.
-    bounds_hit : dict of str to str
-        ``low`` or ``high`` for what lies at a bound of its range in the best of them.
-    """
+    """Result of a search for the settings of a network."""
 
     settings: TuningSettings
+    """Settings of the search."""
     names: tuple[str, ...]
+    """What was tuned."""
     candidates: tuple[Candidate, ...]
+    """All that were trained, in the order of the search."""
     history: Floats
+    """Least validation RMSE of the candidates up to each generation; shape (G,)."""
     evaluations: int
+    """Candidates that the search asked for; one that it asks for again is not trained again."""
     retrained: tuple[TrainedSequence, ...]
+    """Those that were trained in full, the best by validation error first."""
     bounds_hit: dict[str, str]
+    """``low`` or ``high`` for what lies at a bound of its range in the best of them."""
 
     @property
     def network(self) -> TrainedSequence:

@@ -10,7 +10,6 @@ written or read.
     judge = train_judge(values, wear, tool, scaling=(shift, scale), wear_unit="um",
                         conditions={"feed": feed}, training=WindowTraining(epochs=40))
     judge.predict(values, {"feed": feed})             # (N,) in judge.wear_unit
-    judge.embeddings(values, {"feed": feed})          # (N, F), what its last layer sees
     write_json(judge.document(), path); restore_judge(json.loads(path.read_text()))
 
 Sources: DCGAN2019 (a ResNet as the judge of generated signals); He, Zhang, Ren and Sun 2016.
@@ -40,29 +39,20 @@ Scaling = tuple[Sequence[float], Sequence[float]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearJudge:
-    """A trained residual network that gives wear of windows.
-
-    Parameters
-    ----------
-    trained : TrainedSequence
-        On scaled channels and conditions.
-    shift, scale : tuple of float
-        Of the C channels, in their units.
-    conditions : tuple of str
-        Known numbers that it takes beside the window.
-    condition_shift, condition_scale : tuple of float
-        Middle and half range of each, in training.
-    wear_unit : str
-        ``"um"``, or ``"1"`` where wear is a class.
-    """
+    """A trained residual network that gives wear of windows."""
 
     trained: TrainedSequence
+    """On scaled channels and conditions."""
     shift: tuple[float, ...]
     scale: tuple[float, ...]
+    """Of the C channels, in their units."""
     conditions: tuple[str, ...]
+    """Known numbers that it takes beside the window."""
     condition_shift: tuple[float, ...]
     condition_scale: tuple[float, ...]
+    """Middle and half range of each, in training."""
     wear_unit: str
+    """``"um"``, or ``"1"`` where wear is a class."""
 
     @property
     def length(self) -> int:
@@ -88,12 +78,6 @@ class WearJudge:
         """
         found = self.trained.predict(self._inputs(values, conditions))
         return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
-
-    def embeddings(
-        self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None = None
-    ) -> Floats:
-        """What the last layer sees of windows, shape (N, F); raises as :meth:`predict`."""
-        return self.trained.features(self._inputs(values, conditions))
 
     def _inputs(self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None) -> Floats:
         return _inputs(

@@ -49,20 +49,14 @@ ROWS = 1024
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WindowScaling:
-    """What is taken off and divided by, of inputs and outputs.
-
-    Parameters
-    ----------
-    x_shift, x_scale : ndarray, shape (C,)
-        Mean and standard deviation of each channel.
-    y_shift, y_scale : float
-        Of the target.
-    """
+    """What is taken off and divided by, of inputs and outputs."""
 
     x_shift: Floats
     x_scale: Floats
+    """Mean and standard deviation of each channel; shape (C,)."""
     y_shift: float
     y_scale: float
+    """Of the target."""
 
     @staticmethod
     def of(x: Floats, y: Floats) -> "WindowScaling":
@@ -86,44 +80,30 @@ class WindowScaling:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrainedSequence:
-    """A trained network on windows.
-
-    Parameters
-    ----------
-    kind : SequenceSettings
-        Of the network.
-    settings : WindowTraining
-        Of its training.
-    precision : str
-        Of the training's products, as the processor had it.
-    length : int
-        Rows T of a window.
-    inputs : tuple of WindowInput
-        Of the channels, where they were given.
-    leaks : tuple of str
-        Inputs that could not be known yet; empty but for a demonstration.
-    scaling : WindowScaling
-        Of inputs and output.
-    network : SequenceNetwork
-        In its best state.
-    history : ndarray, shape (E, 3)
-        Epochs up to then [1], RMSE of the training windows as an epoch's steps met them and of the
-        validation windows after it, in the unit of the target; where no recordings were kept for
-        validation, the former twice.
-    validation_groups : tuple of str
-        Recordings that decided on the best state.
-    """
+    """A trained network on windows."""
 
     kind: SequenceSettings
+    """Kind of the network."""
     settings: WindowTraining
+    """Settings of its training."""
     precision: str
+    """Precision of the training's products, as the processor had it."""
     length: int
+    """Rows T of a window."""
     inputs: tuple[WindowInput, ...]
+    """Inputs of the channels, where they were given."""
     leaks: tuple[str, ...]
+    """Inputs that could not be known yet; empty but for a demonstration."""
     scaling: WindowScaling
+    """Of inputs and output."""
     network: SequenceNetwork
+    """In its best state."""
     history: Floats
+    """Epochs up to then [1], RMSE of the training windows as an epoch's steps met them and of the
+    validation windows after it, in the unit of the target; where no recordings were kept for
+    validation, the former twice; shape (E, 3)."""
     validation_groups: tuple[str, ...]
+    """Recordings that decided on the best state."""
 
     @property
     def epochs(self) -> int:

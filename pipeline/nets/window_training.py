@@ -38,24 +38,17 @@ class Diverged(ValueError):  # noqa: N818
 
 @dataclass(frozen=True, kw_only=True)
 class Epoch:
-    """What a training says after each epoch.
-
-    Parameters
-    ----------
-    number, of : int
-        Epochs that are done, and that there are at most.
-    training, validation : float
-        RMSE, as in the history, in the unit of the target.
-    seconds, left_s : float
-        Time of this call so far [s], and at most to come, at the mean time of its epochs.
-    """
+    """What a training says after each epoch."""
 
     number: int
     of: int
+    """Epochs that are done, and that there are at most."""
     training: float
     validation: float
+    """RMSE, as in the history, in the unit of the target."""
     seconds: float
     left_s: float
+    """Time of this call so far [s], and at most to come, at the mean time of its epochs."""
 
 
 Watch = Callable[[Epoch], bool | None]

@@ -22,18 +22,6 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 class Recording(Ranged):
     """Signals of one run, sampled at even times.
 
-    Parameters
-    ----------
-    name : str
-        Of the recording, which is the group of its windows.
-    step_s : float
-        Between samples [s].
-    signals : mapping of str to ndarray, shape (N,)
-        All with as many samples.
-    measured : frozenset of str
-        Signals that are measured, or made of what is measured; they are not known before the
-        motion, whatever an input declares.
-
     Raises
     ------
     ValueError
@@ -41,9 +29,14 @@ class Recording(Ranged):
     """
 
     name: str
+    """Name of the recording, which is the group of its windows."""
     step_s: Positive
+    """Between samples [s]."""
     signals: Mapping[str, Floats]
+    """All with as many samples; shape (N,)."""
     measured: frozenset[str] = frozenset()
+    """Signals that are measured, or made of what is measured; they are not known before the motion,
+    whatever an input declares."""
 
     def __post_init__(self) -> None:
         if not (isfinite(self.step_s) and self.step_s > 0):
@@ -58,35 +51,23 @@ class Recording(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class WindowInput(Ranged, section="input"):
-    """An input of windows, and since when it is known.
-
-    Parameters
-    ----------
-    name : str
-        Of the signal.
-    older_than_s : float or None
-        A measurement that is used when it is at least this old [s]; None for what is known before
-        the motion.
-    """
+    """An input of windows, and since when it is known."""
 
     name: str
+    """Name of the signal."""
     older_than_s: Annotated[float | None, Range(least=0.0, unit="s")] = None
+    """A measurement that is used when it is at least this old [s]; None for what is known before
+    the motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Joined:
-    """Windows of several recordings as one array (B, T, C), copied only where rows are asked for.
-
-    Parameters
-    ----------
-    parts : sequence of ndarray, each shape (N, T, C)
-        Of each recording: views of its table.
-    rows : ndarray of int, shape (B,)
-        Those that are meant, counted over all parts.
-    """
+    """Windows of several recordings as one array (B, T, C), copied only where rows are read."""
 
     parts: Sequence[Floats]
+    """Parts of each recording: views of its table; shape (N, T, C)."""
     rows: Ints
+    """Those that are meant, counted over all parts; shape (B,)."""
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -116,30 +97,21 @@ class Joined:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Windows:
-    """Windows with what they predict.
-
-    Parameters
-    ----------
-    x : ndarray or Joined, shape (B, T, C)
-        Inputs, the newest row last.
-    y : ndarray, shape (B,) or (B, H)
-        Target.
-    group : ndarray of str, shape (B,)
-        Recording that each is of.
-    at : ndarray of int, shape (B,)
-        Sample of the recording whose target is predicted, the last one of H; -1 where not known.
-    inputs : tuple of WindowInput
-        Of the C channels.
-    leaks : tuple of str
-        Inputs that could not be known yet, where they were asked for; empty otherwise.
-    """
+    """Windows with what they predict."""
 
     x: Floats
+    """Inputs, the newest row last; shape (B, T, C)."""
     y: Floats
+    """Target; shape (B,) or (B, H)."""
     group: NDArray[np.str_]
+    """Recording that each is of; shape (B,)."""
     at: Ints = field(default_factory=lambda: np.array(-1))
+    """Sample of the recording whose target is predicted, the last one of H; -1 where not known;
+    shape (B,)."""
     inputs: tuple[WindowInput, ...] = ()
+    """Inputs of the C channels."""
     leaks: tuple[str, ...] = ()
+    """Inputs that could not be known yet, where they were asked for; empty otherwise."""
 
     def of(self, *names: str) -> "Windows":
         """Those of the recordings ``names``."""

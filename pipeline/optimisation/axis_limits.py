@@ -36,27 +36,18 @@ ALIKE = 0.98
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesCheck:
-    """Axes of a cut of M rows, and what their limits ask of its feeds.
-
-    Parameters
-    ----------
-    axes : tuple of AxisInCut
-        Those whose drives are known.
-    factor : ndarray, shape (M,)
-        Factor by which each row's feed has to go down, 1 where it need not.
-    limit : str
-        Limit that is passed most, in words; empty where all are kept.
-    why_not : str
-        The same with its place, in one sentence.
-    reason : str
-        Why nothing is known; empty where something is.
-    """
+    """Axes of a cut of M rows, and what their limits ask of its feeds."""
 
     axes: tuple[AxisInCut, ...]
+    """Those whose drives are known."""
     factor: Floats = field(repr=False)
+    """Factor by which each row's feed has to go down, 1 where it need not; shape (M,)."""
     limit: str = ""
+    """Limit that is passed most, in words; empty where all are kept."""
     why_not: str = ""
+    """The same with its place, in one sentence."""
     reason: str = ""
+    """Why nothing is known; empty where something is."""
 
 
 def check_axes(

@@ -14,9 +14,8 @@ import numpy as np
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_words import named_operation
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.modal_words import reads_feed
-from pipeline.schema.arrays import Bools
+from pipeline.schema.arrays import Bools, Rows
 
 _PROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
 _SUB = re.compile(rb"\s*(?:N\d+\s*)?O\s*(\d+|<[^>]*>)\s*(END)?SUB(?![A-Z])", re.IGNORECASE)
@@ -26,33 +25,24 @@ _REMARK = re.compile(rb"\s*([(;]|$)")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CommentsInForce:
-    """Comments in force in M rows of a program with L lines.
-
-    Parameters
-    ----------
-    comments : tuple of str
-        Comments of each line, L + 1 of them, line 0 unused.
-    main : ndarray of bool, shape (L + 1,)
-        Lines of the main program.
-    begin : ndarray of int, shape (L + 1,)
-        Line of the first comment in force in each line; above the line where there is none.
-    head : ndarray of int, shape (L + 1,)
-        Line of the comment in force that names an operation, 0 where there is none.
-    line : ndarray of int, shape (M,)
-        Line of each row, 0 for those of other files.
-    caller : ndarray of int, shape (M,)
-        Place in ``callers`` of each row.
-    callers : tuple of tuple of int
-        Lines that may have called a subprogram; the first are none, of the main program.
-    """
+    """Comments in force in M rows of a program with L lines."""
 
     comments: tuple[str, ...] = field(repr=False)
+    """Comments of each line, L + 1 of them, line 0 unused."""
     main: Bools = field(repr=False)
+    """Lines of the main program; shape (L + 1,)."""
     begin: Rows = field(repr=False)
+    """Line of the first comment in force in each line; above the line where there is none;
+    shape (L + 1,)."""
     head: Rows = field(repr=False)
+    """Line of the comment in force that names an operation, 0 where there is none;
+    shape (L + 1,)."""
     line: Rows = field(repr=False)
+    """Line of each row, 0 for those of other files; shape (M,)."""
     caller: Rows = field(repr=False)
+    """Place in ``callers`` of each row; shape (M,)."""
     callers: tuple[tuple[int, ...], ...] = field(repr=False)
+    """Lines that may have called a subprogram; the first are none, of the main program."""
 
     def naming(self) -> tuple[Rows, tuple[str, ...]]:
         """Which comments name the operation of each row (M,), and those that there are."""

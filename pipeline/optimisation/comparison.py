@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.problem.limits import feed_for_marks
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
+from pipeline.twin.cut_tables import stations_of_columns
 
 OVER = 1e-3
 """Excess over a limit, as a share, up to which it is rounding."""
@@ -70,27 +70,20 @@ def _marks(of: AssessedCut, height: float | None) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Side:
-    """A program, before or after, by the M rows that it had before.
-
-    Parameters
-    ----------
-    cut, of : Cut, Judged
-        Of its own M' rows.
-    time, cost : ndarray, shape (M,)
-        Of each row with those that were added before it [s], [currency]; NaN where not known.
-    feed, speed : ndarray, shape (M,)
-        F and S, in the units of ``Moves``.
-    peak : ndarray, shape (M,)
-        Greatest load of each row [N].
-    """
+    """A program, before or after, by the M rows that it had before."""
 
     cut: Cut = field(repr=False)
     of: AssessedCut = field(repr=False)
+    """Of its own M' rows."""
     time: Floats = field(repr=False)
     cost: Floats = field(repr=False)
+    """Of each row with those that were added before it [s], [currency]; NaN where not known;
+    shape (M,)."""
     feed: Floats = field(repr=False)
     speed: Floats = field(repr=False)
+    """F and S, in the units of ``Moves``; shape (M,)."""
     peak: Floats = field(repr=False)
+    """Greatest load of each row [N]; shape (M,)."""
 
     @classmethod
     def of_rows(cls, cut: Cut, of: AssessedCut, rows: Rows) -> "Side":
@@ -122,7 +115,7 @@ def load_trace(cut: Cut, columns: int = COLUMNS) -> LoadTrace:
     end = (start + engagement.length[kept]) * scale
     high = np.clip(np.ceil(end - 1e-9).astype(np.intp) - 1, low, columns - 1)
     load = np.full(columns, -np.inf)
-    station, column = _spread(low, high)
+    station, column = stations_of_columns(low, high)
     np.maximum.at(load, column, cut.station_loads.peak[kept][station])
     edges = np.arange(columns) / scale
     fed = np.flatnonzero(pieces.feed)
@@ -158,11 +151,3 @@ def path_length(cut: Cut) -> tuple[Floats, float]:
     length = np.where(pieces.feed, pieces.length, 0.0)
     end = np.cumsum(length)
     return end - length, float(end[-1]) if len(end) else 0.0
-
-
-def _spread(low: Rows, high: Rows) -> tuple[Rows, Rows]:
-    """Each station once for every column that it lies in: station, column."""
-    count = high - low + 1
-    station = np.repeat(np.arange(len(low)), count)
-    inside = np.arange(len(station)) - np.repeat(np.cumsum(count) - count, count)
-    return station, low[station] + inside

@@ -19,14 +19,13 @@ from pipeline.optimisation.part_sheet import (
     setup_sheet,
     tool_uses,
 )
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
 from pipeline.optimisation.reliability.judged import used_models
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import reads_feed
 from pipeline.schema import part as stored
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import CutWarning, NotKnown

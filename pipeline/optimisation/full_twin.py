@@ -59,27 +59,19 @@ NOTHING = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Verified:
-    """Loads and following errors of M rows by the whole twin.
-
-    Parameters
-    ----------
-    row_peak : ndarray, shape (M,)
-        Peak across the tool's axis [N]: of the waveform where it was computed, else of the table.
-    ratio : ndarray, shape (M,)
-        Peak of the waveform over that of the table; 1 where none was computed.
-    computed : ndarray of bool, shape (M,)
-        Where one was.
-    f_z : ndarray, shape (M,)
-        Feed for each tooth at the highest speed reached [m].
-    axes : AxesCheck
-        Following error and motor command in the cut, against their limits.
-    """
+    """Loads and following errors of M rows by the whole twin."""
 
     row_peak: Floats = field(repr=False)
+    """Peak across the tool's axis [N]: of the waveform where it was computed, else of the table;
+    shape (M,)."""
     ratio: Floats = field(repr=False)
+    """Peak of the waveform over that of the table; 1 where none was computed; shape (M,)."""
     computed: NDArray[np.bool_] = field(repr=False)
+    """Where one was; shape (M,)."""
     f_z: Floats = field(repr=False)
+    """Feed for each tooth at the highest speed reached [m]; shape (M,)."""
     axes: AxesCheck
+    """Following error and motor command in the cut, against their limits."""
 
     @property
     def following_um(self) -> dict[str, float] | None:
@@ -99,43 +91,30 @@ class Verified:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Full:
-    """A decision as the whole twin sees it.
-
-    Parameters
-    ----------
-    decision : Decision
-        F and S before rounding.
-    text : bytes
-        The program with its feeds and speeds, rounded as words are.
-    changes : tuple of WordChange
-        Against the program as it was.
-    cut : Cut
-        Of that text; M' rows.
-    rows : ndarray of intp, shape (M,)
-        Its row for each row of the program as it was.
-    objectives : ndarray, shape (4,)
-        Of the rounded values, as :data:`~pipeline.optimisation.settings.OBJECTIVES`.
-    verified : Verified
-        Loads by tooth passing, following errors.
-    f_z_cap : ndarray, shape (M,)
-        Feed for each tooth to which each row has to go down for its load [m]; infinite where it
-        need not.
-    feed_cap : ndarray, shape (M,)
-        F to which each row has to go down for its axes [mm/min]; infinite where it need not.
-    why_not : str
-        Which limit is passed; empty where all are kept.
-    """
+    """A decision as the whole twin sees it."""
 
     decision: Decision = field(repr=False)
+    """F and S before rounding."""
     text: bytes = field(repr=False)
+    """The program with its feeds and speeds, rounded as words are."""
     changes: tuple[WordChange, ...] = field(repr=False)
+    """Against the program as it was."""
     cut: Cut = field(repr=False)
+    """Of that text; M' rows."""
     rows: NDArray[np.intp] = field(repr=False)
+    """Its row for each row of the program as it was; shape (M,)."""
     objectives: Floats
+    """Of the rounded values, as :data:`~pipeline.optimisation.settings.OBJECTIVES`; shape (4,)."""
     verified: Verified = field(repr=False)
+    """Loads by tooth passing, following errors."""
     f_z_cap: Floats = field(repr=False)
+    """Feed for each tooth to which each row has to go down for its load [m]; infinite where it need
+    not; shape (M,)."""
     feed_cap: Floats = field(repr=False)
+    """F to which each row has to go down for its axes [mm/min]; infinite where it need not;
+    shape (M,)."""
     why_not: str
+    """Which limit is passed; empty where all are kept."""
 
     @property
     def kept(self) -> bool:
@@ -145,55 +124,37 @@ class Full:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Result:
-    """Answer of an optimisation, with its proof, its risk and the methods beside it.
-
-    Parameters
-    ----------
-    job : Job
-        Program, machine, limits.
-    moves, before : Moves, Cut
-        Of the program as it was.
-    problem : Problem
-        Its last form, after tightening.
-    blockwise : Decision
-        The blockwise optimum.
-    answer : Full
-        The answer with its text, as the whole twin sees it.
-    proof : Proof
-        That only F and S changed.
-    methods : tuple of Method
-        The answer beside the baselines, with certainty and at nominal values.
-    front : Front or None
-        Of the objectives, of the objective ``pareto``.
-    uncertain : Uncertainty or None
-        Of the loads; None without a load limit.
-    nominal : str or None
-        Method whose results at nominal values and with certainty make the price of certainty.
-    risk : Exceedance or None
-        Of the load limit, by the answer.
-    tightened : int
-        Rounds in which loads by the whole twin lowered feeds.
-    evaluated : int
-        Evaluations of the whole twin.
-    interrupted : bool
-        Whether the search was ended early.
-    """
+    """Answer of an optimisation, with its proof, its risk and the methods beside it."""
 
     job: Job = field(repr=False)
+    """Program, machine, limits."""
     moves: Moves = field(repr=False)
     before: Cut = field(repr=False)
+    """Of the program as it was."""
     problem: Problem = field(repr=False)
+    """Its last form, after tightening."""
     blockwise: Decision = field(repr=False)
+    """The blockwise optimum."""
     answer: Full = field(repr=False)
+    """The answer with its text, as the whole twin sees it."""
     proof: Proof
+    """That only F and S changed."""
     methods: tuple[Method, ...]
+    """The answer beside the baselines, with certainty and at nominal values."""
     front: Front | None = None
+    """Front of the objectives, of the objective ``pareto``."""
     uncertain: Uncertainty | None = None
+    """Of the loads; None without a load limit."""
     nominal: str | None = None
+    """Method whose results at nominal values and with certainty make the price of certainty."""
     risk: Exceedance | None = None
+    """Risk of the load limit, by the answer."""
     tightened: int = 0
+    """Rounds in which loads by the whole twin lowered feeds."""
     evaluated: int = 0
+    """Evaluations of the whole twin."""
     interrupted: bool = False
+    """Whether the search was ended early."""
 
 
 def full_twin(

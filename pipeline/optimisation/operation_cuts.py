@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, SLOTTING_IMMERSION
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
-from pipeline.optimisation.problem.arrays import Rows
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP, CutBlocks
 

@@ -18,9 +18,8 @@ from pipeline.gcode.program import Program
 from pipeline.optimisation.comments_in_force import CommentsInForce, comments_in_force
 from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
 from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.text.modal_words import reads_feed
-from pipeline.schema.arrays import Bools
+from pipeline.schema.arrays import Bools, Rows
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 
@@ -55,21 +54,14 @@ ROUGH_SHARE = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Operations:
-    """Operation of each of M rows.
-
-    Parameters
-    ----------
-    code : ndarray of int8, shape (M,)
-        Place in :data:`OPERATIONS`; -1 for rows that do not move at feed.
-    comments : CommentsInForce
-        Comments in force in each row.
-    tool_texts : dict of int to str
-        Name of each tool and what the program's comments say of it, by its number.
-    """
+    """Operation of each of M rows."""
 
     code: NDArray[np.int8] = field(repr=False)
+    """Place in :data:`OPERATIONS`; -1 for rows that do not move at feed; shape (M,)."""
     comments: CommentsInForce = field(repr=False)
+    """Comments in force in each row."""
     tool_texts: dict[int, str] = field(repr=False)
+    """Name of each tool and what the program's comments say of it, by its number."""
 
     def of(self, *names: Operation) -> Bools:
         """Rows with one of some operations; shape (M,)."""

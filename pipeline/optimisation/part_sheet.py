@@ -17,10 +17,10 @@ from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
 from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
-from pipeline.optimisation.problem.arrays import Rows, feeds_per_minute
+from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
 from pipeline.optimisation.text.feed_words import FeedWords
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.part_sheet import (
     FeedChange,
     FeedRise,

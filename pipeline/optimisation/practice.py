@@ -35,22 +35,15 @@ SAME = 1 + 1e-9
 
 @dataclass(frozen=True)
 class Rule:
-    """What may change in an operation.
-
-    Parameters
-    ----------
-    feed : {"free", "no_more", "no_faster", "keep"}
-        Inside its limits; no more for each tooth than programmed; F no more than programmed; F as
-        programmed.
-    speed : {"free", "no_more", "keep"}
-        The same of S.
-    one_feed : bool
-        Whether a pass has one F.
-    """
+    """What may change in an operation."""
 
     feed: Literal["free", "no_more", "no_faster", "keep"] = "free"
+    """Inside its limits; no more for each tooth than programmed; F no more than programmed; F as
+    programmed."""
     speed: Literal["free", "no_more", "keep"] = "free"
+    """The same of S."""
     one_feed: bool = False
+    """Whether a pass has one F."""
 
 
 KEEP = Rule("keep", "keep")

@@ -15,12 +15,11 @@ from pipeline.gcode.program import Program, parse_program
 from pipeline.optimisation.problem.arrays import (
     CHANGE,
     CONSTRAINTS,
-    Rows,
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.feasible import AT, binding_constraints
 from pipeline.optimisation.text.editable_blocks import Reasons, places_of
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 if TYPE_CHECKING:
     from pipeline.optimisation.full_twin import Result

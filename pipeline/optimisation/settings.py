@@ -27,29 +27,6 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 class ReliabilitySettings(Ranged, section="certainty"):
     """Probability with which the load limit is kept, and the spread of uncertain quantities.
 
-    Parameters
-    ----------
-    epsilon : float
-        P(load > limit) over a whole part is at most this [1]; 0.5 and above takes nominal values.
-    draws : int
-        Of the uncertain quantities.
-    seed : int
-        Of the random numbers.
-    measured_elsewhere, catalogue : float
-        Standard deviation of coefficients that come from others' measurements, or a catalogue, as
-        a share of them [1]; identified ones have their own intervals.
-    runout_um : float
-        Of a tool in its holder, where the tool table says none: Rayleigh's scale [um].
-    depth_um : float
-        Standard deviation of axial depth: tool length, blank [um].
-    model : float
-        Standard deviation of the model's peak loads, as a share [1]; the error on recordings
-        outside of the training data counts if it is greater.
-    failed, not_judged : float
-        Least standard deviation of what rests on a sub-model whose verdict failed, or that was not
-        judged, as a share [1].  By default those of others' measurements and of a catalogue: what
-        was not proved on the machine counts as no better than what was not measured on it.
-
     Raises
     ------
     ValueError
@@ -57,122 +34,87 @@ class ReliabilitySettings(Ranged, section="certainty"):
     """
 
     epsilon: Annotated[float, Range(least=1e-4, most=0.999999)] = 0.01
+    """P(load > limit) over a whole part is at most this [1]; 0.5 and above takes nominal values."""
     draws: Annotated[int, Range(least=16, most=100_000)] = 1024
+    """Of the uncertain quantities."""
     seed: Annotated[int, Range(least=0, most=2**32 - 1)] = 0
+    """Of the random numbers."""
     measured_elsewhere: Share = 0.1
     catalogue: Share = 0.25
+    """Standard deviation of coefficients that come from others' measurements, or a catalogue, as a
+    share of them [1]; identified ones have their own intervals."""
     runout_um: Annotated[float, Range(least=0.0, most=1000.0, unit="um")] = 3.0
+    """Of a tool in its holder, where the tool table says none: Rayleigh's scale [um]."""
     depth_um: Annotated[float, Range(least=0.0, most=10_000.0, unit="um")] = 10.0
+    """Standard deviation of axial depth: tool length, blank [um]."""
     model: Share = 0.02
+    """Standard deviation of the model's peak loads, as a share [1]; the error on recordings outside
+    of the training data counts if it is greater."""
     failed: Share = 0.1
     not_judged: Share = 0.25
+    """Least standard deviation of what rests on a sub-model whose verdict failed, or that was not
+    judged, as a share [1].  By default those of others' measurements and of a catalogue: what was
+    not proved on the machine counts as no better than what was not measured on it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grouping(Ranged, section="grouping"):
-    """Rules for blocks that share an F or an S.
-
-    Parameters
-    ----------
-    least_block_s : float
-        Blocks are merged until each group takes at least this [s].
-    least_gain : float
-        An F word that is added has to save this share of the time of the whole part [1].
-    least_speed_gain : float
-        The same of an S word: a spindle that changes its speed inside of an operation is noticed.
-    speeds : {"blocks", "own"}
-        Whether S words may be added at any block, or only the program's own changed.
-    split : bool
-        Whether long straight blocks are split where their engagement changes.
-    split_gain : float
-        Feed that a part of a block must gain to be split off, as a share [1].
-    """
+    """Rules for blocks that share an F or an S."""
 
     least_block_s: Annotated[float, Range(least=0.0, most=3600.0, unit="s")] = 0.05
+    """Blocks are merged until each group takes at least this [s]."""
     least_gain: Share = 1e-4
+    """An F word that is added has to save this share of the time of the whole part [1]."""
     least_speed_gain: Share = 5e-3
+    """The same of an S word: a spindle that changes its speed inside of an operation is noticed."""
     speeds: Literal["blocks", "own"] = "blocks"
+    """Whether S words may be added at any block, or only the program's own changed."""
     split: bool = False
+    """Whether long straight blocks are split where their engagement changes."""
     split_gain: Annotated[float, Range(least=0.0, most=100.0)] = 0.2
+    """Feed that a part of a block must gain to be split off, as a share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings(Ranged, section="search"):
-    """Sizes of the search from the blockwise optimum on, and of the baselines beside it.
-
-    Parameters
-    ----------
-    population, generations : int
-        Of the genetic search from the blockwise optimum.
-    full : int
-        Evaluations of the whole twin at most.
-    paper_generations : int
-        Of the genetic search from random individuals, as in Sim2023.
-    baseline : int
-        Evaluations of the best of many; 0 leaves it out.
-    front : int
-        Members of a Pareto front.
-    seed : int
-        Of the random numbers.
-    """
+    """Sizes of the search from the blockwise optimum on, and of the baselines beside it."""
 
     population: Annotated[int, Range(least=4, most=MANY)] = 48
     generations: Annotated[int, Range(least=1, most=MANY)] = 40
+    """Of the genetic search from the blockwise optimum."""
     full: Annotated[int, Range(least=1, most=MANY)] = 50
+    """Evaluations of the whole twin at most."""
     paper_generations: Annotated[int, Range(least=1, most=MANY)] = 10
+    """Of the genetic search from random individuals, as in Sim2023."""
     baseline: Annotated[int, Range(least=0, most=MANY)] = 5000
+    """Evaluations of the best of many; 0 leaves it out."""
     front: Annotated[int, Range(least=4, most=MANY)] = 48
+    """Members of a Pareto front."""
     seed: Annotated[int, Range(least=0, most=MANY)] = 0
+    """Of the random numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OptimisationSettings:
-    """The section ``optimisation``: everything but the part itself.
-
-    Parameters
-    ----------
-    certainty, grouping, search
-        Each a section of its own.
-    proof_comment : bool
-        Whether the proof's hash stands in a comment at the end of the program.
-    compensated : bool
-        Whether following errors hold what the compensation network of the machine adds to them, and
-        their limits half of its 90 % interval too; ``kerf optimise`` alone loads one.
-    wear : {"criterion", "known", "sharp"}
-        Wear of the tools that limits hold for: that at which they are changed, where the growth of
-        forces was fitted in the part's material; what is known of them now; none.
-    """
+    """The section ``optimisation``: everything but the part itself."""
 
     certainty: ReliabilitySettings = field(default_factory=ReliabilitySettings)
     grouping: Grouping = field(default_factory=Grouping)
     search: SearchSettings = field(default_factory=SearchSettings)
+    """Each a section of its own."""
     proof_comment: bool = False
+    """Whether the proof's hash stands in a comment at the end of the program."""
     compensated: bool = False
+    """Whether following errors hold what the compensation network of the machine adds to them, and
+    their limits half of its 90 % interval too; ``kerf optimise`` alone loads one."""
     wear: WearRule = "criterion"
+    """Wear of the tools that limits hold for: that at which they are changed, where the growth of
+    forces was fitted in the part's material; what is known of them now; none."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Part(Ranged, section="parts"):
     """One part program with its blank, tools, objective and limits.
-
-    Parameters
-    ----------
-    program : str
-        File below the machine's raw records.
-    name : str
-        Of the files that are written for it; the program's own without its ending by default.
-    stock : str
-        Blank, see :func:`pipeline.cutting.engagement.stock.stock_of` [mm].
-    tool_table, material : str
-        Names in conf/tool/ and conf/material/.
-    objective : str
-        ``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their front.
-    limits : CutLimit
-        Of the cut.
-    resolution_mm : float
-        Cell of the blank [mm].
-    work_offset : str, optional
-        That the blank is measured in; by default that of the first cut.
 
     Raises
     ------
@@ -181,14 +123,22 @@ class Part(Ranged, section="parts"):
     """
 
     program: str
+    """File below the machine's raw records."""
     stock: str
+    """Blank, see :func:`pipeline.cutting.engagement.stock.stock_of` [mm]."""
     tool_table: str
     material: str
+    """Names in conf/tool/ and conf/material/."""
     name: str = ""
+    """Of the files that are written for it; the program's own without its ending by default."""
     objective: Objective = "time"
+    """``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their front."""
     limits: CutLimit = field(default_factory=CutLimit)
+    """Of the cut."""
     resolution_mm: Annotated[float, Range(least=0.001, most=100.0, unit="mm")] = 0.2
+    """Cell of the blank [mm]."""
     work_offset: str | None = None
+    """That the blank is measured in; by default that of the first cut."""
 
     def __post_init__(self) -> None:
         path = PurePosixPath(self.program)
@@ -216,17 +166,6 @@ class Part(Ranged, section="parts"):
 class Parts:
     """The section ``parts`` of a machine.
 
-    Parameters
-    ----------
-    programs : tuple of Part
-        In the order of the report.
-    drive : SpindleDrive, optional
-        Of the spindle; where none is known, speeds need a limit of their own.
-    dynamics : TipModes, optional
-        Of the tools' tips; without them chatter is no constraint.
-    energy : EnergyParameters, optional
-        Power that the machine draws beside the cut.
-
     Raises
     ------
     ValueError
@@ -234,9 +173,13 @@ class Parts:
     """
 
     programs: tuple[Part, ...]
+    """In the order of the report."""
     drive: SpindleDrive | None = None
+    """Of the spindle; where none is known, speeds need a limit of their own."""
     dynamics: TipModes | None = None
+    """Of the tools' tips; without them chatter is no constraint."""
     energy: EnergyParameters | None = None
+    """Power that the machine draws beside the cut."""
 
     def __post_init__(self) -> None:
         names = [part.label for part in self.programs]

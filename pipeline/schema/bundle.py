@@ -52,22 +52,15 @@ class BundledModel:
 
 @dataclass(frozen=True, kw_only=True)
 class Bundle:
-    """The content of ``bundle.json``: a machine and its sub-models.
-
-    Parameters
-    ----------
-    machine, origin : str
-        Whose, and of which records.
-    submodels : mapping of str to BundledModel
-        By the name of the sub-model.
-    sha256 : str
-        Of the whole: over the names, hashes and statuses of its sub-models.
-    """
+    """The content of ``bundle.json``: a machine and its sub-models."""
 
     machine: str
     origin: str
+    """Whose, and of which records."""
     submodels: Mapping[str, BundledModel]
+    """By the name of the sub-model."""
     sha256: str
+    """Of the whole: over the names, hashes and statuses of its sub-models."""
 
     @property
     def status(self) -> Status:

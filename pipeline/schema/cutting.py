@@ -46,28 +46,19 @@ Harmonics = tuple[tuple[tuple[float, float], ...], ...]
 
 @dataclass(frozen=True, kw_only=True)
 class CutConditions:
-    """Conditions of a cut.
-
-    Parameters
-    ----------
-    speed : float
-        Spindle speed n [rev/s].
-    f_z : float
-        Feed per tooth [m].
-    a_p : float
-        Axial depth of cut [m].
-    phi_st, phi_ex : float
-        Entry and exit angle of the teeth [rad].
-    flutes : int
-        Number of teeth.
-    """
+    """Conditions of a cut."""
 
     speed: float
+    """Spindle speed n [rev/s]."""
     f_z: float
+    """Feed per tooth [m]."""
     a_p: float
+    """Axial depth of cut [m]."""
     phi_st: float
     phi_ex: float
+    """Entry and exit angle of the teeth [rad]."""
     flutes: int
+    """Number of teeth."""
 
     @property
     def feed(self) -> float:
@@ -77,139 +68,96 @@ class CutConditions:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolGeometry:
-    """Runout and helix of a tool, the part of its shape that may be identified.
-
-    Parameters
-    ----------
-    along, across : float
-        Runout: offset of the tool's axis towards the first tooth, and a quarter turn after it [m].
-    helix : float
-        Helix angle [rad].
-    """
+    """Runout and helix of a tool, the part of its shape that may be identified."""
 
     along: float = 0.0
     across: float = 0.0
+    """Runout: offset of the tool's axis towards the first tooth, and a quarter turn after it
+    [m]."""
     helix: float = 0.0
+    """Helix angle [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredResidual:
-    """Residual of the mechanics under one set of conditions, affine in the feed per tooth.
-
-    Parameters
-    ----------
-    conditions : CutConditions
-        Of the first of its recordings.
-    feeds_m : tuple of float
-        Feeds per tooth of its recordings [m].
-    constant_N, slope_N_m : Harmonics
-        At no feed [N], and over the feed per tooth [N/m].
-    """
+    """Residual of the mechanics under one set of conditions, affine in the feed per tooth."""
 
     conditions: CutConditions
+    """Of the first of its recordings."""
     feeds_m: tuple[float, ...]
+    """Feeds per tooth of its recordings [m]."""
     constant_N: Harmonics
     slope_N_m: Harmonics
+    """At no feed [N], and over the feed per tooth [N/m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ChipLaw:
-    """Force of an edge for each width of chip, C h (h / 50 um)^(-m) + E (1 - exp(-h / h_0)).
-
-    Parameters
-    ----------
-    cutting, edge : tuple of float
-        C [N/m^2] and E [N/m], tangential, radial, axial.
-    exponent : tuple of float
-        m of each direction [1].
-    growth : float
-        h_0 [m]; 0 for an edge force that is there at once.
-    """
+    """Force of an edge for each width of chip, C h (h / 50 um)^(-m) + E (1 - exp(-h / h_0))."""
 
     cutting: tuple[float, ...]
     edge: tuple[float, ...]
+    """C [N/m^2] and E [N/m], tangential, radial, axial."""
     exponent: tuple[float, ...]
+    """m of each direction [1]."""
     growth: float
+    """h_0 [m]; 0 for an edge force that is there at once."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceSpread:
-    """Draws of the law of the chip that predictions average over, and what widens their intervals.
-
-    Parameters
-    ----------
-    laws : tuple of ChipLaw
-        Draws that the records allow, each as likely as the others.
-    line : tuple of float
-        Straight line over the recorded cuts that they depart from, six coefficients [N/m^2], [N/m]:
-        that of a predicting law that bends, else the mean of theirs.
-    gain, wear : float
-        By which depth and gain, and the edge force, differ from recording to recording [1].
-    zero_N2 : float
-        Variance of a mean force by the zeros [N^2].
-    feeds_m, speeds, depths_m : (float, float)
-        Least and greatest feed per tooth [m], spindle speed [rev/s] and axial depth [m] that were
-        learnt.
-    peak_scale, mean_scale, shape_scale : float
-        Errors of peak, mean and waveform on recordings left out, over what was expected [1].
-    freedom : int
-        Degrees of freedom of these.
-    """
+    """Draws of the chip law that predictions average over, and what widens their intervals."""
 
     laws: tuple[ChipLaw, ...]
+    """Draws that the records allow, each as likely as the others."""
     line: tuple[float, ...]
+    """Straight line over the recorded cuts that they depart from, six coefficients [N/m^2], [N/m]:
+    that of a predicting law that bends, else the mean of theirs."""
     gain: float
     wear: float
+    """By which depth and gain, and the edge force, differ from recording to recording [1]."""
     zero_N2: float
+    """Variance of a mean force by the zeros [N^2]."""
     feeds_m: tuple[float, float]
     speeds: tuple[float, float]
     depths_m: tuple[float, float]
+    """Least and greatest feed per tooth [m], spindle speed [rev/s] and axial depth [m] that were
+    learnt."""
     peak_scale: float = 1.0
     mean_scale: float = 1.0
     shape_scale: float = 1.0
+    """Errors of peak, mean and waveform on recordings left out, over what was expected [1]."""
     freedom: int = 4
+    """Degrees of freedom of these."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StoredCutModel:
-    """Everything that a prediction of forces needs, in full precision.
-
-    Parameters
-    ----------
-    tool : mapping
-        Fields of :class:`pipeline.cutting.tool.Tool`.
-    geometry : ToolGeometry
-        Its runout and helix.
-    values : tuple of float
-        Six constants of its law [N/m^2], [N/m], determined or not; then edge forces of single
-        teeth.
-    natural_Hz, damping : tuple of float or None
-        Modes of the channels that measure feed, normal and axis [Hz], [1].
-    left_out_N2 : tuple of float
-        Variance of the model error of each direction's harmonics [N^2].
-    residuals : tuple of StoredResidual
-        Residuals under trained conditions.
-    spread : ForceSpread or None
-        Laws and errors that its intervals are made of; None without intervals.
-    growth_m, exponent : float
-        Thickness over which the edge's force grows [m], and exponent of the size effect [1], of its
-        law; both 0 for a straight line.
-    line : tuple of float
-        Six coefficients of its law's straight line over the recorded cuts [N/m^2], [N/m]; empty for
-        those in ``values``.
-    """
+    """Everything that a prediction of forces needs, in full precision."""
 
     tool: Mapping[str, Any]
+    """Fields of :class:`pipeline.cutting.tool.Tool`."""
     geometry: ToolGeometry
+    """Its runout and helix."""
     values: tuple[float, ...]
+    """Six constants of its law [N/m^2], [N/m], determined or not; then edge forces of single
+    teeth."""
     natural_Hz: tuple[float, ...] | None
     damping: tuple[float, ...] | None
+    """Modes of the channels that measure feed, normal and axis [Hz], [1]."""
     left_out_N2: tuple[float, ...]
+    """Variance of the model error of each direction's harmonics [N^2]."""
     residuals: tuple[StoredResidual, ...] = ()
+    """Residuals under trained conditions."""
     spread: ForceSpread | None = None
+    """Laws and errors that its intervals are made of; None without intervals."""
     growth_m: float = 0.0
     exponent: float = 0.0
+    """Thickness over which the edge's force grows [m], and exponent of the size effect [1], of its
+    law; both 0 for a straight line."""
     line: tuple[float, ...] = ()
+    """Six coefficients of its law's straight line over the recorded cuts [N/m^2], [N/m]; empty for
+    those in ``values``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -223,28 +171,19 @@ class FoldModel:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingFitFacts:
-    """Quality of the waveform's fit.
-
-    Parameters
-    ----------
-    rms_error_percent : float
-        RMS residual over the RMS force [%].
-    samples, revolutions : int
-        Real numbers that were fitted; revolutions of the training recordings.
-    condition : float
-        Condition number of the scaled Jacobian [1].
-    left_out_N : tuple of float
-        Standard deviation of the model error of each direction's harmonics [N].
-    zero_N : float
-        Standard deviation of the zeros beyond that stated with the recordings [N].
-    """
+    """Quality of the waveform's fit."""
 
     rms_error_percent: float
+    """RMS residual over the RMS force [%]."""
     samples: int
     revolutions: int
+    """Real numbers that were fitted; revolutions of the training recordings."""
     condition: float
+    """Condition number of the scaled Jacobian [1]."""
     left_out_N: tuple[float, ...]
+    """Standard deviation of the model error of each direction's harmonics [N]."""
     zero_N: float
+    """Standard deviation of the zeros beyond that stated with the recordings [N]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -323,88 +262,59 @@ class CutLevel:
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleLoad:
-    """Identification from logs of the spindle's load; its parameters are those of ``SPINDLE``.
-
-    Parameters
-    ----------
-    recordings : tuple of str
-        Logs that were used.
-    reason : str
-        Why a result is missing.
-    assumed : str
-        Premises: meaning of the load, rated power and efficiency.
-    range_rpm : (float, float) or None
-        Speeds between which the no-load power holds [rev/min].
-    curve : tuple of NoLoadPoint
-        The levels without a cut.
-    cuts : tuple of CutLevel
-        The levels of cutting.
-    left_out : tuple of LeftOut
-        Logs that were not used, with the reason.
-    notes : tuple of str
-        On the part of a log that was not used.
-    """
+    """Identification from logs of the spindle's load; its parameters are those of ``SPINDLE``."""
 
     recordings: tuple[str, ...]
+    """Logs that were used."""
     reason: str
+    """Why a result is missing."""
     assumed: str
+    """Premises: meaning of the load, rated power and efficiency."""
     range_rpm: tuple[float, float] | None = None
+    """Speeds between which the no-load power holds [rev/min]."""
     curve: tuple[NoLoadPoint, ...] = ()
+    """The levels without a cut."""
     cuts: tuple[CutLevel, ...] = ()
+    """The levels of cutting."""
     left_out: tuple[LeftOut, ...] = ()
+    """Logs that were not used, with the reason."""
     notes: tuple[str, ...] = ()
+    """On the part of a log that was not used."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingModel(Model):
-    """The content of cutting's ``model.json``.
-
-    Parameters
-    ----------
-    method : str
-        Whose optimum was taken: ``"least_squares"`` or ``"genetic"``.
-    reason : str
-        Why there are no coefficients, or why they cannot be right.
-    material : str
-        Of the workpiece.
-    tool : mapping
-        Fields of :class:`pipeline.cutting.tool.Tool`.
-    remarks : mapping of str to str
-        On the meaning of a determined parameter, by its name.
-    correlation : Correlation
-        Of the waveform's unknowns.
-    fit : CuttingFitFacts or None
-        None without a fit.
-    terms, methods : tuple
-        Models and methods that were compared.
-    residual_conditions : tuple of ResidualConditions
-        Where the waveform residual is part of the model.
-    recordings : tuple of CutRecording
-        All recordings of the dynamometer.
-    prediction, plain : StoredCutModel or None
-        The model; and the plain guess beside it, coefficients of the mean forces without helix,
-        runout and modes.
-    folds : tuple of FoldModel
-        Fits without some of the training recordings.
-    spindle : SpindleLoad or None
-        None without logs of the spindle's load.
-    """
+    """The content of cutting's ``model.json``."""
 
     method: str
+    """Whose optimum was taken: ``"least_squares"`` or ``"genetic"``."""
     reason: str
+    """Why there are no coefficients, or why they cannot be right."""
     material: str
+    """Material of the workpiece."""
     tool: Mapping[str, Any]
+    """Fields of :class:`pipeline.cutting.tool.Tool`."""
     remarks: Mapping[str, str]
+    """On the meaning of a determined parameter, by its name."""
     correlation: Correlation
+    """Correlation of the waveform's unknowns."""
     fit: CuttingFitFacts | None
+    """None without a fit."""
     terms: tuple[TermsTried, ...]
     methods: tuple[MethodTried, ...]
+    """Models and methods that were compared."""
     residual_conditions: tuple[ResidualConditions, ...]
+    """Where the waveform residual is part of the model."""
     recordings: tuple[CutRecording, ...]
+    """All recordings of the dynamometer."""
     prediction: StoredCutModel | None
     plain: StoredCutModel | None
+    """The model; and the plain guess beside it, coefficients of the mean forces without helix,
+    runout and modes."""
     folds: tuple[FoldModel, ...]
+    """Fits without some of the training recordings."""
     spindle: SpindleLoad | None
+    """None without logs of the spindle's load."""
 
     @property
     def coefficients(self) -> Mapping[str, Parameter]:

@@ -22,27 +22,19 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Trees:
-    """All trees of a forest, K nodes in all, one tree after the other.
-
-    Parameters
-    ----------
-    roots : ndarray of int, shape (R,)
-        First node of each tree.
-    left, right, feature : ndarray of int, shape (K,)
-        Children of a node (-1 at a leaf), and the feature that it looks at.
-    limit, value : ndarray, shape (K,)
-        Greatest feature that goes left; mean of the training samples at the node.
-    unknown_left : ndarray of bool, shape (K,)
-        Whether a sample whose feature is unknown (nan) goes left.
-    """
+    """All trees of a forest, K nodes in all, one tree after the other."""
 
     roots: Ints
+    """First node of each tree; shape (R,)."""
     left: Ints
     right: Ints
     feature: Ints
+    """Children of a node (-1 at a leaf), and the feature that it looks at; shape (K,)."""
     limit: Floats
     value: Floats
+    """Greatest feature that goes left; mean of the training samples at the node; shape (K,)."""
     unknown_left: Bools
+    """Whether a sample whose feature is unknown (nan) goes left; shape (K,)."""
 
     @classmethod
     def of(cls, made: "RandomForestRegressor") -> Self:

@@ -35,36 +35,23 @@ class Days:
 
 @dataclass(frozen=True, kw_only=True)
 class FrozenSet:
-    """Raw files by hash; ``days`` are those that count in files that have a clock.
-
-    Parameters
-    ----------
-    files : tuple of SourceFile
-        Path below ``data/raw/<machine>`` and SHA-256 of the bytes; of a part of a table,
-        ``<file>#<column>=<value>``, those of the table.
-    days : Days or None
-        None where no file has a clock.
-    time_zone : str
-        Of the plant, whose days they are.
-    whole : tuple of str
-        Those of ``files`` that were named beside the days: all of their days count.
-    """
+    """Raw files by hash; ``days`` are those that count in files that have a clock."""
 
     files: tuple[SourceFile, ...]
+    """Path below ``data/raw/<machine>`` and SHA-256 of the bytes; of a part of a table,
+    ``<file>#<column>=<value>``, those of the table."""
     days: Days | None = None
+    """None where no file has a clock."""
     time_zone: str = "UTC"
+    """Time zone of the plant, whose days they are."""
     whole: tuple[str, ...] = ()
+    """Those of ``files`` that were named beside the days: all of their days count."""
 
     @property
     def sha256(self) -> str:
         """One hash of the whole set: of its files' names and hashes."""
         lines = "".join(f"{f.sha256}  {f.file}\n" for f in self.files)
         return hashlib.sha256(lines.encode()).hexdigest()
-
-    @property
-    def hashes(self) -> frozenset[str]:
-        """SHA-256 of each file."""
-        return frozenset(one.sha256 for one in self.files)
 
 
 @dataclass(frozen=True, kw_only=True)

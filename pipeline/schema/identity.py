@@ -5,27 +5,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class MachineIdentity:
-    """Who a machine is.
-
-    Parameters
-    ----------
-    name : str
-        As in its file in ``conf/machine/``.
-    description : str
-        Make and kind, for people.
-    origin : str
-        ``"simulated"`` or ``"recorded"``; shown wherever its results are.
-    credit : str
-        Who is to be credited wherever its results are shown.
-    recordings : str
-        Folder under KERF_RECORDINGS that its files are collected from.
-    """
+    """Who a machine is."""
 
     name: str
+    """As in its file in ``conf/machine/``."""
     description: str = ""
+    """Make and kind, for people."""
     origin: str = "recorded"
+    """``"simulated"`` or ``"recorded"``; shown wherever its results are."""
     credit: str = ""
+    """Who is to be credited wherever its results are shown."""
     recordings: str = ""
+    """Folder under KERF_RECORDINGS that its files are collected from."""
 
     def __post_init__(self) -> None:
         if self.origin not in ("simulated", "recorded"):

@@ -21,21 +21,14 @@ BY_NAME = "submodels"
 
 @dataclass(frozen=True)
 class Module:
-    """A module of the package: hash of its source, and what it imports.
-
-    Parameters
-    ----------
-    digest : str
-        Of the syntax tree without docstrings.
-    imports : frozenset of str
-        Modules and names in them, at its top or inside functions.
-    shown : frozenset of str
-        Those of them that are imported inside the methods ``SHOWN`` alone.
-    """
+    """A module of the package: hash of its source, and what it imports."""
 
     digest: str
+    """Digest of the syntax tree without docstrings."""
     imports: frozenset[str]
+    """Modules and names in them, at its top or inside functions."""
     shown: frozenset[str] = frozenset()
+    """Those of them that are imported inside the methods ``SHOWN`` alone."""
 
 
 def reached(known: dict[str, Module], entries: Iterable[str], *, shown: bool) -> set[str]:

@@ -9,22 +9,15 @@ from pipeline.schema.ranges import Count, NotNegative, Range, Ranged
 
 @dataclass(frozen=True, kw_only=True)
 class Band(Ranged, section="band"):
-    """90 % prediction interval of one regime: from predicted - lower to predicted + upper.
-
-    Parameters
-    ----------
-    lower, upper : float
-        Half widths, in the unit of the quantity.
-    n : int
-        Residuals that it was calibrated on.
-    groups : int
-        Groups that they are from.
-    """
+    """90 % prediction interval of one regime: from predicted - lower to predicted + upper."""
 
     lower: NotNegative
     upper: NotNegative
+    """Half widths, in the unit of the quantity."""
     n: Count
+    """Residuals that it was calibrated on."""
     groups: Count
+    """Groups that they are from."""
 
 
 Bands = Mapping[str, Band]
@@ -33,15 +26,9 @@ Bands = Mapping[str, Band]
 
 @dataclass(frozen=True, kw_only=True)
 class AdaptiveSettings(Ranged, section="adaptive_interval"):
-    """How fast an interval follows the errors that have become known.
-
-    Parameters
-    ----------
-    step : float
-        Change of the factor on the half width by a sample outside [1]; 0 keeps it at 1.
-    delay_s : float
-        A measured value is known this long after its time [s].
-    """
+    """How fast an interval follows the errors that have become known."""
 
     step: Annotated[float, Range(least=0.0, most=1.0)] = 0.01
+    """Change of the factor on the half width by a sample outside [1]; 0 keeps it at 1."""
     delay_s: NotNegative = 0.0
+    """A measured value is known this long after its time [s]."""

@@ -17,24 +17,16 @@ ENDLESS = 1e12
 
 @dataclass(frozen=True, kw_only=True)
 class Limit:
-    """Words for one limit.
-
-    Parameters
-    ----------
-    option : str
-        On the command line.
-    help : str
-        Of the option, one sentence.
-    name : str
-        On pages; empty where it is no row of its own.
-    margin : str
-        Field of :class:`Margins` that is kept free of it; empty where there is none.
-    """
+    """Words for one limit."""
 
     option: str
+    """On the command line."""
     help: str
+    """Help of the option, one sentence."""
     name: str = ""
+    """On pages; empty where it is no row of its own."""
     margin: str = ""
+    """Field of :class:`Margins` that is kept free of it; empty where there is none."""
 
 
 Margin = Annotated[float, Range(least=0.0, below=1.0)]
@@ -68,23 +60,6 @@ class Margins(Ranged, section="margins"):
 class MachiningPractice(Ranged, section="practice"):
     """What holds for any part: how far F and S may go from the program, and what stays as it is.
 
-    Parameters
-    ----------
-    change : tuple of float
-        F, S and the feed for each tooth over those programmed, least and greatest [1]; a tool's
-        own ``change`` in the tool table goes first.
-    tool_life_min : float
-        Time in the cut that an edge lasts at least where its life is known [min]: makers' tables of
-        cutting speeds are mostly for 15 min.
-    air_feed_mm_min : float, optional
-        Greatest F of moves at feed that cut nothing [mm/min]; by default each as programmed.
-    keep : tuple of str
-        What keeps its F and S: a tool as ``T5``, lines as ``120-180``, or a word in a comment or
-        the name of a tool.
-    feed_step_mm_min, speed_step_rpm : float
-        F and S are whole multiples of these, of a tenth of them below ten times that, and so on; 0
-        leaves as many digits as are needed.
-
     Raises
     ------
     ValueError
@@ -96,20 +71,27 @@ class MachiningPractice(Ranged, section="practice"):
         Range(above=0.0, most=1e6),
         Limit(option="--change", help="F and S over those programmed, 0.5 1.5 by default."),
     ] = (0.5, 1.5)
+    """F, S and the feed for each tooth over those programmed, least and greatest [1]; a tool's own
+    ``change`` in the tool table goes first."""
     tool_life_min: Annotated[
         float,
         Range(least=0.0, below=ENDLESS, unit="min"),
         Limit(option="--tool-life", help="Least life of an edge where it is known, min."),
     ] = 15.0
+    """Time in the cut that an edge lasts at least where its life is known [min]: makers' tables of
+    cutting speeds are mostly for 15 min."""
     air_feed_mm_min: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="mm/min"),
         Limit(option="--air-feed", help="F of moves that cut nothing; as programmed by default."),
     ] = None
+    """Greatest F of moves at feed that cut nothing [mm/min]; by default each as programmed."""
     keep: Annotated[
         tuple[str, ...],
         Limit(option="--keep", help="Keeps F and S: T5, lines 120-180, or a word of a comment."),
     ] = ()
+    """What keeps its F and S: a tool as ``T5``, lines as ``120-180``, or a word in a comment or the
+    name of a tool."""
     feed_step_mm_min: Annotated[
         float,
         Range(least=0.0, most=1e4, unit="mm/min"),
@@ -120,6 +102,8 @@ class MachiningPractice(Ranged, section="practice"):
         Range(least=0.0, most=1e4, unit="rev/min"),
         Limit(option="--speed-step", help="S is a multiple of it, 50 rev/min by default."),
     ] = 50.0
+    """F and S are whole multiples of these, of a tenth of them below ten times that, and so on; 0
+    leaves as many digits as are needed."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -139,37 +123,6 @@ def check_change(name: str, change: tuple[float, ...]) -> None:
 class CutLimit(Ranged, section="limits"):
     """Limits of a part's cut, in the units of tables; a limit that is None does not hold.
 
-    Parameters
-    ----------
-    load_N : float, optional
-        Peak of the load across the tool's axis [N].
-    deflection_um : float, optional
-        Of the tool's tip [um].
-    roughness_um : float, optional
-        Height of the feed marks on walls and floors, R_t [um].
-    chip_um : tuple of float, optional
-        Least and greatest thickness of the thickest chip of a block [um].
-    cutting_speed_m_min : tuple of float, optional
-        Least and greatest v_c [m/min].
-    feed_mm_min : tuple of float, optional
-        F [mm/min]; by default from a tenth of the program's least up to the fastest of the axes.
-    speed_rpm : tuple of float, optional
-        S [rev/min]; by default the range of the spindle's drive.
-    torque_Nm : float, optional
-        Of the cut, beside the drive's own [N m].
-    power_share : float
-        Of the drive's power at each speed [1].
-    following_um : float, optional
-        Following error of an axis while the tool is in the material [um].
-    motor_command_A : float, optional
-        Command of an axis' motor while the tool is in the material [A].
-    least_speed_change_rpm : float
-        Between two blocks of one tool S stays or changes by at least this [rev/min].
-    margins : Margins
-        Kept free of each.
-    practice : MachiningPractice
-        How far F and S may go from the program.
-
     Raises
     ------
     ValueError
@@ -184,6 +137,7 @@ class CutLimit(Ranged, section="limits"):
             name="load across the tool’s axis", margin="load",
         ),
     ] = None  # fmt: skip
+    """Peak of the load across the tool's axis [N]."""
     deflection_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -192,6 +146,7 @@ class CutLimit(Ranged, section="limits"):
             name="deflection of the tip", margin="deflection",
         ),
     ] = None  # fmt: skip
+    """Of the tool's tip [um]."""
     roughness_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -200,6 +155,7 @@ class CutLimit(Ranged, section="limits"):
             name="feed marks", margin="roughness",
         ),
     ] = None  # fmt: skip
+    """Height of the feed marks on walls and floors, R_t [um]."""
     chip_um: Annotated[
         tuple[float, ...] | None,
         Range(least=0.0, below=ENDLESS, unit="um"),
@@ -208,6 +164,7 @@ class CutLimit(Ranged, section="limits"):
             name="thickest chip", margin="chip",
         ),
     ] = None  # fmt: skip
+    """Least and greatest thickness of the thickest chip of a block [um]."""
     cutting_speed_m_min: Annotated[
         tuple[float, ...] | None,
         Range(least=0.0, below=ENDLESS, unit="m/min"),
@@ -216,16 +173,19 @@ class CutLimit(Ranged, section="limits"):
             name="cutting speed", margin="cutting_speed",
         ),
     ] = None  # fmt: skip
+    """Least and greatest v_c [m/min]."""
     feed_mm_min: Annotated[
         tuple[float, ...] | None,
         Range(least=0.0, below=ENDLESS, unit="mm/min"),
         Limit(option="--feed", help="F, mm/min.", name="F"),
     ] = None
+    """F [mm/min]; by default from a tenth of the program's least up to the fastest of the axes."""
     speed_rpm: Annotated[
         tuple[float, ...] | None,
         Range(least=0.0, below=ENDLESS, unit="rev/min"),
         Limit(option="--speed", help="S, rev/min.", name="S"),
     ] = None
+    """S [rev/min]; by default the range of the spindle's drive."""
     torque_Nm: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="N m"),
@@ -234,6 +194,7 @@ class CutLimit(Ranged, section="limits"):
             name="torque of the cut", margin="torque",
         ),
     ] = None  # fmt: skip
+    """Of the cut, beside the drive's own [N m]."""
     power_share: Annotated[
         float,
         Range(above=0.0, below=ENDLESS),
@@ -242,6 +203,7 @@ class CutLimit(Ranged, section="limits"):
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
+    """Of the drive's power at each speed [1]."""
     following_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -250,6 +212,7 @@ class CutLimit(Ranged, section="limits"):
             name="following error in the cut", margin="axes",
         ),
     ] = None  # fmt: skip
+    """Following error of an axis while the tool is in the material [um]."""
     motor_command_A: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="A"),
@@ -258,6 +221,7 @@ class CutLimit(Ranged, section="limits"):
             name="motor command in the cut", margin="axes",
         ),
     ] = None  # fmt: skip
+    """Command of an axis' motor while the tool is in the material [A]."""
     least_speed_change_rpm: Annotated[
         float,
         Range(least=0.0, below=ENDLESS, unit="rev/min"),
@@ -266,8 +230,11 @@ class CutLimit(Ranged, section="limits"):
             name="least change of S",
         ),
     ] = 0.0  # fmt: skip
+    """Between two blocks of one tool S stays or changes by at least this [rev/min]."""
     margins: Margins = field(default_factory=Margins)
+    """Kept free of each."""
     practice: MachiningPractice = field(default_factory=MachiningPractice)
+    """How far F and S may go from the program."""
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -13,30 +13,20 @@ Origin = str
 
 @dataclass(frozen=True, kw_only=True)
 class Parameter:
-    """One identified parameter: the one shape of anything that a fit says.
-
-    Parameters
-    ----------
-    value : float or None
-        In ``unit``; None where the records do not determine it.
-    unit : str
-        ``"1"`` for none.
-    interval_95 : (float, float) or None
-        Lower and upper end of its 95 % confidence interval.
-    determined : bool
-        Whether the records determine it.
-    method : str
-        Where the value comes from; of an undetermined one, why there is none.
-    remedy : str
-        What to record so that it becomes determined; empty where it is.
-    """
+    """One identified parameter: the one shape of anything that a fit says."""
 
     value: float | None
+    """In ``unit``; None where the records do not determine it."""
     unit: str
+    """``"1"`` for none."""
     interval_95: tuple[float, float] | None
+    """Lower and upper end of its 95 % confidence interval."""
     determined: bool
+    """Whether the records determine it."""
     method: str
+    """Where the value comes from; of an undetermined one, why there is none."""
     remedy: str = ""
+    """What to record so that it becomes determined; empty where it is."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,31 +74,21 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What every ``model.json`` holds.
-
-    Parameters
-    ----------
-    submodel, machine : str
-        What it is a model of.
-    origin : {"simulated", "recorded"}
-        Of the records.
-    parameters : mapping of str to mapping of str to Parameter
-        By group (an axis, a motor, a tool; ``""`` where there is one only) and name.
-    trained_on : tuple of Training
-        The cases, with the hashes of their raw files.
-    left_out : tuple of LeftOut
-        Cases that say nothing to the fit, with the reason.
-    conditions : mapping of str to Condition
-        Range of each condition over the training cases.
-    """
+    """What every ``model.json`` holds."""
 
     submodel: str
     machine: str
+    """What it is a model of."""
     origin: Origin
+    """Origin of the records."""
     parameters: Mapping[str, Mapping[str, Parameter]]
+    """By group (an axis, a motor, a tool; ``""`` where there is one only) and name."""
     trained_on: tuple[Training, ...]
+    """The cases, with the hashes of their raw files."""
     left_out: tuple[LeftOut, ...] = ()
+    """Cases that say nothing to the fit, with the reason."""
     conditions: Mapping[str, Condition] = field(default_factory=dict)
+    """Range of each condition over the training cases."""
 
     @property
     def training_files(self) -> Mapping[str, str]:

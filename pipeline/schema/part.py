@@ -22,7 +22,7 @@ from pipeline.schema.part_sheet import (
 )
 from pipeline.schema.program_cut import CutWarning, NotKnown, ToolEdge
 from pipeline.schema.store import write_json
-from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]
@@ -35,36 +35,24 @@ Side = Literal["before", "after"]
 
 @dataclass(frozen=True, kw_only=True)
 class Totals:
-    """Sums and peaks of a whole program.
-
-    Parameters
-    ----------
-    time_s : float or None
-        [s].
-    cost : float or None
-        In the currency of the document.
-    energy_kWh : float or None
-        [kWh].
-    tool_life_share : float or None
-        Of tool lives used, summed over tools [1].
-    peak_load_N : float or None
-        Highest load across the tool's axis, predicted [N].
-    peak_line : int or None
-        Line of the program where it is.
-    beyond : int or None
-        Blocks that pass a limit.
-    beyond_of : mapping of str to int
-        Of them, by the name of the limit; limits that no block passes are left out.
-    """
+    """Sums and peaks of a whole program."""
 
     time_s: float | None = None
+    """Time [s]."""
     cost: float | None = None
+    """In the currency of the document."""
     energy_kWh: float | None = None
+    """Energy [kWh]."""
     tool_life_share: float | None = None
+    """Of tool lives used, summed over tools [1]."""
     peak_load_N: float | None = None
+    """Highest load across the tool's axis, predicted [N]."""
     peak_line: int | None = None
+    """Line of the program where it is."""
     beyond: int | None = None
+    """Blocks that pass a limit."""
     beyond_of: Mapping[str, int] = field(default_factory=dict)
+    """Of them, by the name of the limit; limits that no block passes are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,34 +106,23 @@ class UncertainQuantity:
 
 @dataclass(frozen=True, kw_only=True)
 class Reliability:
-    """Probability that the load passes its limit, as it was allowed and as it is.
-
-    Parameters
-    ----------
-    epsilon : float
-        Allowed for the whole part [1].
-    exceedance : float or None
-        In draws that the answer was not made with [1].
-    interval_95 : tuple of float
-        Of the exceedance [1].
-    draws : int
-        Of the uncertain quantities.
-    peaks : tuple of PeakQuantile
-        Of the part's peak load.
-    nominal, price : Nominal, Price, or None
-        Optimum at nominal values, and the extra over it.
-    uncertain : tuple of UncertainQuantity
-        That are drawn.
-    """
+    """Probability that the load passes its limit, as it was allowed and as it is."""
 
     epsilon: float
+    """Allowed for the whole part [1]."""
     exceedance: float | None
+    """In draws that the answer was not made with [1]."""
     interval_95: tuple[float | None, ...]
+    """Of the exceedance [1]."""
     draws: int
+    """Draws of the uncertain quantities."""
     peaks: tuple[PeakQuantile, ...]
+    """Peaks of the part's peak load."""
     nominal: Nominal | None
     price: Price | None
+    """Optimum at nominal values, and the extra over it."""
     uncertain: tuple[UncertainQuantity, ...]
+    """That are drawn."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -264,50 +241,33 @@ class WordCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class StoredProof:
-    """Proof that nothing but F and S words differs.
-
-    Parameters
-    ----------
-    same : bool
-        Whether it holds.
-    sha256 : str
-        Of everything that both programs do but F and S.
-    moves : int
-        Compared.
-    before_sha256, after_sha256 : str
-        Of the two texts.
-    first : str or None
-        First difference.
-    """
+    """Proof that nothing but F and S words differs."""
 
     same: bool
+    """Whether it holds."""
     sha256: str
+    """Of everything that both programs do but F and S."""
     moves: int
+    """Compared."""
     before_sha256: str
     after_sha256: str
+    """Of the two texts."""
     first: str | None
+    """First difference."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadTrace:
-    """Highest load in each of N columns of equal path length at feed.
-
-    Parameters
-    ----------
-    total_mm : float
-        Path length at feed [mm].
-    way_mm : tuple of float
-        Path length where each column begins [mm].
-    load_N : tuple of float
-        [N]; None in air.
-    line : tuple of int
-        Of the program, where each column begins.
-    """
+    """Highest load in each of N columns of equal path length at feed."""
 
     total_mm: float
+    """Path length at feed [mm]."""
     way_mm: tuple[float, ...]
+    """Path length where each column begins [mm]."""
     load_N: tuple[float | None, ...]
+    """Load [N]; None in air."""
     line: tuple[int, ...]
+    """Line of the program, where each column begins."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -324,146 +284,99 @@ class Traces:
 
 @dataclass(frozen=True, kw_only=True)
 class TwinCheck:
-    """The answer as the whole twin sees it.
-
-    Parameters
-    ----------
-    peak_load_N : float or None
-        Highest load, of the waveform [N].
-    peak_line : int or None
-        Line of the program where it is.
-    following_um : mapping of str to float, or None
-        Greatest following error by axis in the cut [um]; None without drives.
-    full_evaluations : int
-        Of the whole twin.
-    tightened : int
-        Rounds in which feeds were lowered for it.
-    axes : tuple of AxisInCut
-        Following error and motor command of each axis in the cut; empty where not known.
-    """
+    """The answer as the whole twin sees it."""
 
     peak_load_N: float | None
+    """Highest load, of the waveform [N]."""
     peak_line: int | None
+    """Line of the program where it is."""
     following_um: Mapping[str, float | None] | None
+    """Greatest following error by axis in the cut [um]; None without drives."""
     full_evaluations: int
+    """Full evaluations of the whole twin."""
     tightened: int
+    """Rounds in which feeds were lowered for it."""
     axes: tuple[AxisInCut, ...] = ()
+    """Following error and motor command of each axis in the cut; empty where not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OptimisedPart:
-    """A part program before and after.
-
-    Parameters
-    ----------
-    warnings : tuple of CutWarning
-        To look at before anything else: what is grave, and tools and registers that do not fit the
-        program; all others are in ``setup``.
-    verdicts : tuple of UsedModel
-        On the sub-models that its figures rest on; what failed or was not judged first.
-    program, machine : str
-        Names.
-    origin : str
-        Of the machine's records.
-    control : str
-        ``identified``, or ``conf/machine`` where the control's values are as written there.
-    objective : str
-        That was minimised.
-    currency : str or None
-        Of all costs; None where prices are not known.
-    stock, material, tool_table : str
-        Blank [mm], material, tools.
-    limits : CutLimit
-        Of the part; stored without those that do not hold.
-    certainty : Reliability or None
-        Of the load limit; None without one.
-    before, after : Totals
-        Of the program as it was and as it is optimised.
-    gain : Gain
-        From before to after.
-    methods : tuple of MethodResult
-        The answer beside others.
-    front : tuple of FrontMember
-        Of the objective ``pareto``.
-    groups : tuple of BlockGroup
-        In the order of the program.
-    binding : tuple of Binding
-        Of blocks that cut, the longest first.
-    held : tuple of HeldRows
-        Moves whose F or S may not change.
-    words : WordCounts
-        That differ.
-    proof : StoredProof
-        That only they do.
-    trace : Traces
-        Load along the path.
-    verified : TwinCheck
-        By the whole twin.
-    interrupted : bool
-        Whether the search was ended early.
-    not_known : tuple of NotKnown
-        Quantities that the document lacks.
-    notes : tuple of str
-        On the figures, one sentence each.
-    tools : tuple of ToolUse
-        Each tool that cuts, in the order of the program.
-    changes : tuple of FeedChange
-        Runs of blocks whose F or S changed, in the order of the program.
-    lines : tuple of ProgramLine
-        Lines of the program whose F or S words changed, with those next to them.
-    path : PathTrace or None
-        Of the tool's tip at feed.
-    setup : SetupSheet
-        Of the machine for this part.
-    unit : str
-        Of length, in which the program writes its feeds.
-    residual : str or None
-        Compensation network whose residual and interval following errors hold; stored only where
-        there is one.
-    machine_unit : str or None
-        Which of several machines of a kind; stored only where there are several.
-    edges : tuple of ToolEdge
-        Wear of each tool that figures and limits hold for, with the force of the optimised program
-        sharp and worn.
-    """
+    """A part program before and after."""
 
     warnings: tuple[CutWarning, ...] = ()
+    """To look at before anything else: what is grave, and tools and registers that do not fit the
+    program; all others are in ``setup``."""
     verdicts: tuple[UsedModel, ...] = ()
+    """On the sub-models that its figures rest on; what failed or was not judged first."""
     program: str
     machine: str
+    """Names."""
     origin: str
+    """Origin of the machine's records."""
     control: str
+    """``identified``, or ``conf/machine`` where the control's values are as written there."""
     objective: Objective
+    """That was minimised."""
     currency: str | None
+    """Currency of all costs; None where prices are not known."""
     stock: str
     material: str
     tool_table: str
+    """Blank [mm], material, tools."""
     limits: CutLimit
+    """Limits of the part; stored without those that do not hold."""
     certainty: Reliability | None
+    """Certainty of the load limit; None without one."""
     before: Totals
     after: Totals
+    """Of the program as it was and as it is optimised."""
     gain: Gain
+    """From before to after."""
     methods: tuple[MethodResult, ...]
+    """The answer beside others."""
     front: tuple[FrontMember, ...]
+    """Front of the objective ``pareto``."""
     groups: tuple[BlockGroup, ...]
+    """In the order of the program."""
     binding: tuple[Binding, ...]
+    """Of blocks that cut, the longest first."""
     held: tuple[HeldRows, ...]
+    """Moves whose F or S may not change."""
     words: WordCounts
+    """That differ."""
     proof: StoredProof
+    """That only they do."""
     trace: Traces
+    """Load along the path."""
     verified: TwinCheck
+    """By the whole twin."""
     interrupted: bool
+    """Whether the search was ended early."""
     not_known: tuple[NotKnown, ...]
+    """Quantities that the document lacks."""
     notes: tuple[str, ...]
+    """On the figures, one sentence each."""
     tools: tuple[ToolUse, ...]
+    """Each tool that cuts, in the order of the program."""
     changes: tuple[FeedChange, ...]
+    """Runs of blocks whose F or S changed, in the order of the program."""
     lines: tuple[ProgramLine, ...]
+    """Lines of the program whose F or S words changed, with those next to them."""
     path: PathTrace | None
+    """Path of the tool's tip at feed."""
     setup: SetupSheet
+    """Setup of the machine for this part."""
     unit: Literal["mm", "inch"] = "mm"
+    """Of length, in which the program writes its feeds."""
     residual: str | None = None
+    """Compensation network whose residual and interval following errors hold; stored only where
+    there is one."""
     machine_unit: str | None = None
+    """Which of several machines of a kind; stored only where there are several."""
     edges: tuple[ToolEdge, ...] = ()
+    """Wear of each tool that figures and limits hold for, with the force of the optimised program
+    sharp and worn."""
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""
@@ -480,17 +393,6 @@ def part_values(part: OptimisedPart) -> dict[str, Any]:
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values
-
-
-def part_of(values: Any, path: str = "$") -> OptimisedPart:
-    """A stored part, read from JSON; ``path`` names it in messages.
-
-    Raises
-    ------
-    ValueError
-        When it is of another shape; the message names the keys.
-    """
-    return structured(values, OptimisedPart, path)
 
 
 def write_part(part: OptimisedPart, path: Path) -> None:

@@ -26,210 +26,140 @@ class FeedRise:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolUse:
-    """One tool in one operation before and after, beside the range that is usual for it.
-
-    Parameters
-    ----------
-    tool : int
-        Number.
-    name : str
-        For people.
-    operation : str
-        Kind of machining; empty where operations were not told apart.
-    before, after : ToolTotals
-        Worst values of its blocks and sums over them.
-    feed_per_tooth_range_mm, cutting_speed_range_m_min : tuple of float, or None
-        Least and greatest f_z [mm] and v_c [m/min]; None where no source gives them.
-    range_source : str
-        Where the ranges come from; empty without any.
-    kept : str or None
-        Why F and S of this tool stay as programmed; None where they may change.
-    binds : str or None
-        Limit that holds its blocks back for the longest; None where none does.
-    no_faster : str or None
-        Why its S is nowhere above that programmed; None where it is somewhere, or all is kept.
-    rise : FeedRise or None
-        Where its feed per tooth rose most; None where it did not.
-    """
+    """One tool in one operation before and after, beside the range that is usual for it."""
 
     tool: int
+    """Number."""
     name: str
+    """For people."""
     operation: str = ""
+    """Kind of machining; empty where operations were not told apart."""
     before: ToolTotals
     after: ToolTotals
+    """Worst values of its blocks and sums over them."""
     feed_per_tooth_range_mm: tuple[float, float] | None
     cutting_speed_range_m_min: tuple[float, float] | None
+    """Least and greatest f_z [mm] and v_c [m/min]; None where no source gives them."""
     range_source: str
+    """Where the ranges come from; empty without any."""
     kept: str | None = None
+    """Why F and S of this tool stay as programmed; None where they may change."""
     binds: str | None = None
+    """Limit that holds its blocks back for the longest; None where none does."""
     no_faster: str | None = None
+    """Why its S is nowhere above that programmed; None where it is somewhere, or all is kept."""
     rise: FeedRise | None = None
+    """Where its feed per tooth rose most; None where it did not."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FeedChange:
-    """Blocks in a row of one tool whose F and S were alike and are alike.
-
-    Parameters
-    ----------
-    first_line, last_line : int
-        Of the program.
-    tool : int
-        Number.
-    operation : str
-        Kind of machining; empty where it was not recognised.
-    feed_unit : str
-        Of F.
-    feed_before, feed_after : float
-        F.
-    speed_before, speed_after : float
-        S.
-    feed_per_tooth_before_mm, feed_per_tooth_after_mm : float or None
-        F / (N S) of what is commanded [mm]; None in air.
-    binds : str or None
-        Limit that binds for the longest; None where none does.
-    """
+    """Blocks in a row of one tool whose F and S were alike and are alike."""
 
     first_line: int
     last_line: int
+    """Of the program."""
     tool: int
+    """Number."""
     operation: str = ""
+    """Kind of machining; empty where it was not recognised."""
     feed_unit: FeedUnit = "mm/min"
+    """Of F."""
     feed_before: float
     feed_after: float
+    """F."""
     speed_before: float
     speed_after: float
+    """S."""
     feed_per_tooth_before_mm: Feed
     feed_per_tooth_after_mm: Feed
+    """F / (N S) of what is commanded [mm]; None in air."""
     binds: str | None = None
+    """Limit that binds for the longest; None where none does."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramLine:
-    """One line of the program, and what became of it.
-
-    Parameters
-    ----------
-    line : int
-        Of the program as it is written, counting from 1.
-    before, after : str or None
-        Its text; ``before`` None where the line was added, ``after`` None where it is the same.
-    feed_before, feed_after : float or None
-        F in force in its moves at feed, as the program writes it; None without any.
-    speed_before, speed_after : float or None
-        S in force in its moves; None without any.
-    """
+    """One line of the program, and what became of it."""
 
     line: int
+    """Line of the program as it is written, counting from 1."""
     before: str | None
     after: str | None
+    """Its text; ``before`` None where the line was added, ``after`` None where it is the same."""
     feed_before: Feed = None
     feed_after: Feed = None
+    """F in force in its moves at feed, as the program writes it; None without any."""
     speed_before: float | None = None
     speed_after: float | None = None
+    """S in force in its moves; None without any."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathTrace:
-    """Path of the tool's tip at feed in the coordinates of the blank, thinned, with the blank.
-
-    Parameters
-    ----------
-    frame : str
-        Work offset, ``"G54"``.
-    x_mm, y_mm, z_mm : tuple of float
-        V points [mm].
-    starts : tuple of int
-        Points that begin a new stroke, ascending.
-    column : tuple of int
-        Column of ``Traces`` that the way to each point lies in; its load is drawn there.
-    line : tuple of int
-        Line of the program that moves to each point.
-    blank_low_mm, blank_high_mm : tuple of float
-        Least and greatest X, Y, Z of the blank [mm].
-    round_blank : bool
-        Whether the blank is a bar that stands on its end.
-    """
+    """Path of the tool's tip at feed in the coordinates of the blank, thinned, with the blank."""
 
     frame: str
+    """Work offset, ``"G54"``."""
     x_mm: tuple[float, ...]
     y_mm: tuple[float, ...]
     z_mm: tuple[float, ...]
+    """V points [mm]."""
     starts: tuple[int, ...]
+    """Points that begin a new stroke, ascending."""
     column: tuple[int, ...]
+    """Column of ``Traces`` that the way to each point lies in; its load is drawn there."""
     line: tuple[int, ...]
+    """Line of the program that moves to each point."""
     blank_low_mm: tuple[float, float, float]
     blank_high_mm: tuple[float, float, float]
+    """Least and greatest X, Y, Z of the blank [mm]."""
     round_blank: bool = False
+    """Whether the blank is a bar that stands on its end."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SetupTool:
-    """A tool that the program calls.
-
-    Parameters
-    ----------
-    tool : int
-        Number.
-    name, kind : str
-        For people; empty where the tool table does not hold it.
-    diameter_mm, stickout_mm : float or None
-        [mm].
-    flutes : int or None
-        Number of teeth.
-    length_mm : float or None
-        Of its length register [mm]; None where there is none.
-    time_s, in_material_s : float
-        With this tool in the spindle, and of that in the material, in the optimised program [s].
-    life_share : float or None
-        Of its life that one part uses [1].
-    """
+    """A tool that the program calls."""
 
     tool: int
+    """Number."""
     name: str
     kind: str
+    """For people; empty where the tool table does not hold it."""
     diameter_mm: float | None
     stickout_mm: float | None
+    """[mm]."""
     flutes: int | None
+    """Number of teeth."""
     length_mm: float | None
+    """Of its length register [mm]; None where there is none."""
     time_s: float
     in_material_s: float
+    """With this tool in the spindle, and of that in the material, in the optimised program [s]."""
     life_share: float | None
+    """Of its life that one part uses [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WorkOffset:
-    """A work offset that the program uses, as it was assumed.
-
-    Parameters
-    ----------
-    name : str
-        ``"G54"``, …
-    position_mm : tuple of float, or None
-        X, Y, Z of its zero in the machine's frame [mm]; None where the set-up does not give it.
-    """
+    """A work offset that the program uses, as it was assumed."""
 
     name: str
+    """``"G54"``, …"""
     position_mm: tuple[float, float, float] | None
+    """X, Y, Z of its zero in the machine's frame [mm]; None where the set-up does not give it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SetupSheet:
-    """What stands ready before the optimised program is started.
-
-    Parameters
-    ----------
-    tools : tuple of SetupTool
-        In the order in which they are called.
-    offsets : tuple of WorkOffset
-        In the order in which they are used.
-    blank_offset : str
-        Work offset in whose coordinates the blank lies.
-    warnings : tuple of CutWarning
-        Of the optimised program's cut.
-    """
+    """What stands ready before the optimised program is started."""
 
     tools: tuple[SetupTool, ...]
+    """In the order in which they are called."""
     offsets: tuple[WorkOffset, ...]
+    """In the order in which they are used."""
     blank_offset: str
+    """Work offset in whose coordinates the blank lies."""
     warnings: tuple[CutWarning, ...]
+    """Warnings of the optimised program's cut."""

@@ -10,23 +10,16 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True, kw_only=True)
 class ToolTime:
-    """Predicted times and path length of one tool.
-
-    Parameters
-    ----------
-    tool : int
-        Number of the tool; -1 before the first is in the spindle.
-    time_s, cutting_s, rapid_s : float
-        In all, in moves at a feed, in rapids [s].
-    length_mm : float
-        Path length [mm].
-    """
+    """Predicted times and path length of one tool."""
 
     tool: int
+    """Number of the tool; -1 before the first is in the spindle."""
     time_s: float
     cutting_s: float = 0.0
     rapid_s: float = 0.0
+    """In all, in moves at a feed, in rapids [s]."""
     length_mm: float = 0.0
+    """Path length [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)

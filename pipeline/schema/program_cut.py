@@ -56,85 +56,58 @@ class CutCost:
 
 @dataclass(frozen=True, kw_only=True)
 class CutQuantities:
-    """Quantities of one block that cuts, or the worst of many.
-
-    Parameters
-    ----------
-    feed_per_tooth_mm, chip_thickness_mm : float or None
-        At the highest feed reached; the thickest chip [mm].
-    cutting_speed_m_min : float or None
-        v_c = pi D S at the full diameter D [m/min].
-    axial_depth_mm, radial_depth_mm : float or None
-        Depths of cut [mm].
-    peak_load_N, mean_load_N, axial_force_N : float or None
-        Load in the plane, its peak and its mean; peak along the axis [N].
-    torque_Nm, peak_torque_Nm : float or None
-        Mean over the turn, and peak [N m].
-    power_kW : float or None
-        Of the cut [kW].
-    drive_share : float or None
-        Power of the motor over its greatest at that speed [1].
-    deflection_um : float or None
-        Of the tip [um].
-    stability_margin : float or None
-        Limit over depth, less 1 [1].
-    in_material_s : float or None
-        Time in the material [s].
-    volume_cm3 : float or None
-        Removed [cm^3].
-    removal_rate_cm3_min : float or None
-        While cutting [cm^3/min].
-    tool_life_share : float or None
-        Share of the tools' lives [1].
-    energy_kWh : float or None
-        Electricity [kWh].
-    """
+    """Quantities of one block that cuts, or the worst of many."""
 
     feed_per_tooth_mm: float | None
     chip_thickness_mm: float | None
+    """At the highest feed reached; the thickest chip [mm]."""
     cutting_speed_m_min: float | None
+    """v_c = pi D S at the full diameter D [m/min]."""
     axial_depth_mm: float | None
     radial_depth_mm: float | None
+    """Depths of cut [mm]."""
     peak_load_N: float | None
     mean_load_N: float | None
     axial_force_N: float | None
+    """Load in the plane, its peak and its mean; peak along the axis [N]."""
     torque_Nm: float | None
     peak_torque_Nm: float | None
+    """Mean over the turn, and peak [N m]."""
     power_kW: float | None
+    """Power of the cut [kW]."""
     drive_share: float | None
+    """Power of the motor over its greatest at that speed [1]."""
     deflection_um: float | None
+    """Deflection of the tip [um]."""
     stability_margin: float | None
+    """Limit over depth, less 1 [1]."""
     in_material_s: float | None
+    """Time in the material [s]."""
     volume_cm3: float | None
+    """Removed [cm^3]."""
     removal_rate_cm3_min: float | None
+    """While cutting [cm^3/min]."""
     tool_life_share: float | None
+    """Share of the tools' lives [1]."""
     energy_kWh: float | None
+    """Electricity [kWh]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutTotals(CutQuantities):
-    """Worst values of blocks that cut, and sums over the rows of the program.
-
-    Parameters
-    ----------
-    blocks : int
-        Blocks that cut.
-    time_s, at_feed_s : float or None
-        In all, and in moves at feed [s].
-    air_share : float or None
-        Share of the time at feed in air [1].
-    highest_removal_rate_cm3_min : float or None
-        The greatest beside the mean [cm^3/min].
-    cost : CutCost or None
-        None where prices are not known.
-    """
+    """Worst values of blocks that cut, and sums over the rows of the program."""
 
     blocks: int
+    """Blocks that cut."""
     time_s: float | None
     at_feed_s: float | None
+    """In all, and in moves at feed [s]."""
     air_share: float | None
+    """Share of the time at feed in air [1]."""
     highest_removal_rate_cm3_min: float | None
+    """The greatest beside the mean [cm^3/min]."""
     cost: CutCost | None
+    """None where prices are not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,114 +129,79 @@ class PartTotals(CutTotals):
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeForces:
-    """Greatest load and power of a tool with a sharp edge and with a worn one.
-
-    Parameters
-    ----------
-    wear_um : float
-        Flank wear VB of the worn edge [um].
-    peak_load_sharp_N, peak_load_N : float or None
-        Peak load in the plane, sharp and worn [N].
-    peak_load_low_N, peak_load_high_N : float or None
-        Worn, at the ends of the 95 % interval of the growth with wear [N].
-    power_sharp_kW, power_kW : float or None
-        Of the cut, sharp and worn [kW].
-    """
+    """Greatest load and power of a tool with a sharp edge and with a worn one."""
 
     wear_um: float
+    """Flank wear VB of the worn edge [um]."""
     peak_load_sharp_N: float | None
     peak_load_N: float | None
+    """Peak load in the plane, sharp and worn [N]."""
     peak_load_low_N: float | None
     peak_load_high_N: float | None
+    """Worn, at the ends of the 95 % interval of the growth with wear [N]."""
     power_sharp_kW: float | None
     power_kW: float | None
+    """Of the cut, sharp and worn [kW]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolEdge:
-    """Wear of a tool that all figures of a cut hold for.
-
-    Parameters
-    ----------
-    tool, name : int, str
-        Its number and name.
-    wear_um : float
-        Flank wear VB [um]; 0 for a sharp edge.
-    edge, caution : str
-        Whether it is sharp or worn and why; what speaks against the figures of a worn edge.
-    forces : EdgeForces or None
-        Sharp and worn: at ``wear_um``, of a sharp tool at the criterion of the machine; None where
-        neither is known.
-    """
+    """Wear of a tool that all figures of a cut hold for."""
 
     tool: int
     name: str
+    """Its number and name."""
     wear_um: float
+    """Flank wear VB [um]; 0 for a sharp edge."""
     edge: str
     caution: str = ""
+    """Whether it is sharp or worn and why; what speaks against the figures of a worn edge."""
     forces: EdgeForces | None = None
+    """Sharp and worn: at ``wear_um``, of a sharp tool at the criterion of the machine; None where
+    neither is known."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ForceInterval:
-    """Greatest force of a tool with its 90 % interval.
-
-    Parameters
-    ----------
-    tool, name : int, str
-        Its number and name.
-    source : str
-        Of its coefficients.
-    peak_load_N, peak_load_low_N, peak_load_high_N : float or None
-        Load in the plane where its peak over a turn is greatest, and the ends [N].
-    mean_load_N, mean_load_low_N, mean_load_high_N : float or None
-        Where its mean over a turn is greatest, and the ends [N].
-    outside : tuple of str
-        Conditions of its cuts outside of those that identified coefficients were learnt at.
-    """
+    """Greatest force of a tool with its 90 % interval."""
 
     tool: int
     name: str
+    """Its number and name."""
     source: str
+    """Source of its coefficients."""
     peak_load_N: float | None
     peak_load_low_N: float | None
     peak_load_high_N: float | None
+    """Load in the plane where its peak over a turn is greatest, and the ends [N]."""
     mean_load_N: float | None
     mean_load_low_N: float | None
     mean_load_high_N: float | None
+    """Where its mean over a turn is greatest, and the ends [N]."""
     outside: tuple[str, ...] = ()
+    """Conditions of its cuts outside of those that identified coefficients were learnt at."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutBlock(CutQuantities):
-    """One block that cuts.
-
-    Parameters
-    ----------
-    line, row, tool : int
-        Line of the program, row of its moves, number of the tool.
-    binds : str or None
-        The limit that is nearest; None where none is known.
-    used : float or None
-        Utilisation of that limit [1].
-    speed_rpm, reached_feed_mm_min : float or None
-        Of the spindle, and the highest feed reached.
-    entry_deg, exit_deg : float or None
-        Engagement angles of the greatest mean load [deg].
-    cost : float or None
-        Of the block [currency].
-    """
+    """One block that cuts."""
 
     line: int
     row: int
     tool: int
+    """Line of the program, row of its moves, number of the tool."""
     binds: str | None
+    """The limit that is nearest; None where none is known."""
     used: float | None
+    """Utilisation of that limit [1]."""
     speed_rpm: float | None
     reached_feed_mm_min: float | None
+    """Of the spindle, and the highest feed reached."""
     entry_deg: float | None
     exit_deg: float | None
+    """Engagement angles of the greatest mean load [deg]."""
     cost: float | None
+    """Cost of the block [currency]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -275,25 +213,17 @@ class WorstBlock(CutBlock):
 
 @dataclass(frozen=True, kw_only=True)
 class CutWarning:
-    """Warning before the part is cut.
-
-    Parameters
-    ----------
-    what, do : str
-        The finding, and the remedy.
-    lines : tuple of int
-        Of the program.
-    blocks : int or None
-        How many blocks; None where it is not of blocks.
-    grave : bool
-        Whether a limit is passed.
-    """
+    """Warning before the part is cut."""
 
     what: str
     do: str
+    """The finding, and the remedy."""
     lines: tuple[int, ...] = ()
+    """Lines of the program."""
     blocks: int | None = None
+    """How many blocks; None where it is not of blocks."""
     grave: bool = False
+    """Whether a limit is passed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -316,34 +246,24 @@ class BasisRow:
 
 @dataclass(frozen=True, kw_only=True)
 class EngagementTrace:
-    """Load and engagement in columns of equal time; None in air.
-
-    Parameters
-    ----------
-    total_s : float
-        Time of the program [s].
-    load_N_low, load_N_high : tuple of float or None
-        Lowest and highest peak load [N].
-    axial_depth_mm_low, axial_depth_mm_high : tuple of float or None
-        Axial depth of cut [mm].
-    radial_depth_mm_low, radial_depth_mm_high : tuple of float or None
-        Radial depth of cut [mm].
-    entry_deg, exit_deg : tuple of float or None
-        Least entry and greatest exit angle [deg].
-    tools : tuple of (int, float, float)
-        Number, start and end of each stretch of one tool, as shares of the time [1].
-    """
+    """Load and engagement in columns of equal time; None in air."""
 
     total_s: float
+    """Time of the program [s]."""
     load_N_low: Curve
     load_N_high: Curve
+    """Lowest and highest peak load [N]."""
     axial_depth_mm_low: Curve
     axial_depth_mm_high: Curve
+    """Axial depth of cut [mm]."""
     radial_depth_mm_low: Curve
     radial_depth_mm_high: Curve
+    """Radial depth of cut [mm]."""
     entry_deg: Curve
     exit_deg: Curve
+    """Least entry and greatest exit angle [deg]."""
     tools: tuple[tuple[int, float, float], ...]
+    """Number, start and end of each stretch of one tool, as shares of the time [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -358,32 +278,22 @@ class LobePoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Lobes:
-    """Stability lobes of the least stable engagement of a tool.
-
-    Parameters
-    ----------
-    tool : int
-        Its number.
-    label : str
-        Number and name.
-    line : int
-        Of the block with that engagement.
-    entry_deg, exit_deg : float
-        Its angles [deg].
-    speeds_rpm, depth_limit_mm : tuple of float
-        Limit of the axial depth [mm] over the speed [rev/min]; None where there is none.
-    points : tuple of LobePoint
-        Blocks of that engagement, the least margins first.
-    """
+    """Stability lobes of the least stable engagement of a tool."""
 
     tool: int
+    """Its number."""
     label: str
+    """Number and name."""
     line: int
+    """Line of the block with that engagement."""
     entry_deg: float
     exit_deg: float
+    """Its angles [deg]."""
     speeds_rpm: tuple[float, ...]
     depth_limit_mm: Curve
+    """Limit of the axial depth [mm] over the speed [rev/min]; None where there is none."""
     points: tuple[LobePoint, ...]
+    """Blocks of that engagement, the least margins first."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -408,75 +318,49 @@ class DriveCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramCut:
-    """The cut of a part program.
-
-    Parameters
-    ----------
-    stock : Blank
-        That is cut.
-    material : MaterialName
-        Of the blank.
-    currency : str or None
-        Of all costs; None where prices are not known.
-    limits : LoadLimit
-        That was given.
-    dynamics : str or None
-        Source of the tips' dynamics; None without any.
-    dynamics_measured : bool
-        Whether they were measured.
-    feeds : str
-        At which feeds the quantities are evaluated, one sentence.
-    summary : PartTotals
-        The part as a whole.
-    by_tool : tuple of ToolTotals
-        In the order of the program.
-    worst : tuple of WorstBlock
-        The blocks with the greatest utilisation.
-    warnings : tuple of CutWarning
-        Before the part is cut.
-    not_known : tuple of NotKnown
-        Quantities that the document lacks.
-    left_out : tuple of LeftOutMoves
-        Moves that are not computed.
-    basis : tuple of BasisRow
-        Premises with their sources.
-    notes : tuple of str
-        On the figures, one sentence each.
-    trace : EngagementTrace
-        Load and engagement over the time.
-    lobes : tuple of Lobes
-        Of each tool with known dynamics.
-    drive : DriveCurve or None
-        Of the spindle.
-    blocks : tuple of CutBlock
-        Every block that cuts.
-    axes : tuple of AxisInCut
-        Following error and motor command of each axis in the cut; empty where not known.
-    edges : tuple of ToolEdge
-        Wear of each tool that cuts, with its force sharp and worn.
-    forces : tuple of ForceInterval
-        Peak and mean load of each tool that cuts, with 90 % intervals.
-    """
+    """The cut of a part program."""
 
     stock: Blank
+    """That is cut."""
     material: MaterialName
+    """Material of the blank."""
     currency: str | None
+    """Currency of all costs; None where prices are not known."""
     limits: LoadLimit
+    """That was given."""
     dynamics: str | None
+    """Source of the tips' dynamics; None without any."""
     dynamics_measured: bool
+    """Whether they were measured."""
     feeds: str
+    """At which feeds the quantities are evaluated, one sentence."""
     summary: PartTotals
+    """The part as a whole."""
     by_tool: tuple[ToolTotals, ...]
+    """In the order of the program."""
     worst: tuple[WorstBlock, ...]
+    """The blocks with the greatest utilisation."""
     warnings: tuple[CutWarning, ...]
+    """Before the part is cut."""
     not_known: tuple[NotKnown, ...]
+    """Quantities that the document lacks."""
     left_out: tuple[LeftOutMoves, ...]
+    """Moves that are not computed."""
     basis: tuple[BasisRow, ...]
+    """Premises with their sources."""
     notes: tuple[str, ...]
+    """On the figures, one sentence each."""
     trace: EngagementTrace
+    """Load and engagement over the time."""
     lobes: tuple[Lobes, ...]
+    """Lobes of each tool with known dynamics."""
     drive: DriveCurve | None
+    """Drive of the spindle."""
     blocks: tuple[CutBlock, ...]
+    """Every block that cuts."""
     axes: tuple[AxisInCut, ...] = ()
+    """Following error and motor command of each axis in the cut; empty where not known."""
     edges: tuple[ToolEdge, ...] = ()
+    """Wear of each tool that cuts, with its force sharp and worn."""
     forces: tuple[ForceInterval, ...] = ()
+    """Peak and mean load of each tool that cuts, with 90 % intervals."""

@@ -22,17 +22,6 @@ from typing import Annotated, Any, ClassVar, get_args, get_origin, get_type_hint
 class Range:
     """Values that a number may have.
 
-    Parameters
-    ----------
-    least, most : float
-        Smallest and greatest value that is allowed.
-    above, below : float
-        Values that all allowed ones lie above and below.
-    finite : bool
-        Whether infinity is refused.
-    unit : str
-        Of the number, ``""`` for none.
-
     Examples
     --------
     >>> Range(above=0.0).holds(1.0), Range(least=0.0, most=1.0).words
@@ -41,10 +30,14 @@ class Range:
 
     least: float = -inf
     most: float = inf
+    """Smallest and greatest value that is allowed."""
     above: float = -inf
     below: float = inf
+    """Values that all allowed ones lie above and below."""
     finite: bool = True
+    """Whether infinity is refused."""
     unit: str = ""
+    """Of the number, ``""`` for none."""
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies in the range; NaN lies in none."""

@@ -22,23 +22,17 @@ NEAR = 1e-3
 
 @dataclass(frozen=True)
 class Box:
-    """Bounds of D parameters.
-
-    Parameters
-    ----------
-    low, high : ndarray, shape (D,)
-        Least and greatest values, in the parameters' units; the same where one is held.
-    log : ndarray of bool, shape (D,)
-        Which are searched on a logarithmic scale.
-    integer : ndarray of bool, shape (D,)
-        Which are whole numbers.  Each has the same share of its axis, 1 / (high - low + 1); on a
-        logarithmic scale the number k has the share of k - 1/2 to k + 1/2.
-    """
+    """Bounds of D parameters."""
 
     low: Floats
     high: Floats
+    """Least and greatest values, in the parameters' units; the same where one is held;
+    shape (D,)."""
     log: Bools
+    """Which are searched on a logarithmic scale; shape (D,)."""
     integer: Bools
+    """Which are whole numbers.  Each has the same share of its axis, 1 / (high - low + 1); on a
+    logarithmic scale the number k has the share of k - 1/2 to k + 1/2; shape (D,)."""
 
     @staticmethod
     def of(

@@ -6,13 +6,11 @@ axes together and halfway.  Where the axes hardly act on each other one round is
 """
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.search.box import Box
 from pipeline.search.result import Callback, Cost, Progress, SearchResult
-
-Rows = NDArray[np.intp]
 
 SHORTER = 0.25
 """Of the step, when a round over all axes has improved nothing."""

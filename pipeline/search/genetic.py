@@ -10,11 +10,10 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.ranges import Count, Positive, Range, Share
 from pipeline.search import operators
 from pipeline.search.box import Box
-from pipeline.search.operators import Indices
 from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
 
 CHOICES = {
@@ -257,7 +256,7 @@ def bred(
 
 def _selected(
     costs: Floats, pairs: int, rate: float, settings: GeneticSettings, rng: np.random.Generator
-) -> tuple[Indices, float | Floats, float | Floats]:
+) -> tuple[Rows, float | Floats, float | Floats]:
     """Places of the parents, (2 pairs,), and the rates at which pairs cross and genes mutate."""
     fitness = _fitness(costs, settings)
     if settings.selection == "stochastic_universal":

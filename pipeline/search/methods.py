@@ -16,24 +16,16 @@ from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings
 
 @dataclass(frozen=True, kw_only=True)
 class Method:
-    """A search as the table knows it.
-
-    Parameters
-    ----------
-    title : str
-        Name in words.
-    source : str
-        Where it was published.
-    settings : callable
-        Makes its settings from those of :class:`~pipeline.search.result.SearchSettings`.
-    minimise : callable
-        The search, with the interface of :func:`pipeline.search.genetic.minimise`.
-    """
+    """A search as the table knows it."""
 
     title: str
+    """Name in words."""
     source: str
+    """Where it was published."""
     settings: Callable[..., SearchSettings]
+    """Makes its settings from those of :class:`~pipeline.search.result.SearchSettings`."""
     minimise: Callable[..., SearchResult]
+    """The search, with the interface of :func:`pipeline.search.genetic.minimise`."""
 
 
 METHODS: dict[str, Method] = {

@@ -24,21 +24,6 @@ from pipeline.search.genetic import GeneticSettings, bred, mutation_rate
 class FrontSettings(Ranged, section="front"):
     """Settings of NSGA-II; the defaults are those of Deb et al. 2002.
 
-    Parameters
-    ----------
-    population : int
-        Individuals P, and children of a generation; at least 4.
-    generations : int
-        Generations at most, the first population among them.
-    crossover_rate, gene_rate : float
-        Share of the pairs that cross, and of their genes.
-    crossover_eta, mutation_eta : float
-        Distribution indices of crossover and mutation.
-    mutation_rate : float, optional
-        Share of the genes that mutate, 1 / D unless given.
-    seed : int
-        Of the random numbers.
-
     Raises
     ------
     ValueError
@@ -46,13 +31,19 @@ class FrontSettings(Ranged, section="front"):
     """
 
     population: Annotated[int, Range(least=4)] = 100
+    """Individuals P, and children of a generation; at least 4."""
     generations: int = 250
+    """Generations at most, the first population among them."""
     crossover_rate: float = 0.9
     gene_rate: float = 0.5
+    """Share of the pairs that cross, and of their genes."""
     crossover_eta: float = 20.0
     mutation_eta: float = 20.0
+    """Distribution indices of crossover and mutation."""
     mutation_rate: float | None = None
+    """Share of the genes that mutate, 1 / D unless given."""
     seed: int = 0
+    """Seed of the random numbers."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -78,31 +69,23 @@ FrontCallback = Callable[[int, Floats, Floats], bool | None]
 
 @dataclass(frozen=True, kw_only=True)
 class FrontResult:
-    """Result of the search.
-
-    Parameters
-    ----------
-    x : ndarray, shape (F, D)
-        Members of the last generation that none dominates, each once, by their first objective.
-    objectives : ndarray, shape (F, O)
-        Theirs.
-    violation : ndarray, shape (F,)
-        Theirs: 0, or all the same where no individual keeps its limits.
-    evaluations, failed : int
-        Individuals that were evaluated, and those among them with an objective that is not finite.
-    generations : int
-        The first population among them.
-    stopped : str
-        Why it ended: ``generations`` or ``callback``.
-    """
+    """Result of the search."""
 
     x: Floats = field(repr=False)
+    """Members of the last generation that none dominates, each once, by their first objective;
+    shape (F, D)."""
     objectives: Floats = field(repr=False)
+    """Theirs; shape (F, O)."""
     violation: Floats = field(repr=False)
+    """Theirs: 0, or all the same where no individual keeps its limits; shape (F,)."""
     evaluations: int
     failed: int
+    """Individuals that were evaluated, and those among them with an objective that is not
+    finite."""
     generations: int
+    """The first population among them."""
     stopped: str
+    """Why it ended: ``generations`` or ``callback``."""
 
 
 def front(

@@ -7,14 +7,11 @@ failed last.
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Bools, Floats
-
-Indices = NDArray[np.intp]
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 
-def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Indices:
+def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Rows:
     """The best of ``size`` individuals drawn with replacement, ``draws`` times; shape (draws,).
 
     The one at place i of P (best is 0) wins with probability ((P - i)^s - (P - i - 1)^s) / P^s.
@@ -30,11 +27,11 @@ def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> In
     """
     # the least of s even draws in 0..1 is 1 - (1 - u)^(1/s) of one
     least = 1.0 - (1.0 - rng.random(draws)) ** (1.0 / size)
-    winners: Indices = np.minimum((many * least).astype(np.intp), many - 1)
+    winners: Rows = np.minimum((many * least).astype(np.intp), many - 1)
     return winners
 
 
-def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) -> Indices:
+def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) -> Rows:
     """Places in proportion to fitness, from one spin of a wheel with evenly spaced pointers.
 
     Each individual is drawn its expectation draws f_i / sum f times, rounded up or down (Baker
@@ -54,7 +51,7 @@ def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) 
     places = edges.searchsorted(pointers, side="right")
     # rounding may push the last pointer onto the edge of the last that has any fitness
     last = edges.searchsorted(edges[-1])
-    shuffled: Indices = rng.permutation(np.minimum(places, last))
+    shuffled: Rows = rng.permutation(np.minimum(places, last))
     return shuffled
 
 

@@ -22,21 +22,6 @@ Callback = Callable[[int, Floats, float], bool | None]
 class SearchSettings(Ranged, section="search"):
     """Settings that all methods with a population share.
 
-    Parameters
-    ----------
-    population : int
-        Individuals P.
-    generations : int
-        Generations at most, the first population among them: P times as many evaluations.
-    limit : float
-        Cost at which the search ends.
-    stall : int, optional
-        Generations without a gain of more than ``stall_gain`` after which the search ends.
-    stall_gain : float
-        In the cost's unit.
-    seed : int
-        Of the random numbers.
-
     Raises
     ------
     ValueError
@@ -44,11 +29,17 @@ class SearchSettings(Ranged, section="search"):
     """
 
     population: Count = 30
+    """Individuals P."""
     generations: Count = 500
+    """Generations at most, the first population among them: P times as many evaluations."""
     limit: Annotated[float, Range(finite=False)] = -inf
+    """Cost at which the search ends."""
     stall: Count | None = None
+    """Generations without a gain of more than ``stall_gain`` after which the search ends."""
     stall_gain: NotNegative = 0.0
+    """In the cost's unit."""
     seed: Annotated[int, Range(least=0)] = 0
+    """Of the random numbers."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -64,43 +55,30 @@ class SearchSettings(Ranged, section="search"):
 
 @dataclass(frozen=True, kw_only=True)
 class SearchResult:
-    """Result of a search.
-
-    Parameters
-    ----------
-    x : ndarray, shape (D,)
-        The best individual that was ever tried.
-    cost : float
-        Its cost; infinite when no individual had a finite one.
-    evaluations : int
-        Individuals whose cost was computed.
-    failed : int
-        Those among them whose cost was not finite; they count as the worst.
-    generations : int
-        Generations, the first population among them.
-    history : ndarray, shape (generations,)
-        The best cost up to each generation.
-    population : ndarray, shape (P, D)
-        Of the last generation, best first.
-    costs : ndarray, shape (P,)
-        Of ``population``.
-    stopped : str
-        Why it ended: ``generations``, ``limit``, ``stall`` or ``callback``.
-    at_bounds : ndarray of int, shape (D,)
-        -1 for each parameter of ``x`` at its lower bound, 1 at its upper one, else 0, also for one
-        that is held: a bound that was hit says that a better value may lie outside the box.
-    """
+    """Result of a search."""
 
     x: Floats
+    """The best individual that was ever tried; shape (D,)."""
     cost: float
+    """Its cost; infinite when no individual had a finite one."""
     evaluations: int
+    """Individuals whose cost was computed."""
     failed: int
+    """Those among them whose cost was not finite; they count as the worst."""
     generations: int
+    """Generations, the first population among them."""
     history: Floats
+    """The best cost up to each generation; shape (generations,)."""
     population: Floats
+    """Of the last generation, best first; shape (P, D)."""
     costs: Floats
+    """Of ``population``; shape (P,)."""
     stopped: str
+    """Why it ended: ``generations``, ``limit``, ``stall`` or ``callback``."""
     at_bounds: Sides
+    """-1 for each parameter of ``x`` at its lower bound, 1 at its upper one, else 0, also for one
+    that is held: a bound that was hit says that a better value may lie outside the box;
+    shape (D,)."""
 
     def bounds_hit(self, names: Sequence[str]) -> dict[str, str]:
         """``low`` or ``high`` for each parameter of the best individual at a bound, by its name.
@@ -125,47 +103,32 @@ class SearchResult:
 
 @dataclass(kw_only=True)
 class Progress:
-    """Progress of a search: evaluations, best individual, history and stopping criteria.
-
-    Parameters
-    ----------
-    cost : callable
-        Cost to be minimised.
-    box : Box
-        Bounds of the search, mapped to the unit cube.
-    most : int
-        Generations at most, the first population among them.
-    limit : float
-        A cost at which it is good enough.
-    stall : int, optional
-        Generations over which the best cost must fall by more than ``stall_gain``.
-    stall_gain : float
-        In the cost's unit.
-    callback : callable, optional
-        Sees each generation and may end the search.
-    x, unit : ndarray, shape (D,)
-        The best individual so far, in the parameters' units and in the unit cube.
-    best : float
-        Its cost.
-    evaluations, failed : int
-        Individuals so far, and those among them whose cost was not finite.
-    history : list of float
-        The best cost up to each generation.
-    """
+    """Progress of a search: evaluations, best individual, history and stopping criteria."""
 
     cost: Cost
+    """Cost to be minimised."""
     box: Box
+    """Bounds of the search, mapped to the unit cube."""
     most: int
+    """Generations at most, the first population among them."""
     limit: float = -inf
+    """A cost at which it is good enough."""
     stall: int | None = None
+    """Generations over which the best cost must fall by more than ``stall_gain``."""
     stall_gain: float = 0.0
+    """In the cost's unit."""
     callback: Callback | None = None
+    """Sees each generation and may end the search."""
     x: Floats = field(default_factory=lambda: np.empty(0))
     unit: Floats = field(default_factory=lambda: np.empty(0))
+    """The best individual so far, in the parameters' units and in the unit cube; shape (D,)."""
     best: float = inf
+    """Its cost."""
     evaluations: int = 0
     failed: int = 0
+    """Individuals so far, and those among them whose cost was not finite."""
     history: list[float] = field(default_factory=list)
+    """The best cost up to each generation."""
 
     def evaluate(self, unit: Floats) -> Floats:
         """Costs, shape (P,), at points of the unit cube, shape (P, D); infinite where they fail.

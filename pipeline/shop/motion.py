@@ -57,23 +57,17 @@ def reachable_speed(v: Floats, length: Floats, cap: Floats, a: float, j: float) 
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """Phases of constant jerk, one after another; arrays of shape (7 N,) at their beginnings.
-
-    Parameters
-    ----------
-    time, distance, speed, acceleration, jerk : (7 N,) arrays
-        [s], [mm], [mm/s], [mm/s2], [mm/s3]; the jerk until the next phase.
-    duration, length : float
-        Of all phases [s], [mm].
-    """
+    """Phases of constant jerk, one after another; arrays of shape (7 N,) at their beginnings."""
 
     time: Floats
     distance: Floats
     speed: Floats
     acceleration: Floats
     jerk: Floats
+    """[s], [mm], [mm/s], [mm/s2], [mm/s3]; the jerk until the next phase."""
     duration: float
     length: float
+    """Of all phases [s], [mm]."""
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
         """Distance [mm] and speed [mm/s] at ``time`` (T,), which lies within the profile."""

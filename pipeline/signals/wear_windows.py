@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Singles
 
 Words = NDArray[np.str_]
-Singles = NDArray[np.float32]
 
 NORMAL_IQR = 1.349
 """Interquartile range of a normal distribution of standard deviation 1."""
@@ -62,11 +61,6 @@ class ChannelScaling:
         """Windows about zero and about one wide, shape (N, C, L)."""
         shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
         return ((values - shift) / scale).astype(np.float32)
-
-    def unscaled(self, values: Singles) -> Singles:
-        """Windows in the channels' units again, shape (N, C, L)."""
-        shift, scale = (np.array(one)[:, None] for one in (self.shift, self.scale))
-        return (values * scale + shift).astype(np.float32)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -124,11 +118,6 @@ class WearWindows:
     def is_class(self) -> bool:
         """Whether wear is worn or not, no number."""
         return self.wear_unit == "1"
-
-    @property
-    def window_s(self) -> float:
-        """Length of a window [s]."""
-        return self.values.shape[2] / self.rate_Hz
 
     def of(self, rows: Any) -> "WearWindows":
         """Some of the windows, by a mask, by numbers or as a slice."""

@@ -24,24 +24,16 @@ from pipeline.submodels.contract import sections, submodel, submodels
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """A stage as the command line calls it.
-
-    Parameters
-    ----------
-    modules : tuple of str
-        Whose imports are the stage's dependencies.
-    paths : list of str
-        Names of its paths, in order.
-    sections : dict of str to type
-        Sections of params.yaml.
-    call : callable
-        Takes the paths, then the loaded sections by name.
-    """
+    """A stage as the command line calls it."""
 
     modules: tuple[str, ...]
+    """Whose imports are the stage's dependencies."""
     paths: list[str]
+    """Names of its paths, in order."""
     sections: dict[str, Any]
+    """Sections of params.yaml."""
     call: Callable[..., None]
+    """Takes the paths, then the loaded sections by name."""
 
 
 def load_stage(name: str) -> Entry:

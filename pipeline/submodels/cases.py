@@ -23,18 +23,12 @@ ENDS = ("first", "last")
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
-    """Which records models are fitted on; all others are left out of every fit.
-
-    Parameters
-    ----------
-    training : tuple of str
-        Patterns of raw files below the machine's folder.
-    training_days : Days or None
-        Days of the plant, for files that have a clock.
-    """
+    """Which records models are fitted on; all others are left out of every fit."""
 
     training: tuple[str, ...] = ()
+    """Patterns of raw files below the machine's folder."""
     training_days: Days | None = None
+    """Days of the plant, for files that have a clock."""
 
     def is_training(self, file: str) -> bool:
         """Whether a raw file matches one of the patterns."""
@@ -80,30 +74,20 @@ class Records:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """One thing that can be predicted and was measured.
-
-    Parameters
-    ----------
-    name : str
-        Of the recording, run or day.
-    group : str
-        What belongs together in splits and in the bootstrap: a day, a recording, a tool.
-    role : Role
-        What it is for.
-    files : tuple of SourceFile
-        Raw files, with the hashes of their bytes.
-    conditions : mapping of str to Fact
-        Under which it was recorded: numbers with units, words.
-    load : callable
-        Its content, in the sub-model's own type.
-    """
+    """One thing that can be predicted and was measured."""
 
     name: str
+    """Name of the recording, run or day."""
     group: str
+    """What belongs together in splits and in the bootstrap: a day, a recording, a tool."""
     role: Role
+    """What it is for."""
     files: tuple[SourceFile, ...]
+    """Raw files, with the hashes of their bytes."""
     load: Callable[[], Any]
+    """Its content, in the sub-model's own type."""
     conditions: Mapping[str, Fact] = field(default_factory=dict)
+    """Under which it was recorded: numbers with units, words."""
 
     @property
     def training(self) -> Training:

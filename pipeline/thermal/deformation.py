@@ -48,19 +48,6 @@ Nodes that differ by 5 K, seen by sensors good to 0.5 K.
 class GrowthRecord:
     """A record of growth, from the moment at which the probe was set to zero.
 
-    Parameters
-    ----------
-    time_s : ndarray, shape (T,)
-        Evenly spaced [s].
-    speed_rad_s : ndarray, shape (T,)
-        Spindle speed [rad/s], held over each step.
-    ambient_C : ndarray, shape (T,)
-        Ambient temperature [degC].
-    temperatures_C : ndarray, shape (T, N)
-        Of N sensors or groups of sensors [degC]; nan where missing, N = 0 without any.
-    growth_m : ndarray, shape (T,)
-        Growth of the spindle towards the probe [m], nan where missing.
-
     Raises
     ------
     ValueError
@@ -68,10 +55,16 @@ class GrowthRecord:
     """
 
     time_s: Floats
+    """Evenly spaced [s]; shape (T,)."""
     speed_rad_s: Floats
+    """Spindle speed [rad/s], held over each step; shape (T,)."""
     ambient_C: Floats
+    """Ambient temperature [degC]; shape (T,)."""
     temperatures_C: Floats
+    """Temperatures of N sensors or groups of sensors [degC]; nan where missing, N = 0 without any;
+    shape (T, N)."""
     growth_m: Floats
+    """Growth of the spindle towards the probe [m], nan where missing; shape (T,)."""
 
     def __post_init__(self) -> None:
         many = len(self.time_s)
@@ -104,29 +97,6 @@ class GrowthRecord:
 class DeformationNetwork(Ranged, section="deformation"):
     """Two nodes of heat and the growth of the spindle.
 
-    Parameters
-    ----------
-    bearing_friction : float
-        Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)].
-    windage : float
-        Heating of the spindle by windage, k / C [K/s/(rad/s)^2].
-    preload_friction : float
-        Heating of the spindle by its bearings under preload, k / C [K/s/(rad/s)].
-    cooling_rate : float
-        1 / (R C) of the spindle to the ambient [1/s].
-    coupling_rate : float
-        Heat exchange of the spindle with the structure, over the spindle's C [1/s].
-    capacity_ratio : float
-        C of the spindle over C of the structure [1].
-    structure_cooling_rate : float
-        1 / (R C) of the structure to the ambient [1/s].
-    spindle_expansion, structure_expansion : float
-        Growth for a kelvin of a node [m/K].
-    centrifugal : float
-        Growth that follows the speed at once [m/(rad/s)^2].
-    sensor_shares : tuple of float
-        Share of the spindle in each sensor's temperature [1]; empty without sensors.
-
     Raises
     ------
     ValueError
@@ -134,16 +104,26 @@ class DeformationNetwork(Ranged, section="deformation"):
     """
 
     bearing_friction: NotNegative
+    """Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)]."""
     windage: NotNegative
+    """Heating of the spindle by windage, k / C [K/s/(rad/s)^2]."""
     preload_friction: NotNegative
+    """Heating of the spindle by its bearings under preload, k / C [K/s/(rad/s)]."""
     cooling_rate: _Rate
+    """1 / (R C) of the spindle to the ambient [1/s]."""
     coupling_rate: _Rate
+    """Heat exchange of the spindle with the structure, over the spindle's C [1/s]."""
     capacity_ratio: Annotated[float, Range(above=0.0)]
+    """C of the spindle over C of the structure [1]."""
     structure_cooling_rate: _Rate
+    """1 / (R C) of the structure to the ambient [1/s]."""
     spindle_expansion: Finite
     structure_expansion: Finite
+    """Growth for a kelvin of a node [m/K]."""
     centrifugal: Finite
+    """Growth that follows the speed at once [m/(rad/s)^2]."""
     sensor_shares: tuple[Share, ...] = ()
+    """Share of the spindle in each sensor's temperature [1]; empty without sensors."""
 
     @property
     def thermal(self) -> SpindleThermalParameters:
@@ -159,12 +139,6 @@ class DeformationNetwork(Ranged, section="deformation"):
             capacity_ratio=self.capacity_ratio,
             body_cooling_rate=self.structure_cooling_rate,
         )
-
-    @property
-    def time_constants_s(self) -> tuple[float, float]:
-        """Time constants of the network, the shorter first [s]."""
-        slow, fast = np.sort(np.abs(np.linalg.eigvals(self.thermal.rates).real))
-        return float(1 / fast), float(1 / slow)
 
     def growth(self, nodes_C: Floats, speed_rad_s: ArrayLike) -> Floats:
         """Growth since the first sample [m], shape (..., T), from the nodes, (2, ..., T)."""

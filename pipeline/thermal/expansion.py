@@ -26,15 +26,6 @@ _Lag = Annotated[float, Range(above=0.0, unit="s")]
 class LaggedExpansion(Ranged, section="expansion"):
     """Growth from C temperatures and the speed.
 
-    Parameters
-    ----------
-    expansions : tuple of float
-        K of each temperature [m/K].
-    lags_s : tuple of float
-        Time constant tau of each [s].
-    centrifugal : float
-        k, growth that follows the speed at once [m/(rad/s)^2].
-
     Raises
     ------
     ValueError
@@ -42,8 +33,11 @@ class LaggedExpansion(Ranged, section="expansion"):
     """
 
     expansions: tuple[Finite, ...]
+    """K of each temperature [m/K]."""
     lags_s: tuple[_Lag, ...]
+    """Time constant tau of each [s]."""
     centrifugal: Finite
+    """k, growth that follows the speed at once [m/(rad/s)^2]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -85,15 +79,6 @@ class LaggedExpansion(Ranged, section="expansion"):
 class ExpansionFitSettings(Ranged, section="expansion_fit"):
     """Settings of the fit.
 
-    Parameters
-    ----------
-    shortest_s, longest_s : float
-        Bounds of the lags [s].
-    starts_s : tuple of float
-        Lags that the fit is started from, the same for all temperatures [s].
-    evaluations : int
-        Most evaluations for each start [1].
-
     Raises
     ------
     ValueError
@@ -102,39 +87,31 @@ class ExpansionFitSettings(Ranged, section="expansion_fit"):
 
     shortest_s: Positive = 1.0
     longest_s: Positive = 20000.0
+    """Bounds of the lags [s]."""
     starts_s: tuple[Positive, ...] = (60.0, 600.0)
+    """Lags that the fit is started from, the same for all temperatures [s]."""
     evaluations: Count = 60
+    """Most evaluations for each start [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ExpansionFit:
-    """An expansion, and what its records say of it.
-
-    Parameters
-    ----------
-    model : LaggedExpansion
-        The fitted one.
-    names : tuple of str
-        Of the D parameters: ``lags_s[j]``, ``expansions[j]``, ``centrifugal``.
-    values : ndarray, shape (D,)
-        In the units of the model.
-    at_bound : ndarray of bool, shape (D,)
-        Lags that the fit would have shorter or longer than its settings allow.
-    jacobian : ndarray, shape (R, D)
-        Of the residuals by the parameters.
-    residuals : ndarray, shape (R,)
-        Modelled less measured growth [m]; samples without one are left out.
-    blocks : ndarray of int, shape (R,)
-        Record of each residual.
-    """
+    """An expansion, and what its records say of it."""
 
     model: LaggedExpansion
+    """The fitted one."""
     names: tuple[str, ...]
+    """Names of the D parameters: ``lags_s[j]``, ``expansions[j]``, ``centrifugal``."""
     values: Floats
+    """In the units of the model; shape (D,)."""
     at_bound: Bools
+    """Lags that the fit would have shorter or longer than its settings allow; shape (D,)."""
     jacobian: Floats
+    """Jacobian of the residuals by the parameters; shape (R, D)."""
     residuals: Floats
+    """Modelled less measured growth [m]; samples without one are left out; shape (R,)."""
     blocks: Ints
+    """Record of each residual; shape (R,)."""
 
 
 def fit_expansion(

@@ -42,27 +42,6 @@ _MICROMETRE = 1e-6
 class GrowthFitSettings(Ranged, section="growth_fit"):
     """Settings of the fit.
 
-    Parameters
-    ----------
-    growth_error_m : float
-        Error of growth that counts as much as ``temperature_error_K`` [m].
-    temperature_error_K : float
-        Error of the temperatures, root mean square over the sensors [K].
-    start_error_K : float
-        Error of a node at the start of a record, as :meth:`DeformationNetwork.start` has it from
-        the sensors (without any, from the ambient), that counts as much as an error of one
-        throughout the record [K].  A great one fits the start freely: right for records that the
-        network can explain, else starts make up for what it lacks.
-    spindle_sensor : int, optional
-        Column of the sensor whose temperature is by definition that of the spindle, share 1; the
-        one that rises most within the records unless given.
-    fast_s, slow_s : tuple of float
-        Time constants of spindle and structure that the fit is started from, each with each [s].
-    trials : int
-        Evaluations for each start [1]; the best one goes on.
-    evaluations : int
-        Most evaluations of the best one [1].
-
     Raises
     ------
     ValueError
@@ -70,58 +49,55 @@ class GrowthFitSettings(Ranged, section="growth_fit"):
     """
 
     growth_error_m: Positive = 1e-6
+    """Error of growth that counts as much as ``temperature_error_K`` [m]."""
     temperature_error_K: Positive = 1.0
+    """Error of the temperatures, root mean square over the sensors [K]."""
     start_error_K: Positive = 0.1
+    """Error of a node at the start of a record, as :meth:`DeformationNetwork.start` has it from the
+    sensors (without any, from the ambient), that counts as much as an error of one throughout the
+    record [K].  A great one fits the start freely: right for records that the network can explain,
+    else starts make up for what it lacks."""
     spindle_sensor: Annotated[int, Range(least=0)] | None = None
+    """Column of the sensor whose temperature is by definition that of the spindle, share 1; the one
+    that rises most within the records unless given."""
     fast_s: tuple[Positive, ...] = (600.0, 2400.0)
     slow_s: tuple[Positive, ...] = (5400.0, 18000.0)
+    """Time constants of spindle and structure that the fit is started from, each with each [s]."""
     trials: Count = 5
+    """Evaluations for each start [1]; the best one goes on."""
     evaluations: Count = 100
+    """Most evaluations of the best one [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthFit:
-    """A network and how well its records determine it.
-
-    Parameters
-    ----------
-    network : DeformationNetwork
-        The fitted one.
-    names : tuple of str
-        Of the D parameters: the fields of the network, then ``sensor_shares[j]``.
-    values : ndarray, shape (D,)
-        In the units of the network.
-    half_width_95 : ndarray, shape (D,)
-        Half of the 95 % interval; infinite where the records say nothing.  Textbook covariance,
-        with as many independent residuals as their correlation from sample to sample leaves.
-    determined : ndarray of bool, shape (D,)
-        Whether the interval leaves out zero and no bound of the fit is reached; for a share,
-        whether it is narrower than half of its range.
-    jacobian : ndarray, shape (R, D)
-        Of the residuals by the parameters in their units, starts eliminated.
-    residuals : ndarray, shape (R,)
-        In errors of the settings, modelled less measured.
-    blocks : ndarray of int, shape (R,)
-        Record of each residual.
-    starts_C : ndarray, shape (records, 2)
-        Spindle and structure at the start of each record [degC].
-    growth_rms_m : float
-        Root mean square of the residuals of growth [m].
-    converged : bool
-        Whether the optimum was reached.
-    """
+    """A network and how well its records determine it."""
 
     network: DeformationNetwork
+    """The fitted one."""
     names: tuple[str, ...]
+    """Names of the D parameters: the fields of the network, then ``sensor_shares[j]``."""
     values: Floats
+    """In the units of the network; shape (D,)."""
     half_width_95: Floats
+    """Half of the 95 % interval; infinite where the records say nothing.  Textbook covariance, with
+    as many independent residuals as their correlation from sample to sample leaves; shape (D,)."""
     determined: Bools
+    """Whether the interval leaves out zero and no bound of the fit is reached; for a share, whether
+    it is narrower than half of its range; shape (D,)."""
     jacobian: Floats
+    """Jacobian of the residuals by the parameters in their units, starts eliminated;
+    shape (R, D)."""
     residuals: Floats
+    """In errors of the settings, modelled less measured; shape (R,)."""
     blocks: Ints
+    """Record of each residual; shape (R,)."""
     starts_C: Floats
+    """Spindle and structure at the start of each record [degC]; shape (records, 2)."""
     growth_rms_m: float
+    """Root mean square of the residuals of growth [m]."""
     converged: bool
+    """Whether the optimum was reached."""
 
 
 def fit(records: Sequence[GrowthRecord], settings: GrowthFitSettings | None = None) -> GrowthFit:

@@ -45,27 +45,6 @@ SOURCES: dict[str, str] = {
 class SpindleThermalParameters(Ranged):
     """The network of one spindle.
 
-    Parameters
-    ----------
-    heating : dict of str to float
-        Coefficient a_i = k_i / C of each source in :data:`SOURCES`; absent ones are zero.
-    cooling_rate : float
-        1 / (R C) of the measured node to the ambient (one node) [1/s].
-    ambient : float
-        Ambient temperature when none is measured [degC].
-    ambient_offset : float
-        Excess of the spindle's own surround (oil, headstock) over a measured ambient [K].
-    coupling_rate : float
-        Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node.
-    capacity_ratio : float
-        C of the measured node over C of the body [1]; 0 for a body that stays as warm as it was.
-    body_cooling_rate : float
-        1 / (R C) of the body to the ambient [1/s].
-    coolant_rate : float
-        1 / (R C) of the body, or of the only node, to the coolant [1/s]; 0 without one.
-    friction_in_body : bool
-        Whether the bearings' friction heats the body; its coefficient is then over the body's C.
-
     Raises
     ------
     ValueError
@@ -74,14 +53,23 @@ class SpindleThermalParameters(Ranged):
     """
 
     heating: dict[str, float] = field(default_factory=dict)
+    """Coefficient a_i = k_i / C of each source in :data:`SOURCES`; absent ones are zero."""
     cooling_rate: _Rate
+    """1 / (R C) of the measured node to the ambient (one node) [1/s]."""
     ambient: Finite = 20.0
+    """Ambient temperature when none is measured [degC]."""
     ambient_offset: Finite = 0.0
+    """Excess of the spindle's own surround (oil, headstock) over a measured ambient [K]."""
     coupling_rate: _Rate = 0.0
+    """Heat exchange of the measured node with the body, over its C [1/s]; 0 for one node."""
     capacity_ratio: NotNegative = 0.0
+    """C of the measured node over C of the body [1]; 0 for a body that stays as warm as it was."""
     body_cooling_rate: _Rate = 0.0
+    """1 / (R C) of the body to the ambient [1/s]."""
     coolant_rate: _Rate = 0.0
+    """1 / (R C) of the body, or of the only node, to the coolant [1/s]; 0 without one."""
     friction_in_body: bool = False
+    """Whether the bearings' friction heats the body; its coefficient is then over the body's C."""
 
     def __post_init__(self) -> None:
         unknown = set(self.heating) - set(SOURCES)

@@ -163,32 +163,22 @@ def axis_bounds(control: ControlParameters, letter: str) -> AxisBounds:
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectedProgram:
-    """A program's corrected command with what it rests on.
-
-    Parameters
-    ----------
-    machine, origin, program : str
-        Whose drives, where its records come from, of which program.
-    champion : str
-        Which sub-models were used.
-    residual : str
-        Which residual network was used, or why none was.
-    total : float
-        Of the program [s].
-    axes : mapping of str to CorrectedAxis
-        By letter, on the same samples.
-    cutting : ndarray of bool, shape (T,)
-        Samples in blocks that cut; errors of rapids do not touch the part.
-    """
+    """A program's corrected command with what it rests on."""
 
     machine: str
     origin: str
     program: str
+    """Whose drives, where its records come from, of which program."""
     champion: str
+    """Which sub-models were used."""
     residual: str
+    """Which residual network was used, or why none was."""
     total: float
+    """Total of the program [s]."""
     axes: Mapping[str, CorrectedAxis]
+    """By letter, on the same samples."""
     cutting: Bools
+    """Samples in blocks that cut; errors of rapids do not touch the part; shape (T,)."""
 
     @property
     def figures(self) -> list[dict[str, Any]]:

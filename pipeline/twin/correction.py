@@ -26,12 +26,10 @@ import numpy.typing as npt
 
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Complexes, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
 from pipeline.twin.program_axes import Residual, driven
-
-Complexes = npt.NDArray[np.complex128]
 
 REACH = 4.0
 """Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
@@ -45,15 +43,6 @@ END = 1e-9
 class CorrectionSettings(Ranged, section="correction"):
     """How long the correction of a program is learnt.
 
-    Parameters
-    ----------
-    iterations : int
-        Greatest number of steps on the drive alone, and again with what the twin leaves over.
-    tolerance : float
-        Relative gain of a step below which no further one is made [1].
-    longest_s : float
-        Of a program that is corrected by the main job, from its start [s].
-
     Raises
     ------
     ValueError
@@ -61,8 +50,11 @@ class CorrectionSettings(Ranged, section="correction"):
     """
 
     iterations: Annotated[int, Range(least=1)] = 12
+    """Greatest number of steps on the drive alone, and again with what the twin leaves over."""
     tolerance: NotNegative = 0.02
+    """Relative gain of a step below which no further one is made [1]."""
     longest_s: Positive = 40.0
+    """Of a program that is corrected by the main job, from its start [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,32 +73,23 @@ class AxisBounds(Ranged, section="bounds"):
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectedAxis:
-    """One axis with its corrected command; every array has shape (T,).
-
-    Parameters
-    ----------
-    time : array
-        [s].
-    reference, corrected : array
-        Where the program wants the axis, and what to command for that [m].
-    error_before, error_after : array
-        ``reference`` less predicted position, driven with ``reference`` and with ``corrected`` [m].
-    half_width : array or None
-        Of the 90 % interval of ``error_after`` [m]; None without a residual.
-    cutoff : float
-        Of the correction [rad/s].
-    limited : array of bool
-        Where bounds keep the command from the one that the correction asks for.
-    """
+    """One axis with its corrected command; every array has shape (T,)."""
 
     time: Floats = field(repr=False)
+    """Time [s]."""
     reference: Floats = field(repr=False)
     corrected: Floats = field(repr=False)
+    """Where the program wants the axis, and what to command for that [m]."""
     error_before: Floats = field(repr=False)
     error_after: Floats = field(repr=False)
+    """``reference`` less predicted position, driven with ``reference`` and with ``corrected``
+    [m]."""
     half_width: Floats | None = field(repr=False, default=None)
+    """Half width of the 90 % interval of ``error_after`` [m]; None without a residual."""
     cutoff: float
+    """Cutoff of the correction [rad/s]."""
     limited: Bools = field(repr=False)
+    """Where bounds keep the command from the one that the correction asks for."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.engagement.engagement import Engagement, engage
 from pipeline.cutting.engagement.height_map import HeightMap, height_map
@@ -24,10 +24,8 @@ from pipeline.gcode.setup import Vector
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut_message
-
-Indices = NDArray[np.intp]
 
 CHORD = 0.1
 """Greatest distance of a chord from its arc, over the resolution of the blank [1]."""
@@ -94,7 +92,7 @@ class Cut:
     table: LoadTable = field(repr=False)
 
     @cached_property
-    def tool(self) -> Indices:
+    def tool(self) -> Rows:
         """Index of each row's tool; -1 for rows that cut nothing at feed.  Shape (M,)."""
         index = np.full(self.engagement.blocks, -1, dtype=np.intp)
         fed = self.engagement.feed
@@ -271,7 +269,7 @@ def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
     )
 
 
-def _placed(table: LoadTable, place: Indices, rows: int) -> LoadTable:
+def _placed(table: LoadTable, place: Rows, rows: int) -> LoadTable:
     """The table with its blocks at other rows; those between cut nothing."""
     values = np.zeros((table.values.shape[0], rows, table.values.shape[2]))
     values[:, place] = table.values

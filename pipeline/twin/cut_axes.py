@@ -37,19 +37,13 @@ PER_TOOTH, MOST_SUBSTEPS = 8, 32
 
 @dataclass(frozen=True, kw_only=True)
 class CutFollowing:
-    """Axes along a program in air and in the cut, by letter, and the force between them.
-
-    Parameters
-    ----------
-    air, cut : dict of str to AxisFollowing
-        The same axes at the same T times, without and with the force.
-    load : CutForce
-        Of the cut at these times.
-    """
+    """Axes along a program in air and in the cut, by letter, and the force between them."""
 
     air: dict[str, AxisFollowing]
     cut: dict[str, AxisFollowing]
+    """The same axes at the same T times, without and with the force."""
     load: CutForce
+    """Load of the cut at these times."""
 
 
 def follow_cut(

@@ -3,12 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE_PER_SECOND
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
 
 STEEP = float(np.sqrt(0.5))
@@ -17,22 +16,15 @@ STEEP = float(np.sqrt(0.5))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StationArcs:
-    """N stations; every array has shape (N,).
-
-    Parameters
-    ----------
-    entry, exit : ndarray
-        Of the longest engaged arc on the side where a chip is cut, 0 to pi [rad].
-    radial : ndarray
-        Width of that arc across the feed [m].
-    thickness : ndarray
-        Of the thickest chip, over the feed for each tooth [1].
-    """
+    """N stations; every array has shape (N,)."""
 
     entry: Floats
     exit: Floats
+    """Of the longest engaged arc on the side where a chip is cut, 0 to pi [rad]."""
     radial: Floats
+    """Width of that arc across the feed [m]."""
     thickness: Floats
+    """Thickness of the thickest chip, over the feed for each tooth [1]."""
 
 
 def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs:
@@ -78,61 +70,43 @@ def _thickness(
     return thickest
 
 
-Indices = NDArray[np.intp]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutBlocks:
-    """K blocks that cut at feed; every array has shape (K,).
+    """K blocks that cut at feed; every array has shape (K,)."""
 
-    Parameters
-    ----------
-    row, line, tool : ndarray of int
-        Row of ``Moves``, line of the program, index of the tool.
-    spindle_speed : ndarray
-        [rev/min].
-    feed : ndarray
-        Highest feed reached [mm/min].
-    feed_per_tooth, thickness : ndarray
-        At that feed: f_z, and the thickest chip [m].
-    axial_depth, radial_depth : ndarray
-        At the deepest and widest station [m].
-    entry, exit : ndarray
-        Of the station with the greatest mean load [rad].
-    peak, mean, axial : ndarray
-        Load in the plane, its peak and its mean over block and turn; peak along the axis [N].
-    torque, peak_torque : ndarray
-        Mean over the turn, and peak, at the station where they are greatest [N m].
-    power, mean_power : ndarray
-        Of that torque; mean over the block at its mean feed [W].
-    seconds, air : ndarray
-        Time in the material, and time of the rest of the block [s].
-    volume, rate : ndarray
-        Removed [m^3]; greatest rate of removal [m^3/s].
-    """
-
-    row: Indices
-    line: Indices
-    tool: Indices
+    row: Rows
+    line: Rows
+    tool: Rows
+    """Row of ``Moves``, line of the program, index of the tool."""
     spindle_speed: Floats
+    """Spindle speed [rev/min]."""
     feed: Floats
+    """Highest feed reached [mm/min]."""
     feed_per_tooth: Floats
     thickness: Floats
+    """At that feed: f_z, and the thickest chip [m]."""
     axial_depth: Floats
     radial_depth: Floats
+    """At the deepest and widest station [m]."""
     entry: Floats
     exit: Floats
+    """Of the station with the greatest mean load [rad]."""
     peak: Floats
     mean: Floats
     axial: Floats
+    """Load in the plane, its peak and its mean over block and turn; peak along the axis [N]."""
     torque: Floats
     peak_torque: Floats
+    """Mean over the turn, and peak, at the station where they are greatest [N m]."""
     power: Floats
     mean_power: Floats
+    """Of that torque; mean over the block at its mean feed [W]."""
     seconds: Floats
     air: Floats
+    """Time in the material, and time of the rest of the block [s]."""
     volume: Floats
     rate: Floats
+    """Removed [m^3]; greatest rate of removal [m^3/s]."""
 
     def __len__(self) -> int:
         return len(self.row)
@@ -200,7 +174,7 @@ def _greatest(cut: Cut, values: Floats) -> Floats:
     return out
 
 
-def _worst_station(cut: Cut, values: Floats) -> Indices:
+def _worst_station(cut: Cut, values: Floats) -> Rows:
     """Station of each row where ``values`` are greatest; shape (M,)."""
     order = np.lexsort((values, cut.engagement.block))
     worst = np.zeros(cut.engagement.blocks, dtype=np.intp)

@@ -23,27 +23,19 @@ ALIKE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class WornLand:
-    """What the land of a worn flank adds to the edge coefficients.
-
-    Parameters
-    ----------
-    wear_um : float
-        Width of the land VB [um].
-    source, caution : str
-        Where that is from; what speaks against the figures.
-    K_te, K_re : float
-        Added to the coefficients of the sharp edge [N/m].
-    half_te, half_re : float
-        Half of their 95 % intervals [N/m].
-    """
+    """What the land of a worn flank adds to the edge coefficients."""
 
     wear_um: float
+    """Width of the land VB [um]."""
     source: str
     caution: str
+    """Where that is from; what speaks against the figures."""
     K_te: float
     K_re: float
+    """Added to the coefficients of the sharp edge [N/m]."""
     half_te: float
     half_re: float
+    """Half of their 95 % intervals [N/m]."""
 
 
 @dataclass(frozen=True, kw_only=True)

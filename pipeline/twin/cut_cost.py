@@ -30,21 +30,14 @@ COOLANT_ON, COOLANT_OFF = (7, 8), (9,)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Life:
-    """Share of its tool's life that each row takes, with the tools whose life is uncertain.
-
-    Parameters
-    ----------
-    wear : ndarray, shape (M,)
-        [1]; 0 in air, NaN where the tool's life is not known.
-    unknown : dict of int to str
-        Tools (their index) whose life is not known: why.
-    beyond : dict of int to str
-        Tools that cut at speeds far from those of the tests.
-    """
+    """Share of its tool's life that each row takes, with the tools whose life is uncertain."""
 
     wear: Floats
+    """Wear [1]; 0 in air, NaN where the tool's life is not known; shape (M,)."""
     unknown: Mapping[int, str]
+    """Tools (their index) whose life is not known: why."""
     beyond: Mapping[int, str]
+    """Tools that cut at speeds far from those of the tests."""
 
 
 def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material) -> Life:

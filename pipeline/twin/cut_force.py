@@ -19,40 +19,28 @@ force.
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.gcode.moves import RADIAN
 from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.path import Motion
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
-
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutForce:
-    """Force of the cut at T times.
-
-    Parameters
-    ----------
-    force : (T, 3) array
-        On the tool along X, Y, Z of the machine [N]; 0 in air.
-    ripple : (T, 3) array
-        Amplitude of its harmonic at tooth passing [N].
-    tooth_frequency : (T,) array
-        [Hz]; 0 in air.
-    cutting : (T,) array of bool
-        Whether the tool is in the material at feed, and its command not in a rapid yet.
-    f_z : (T,) array
-        Feed for each tooth, 0 in air [m].
-    """
+    """Force of the cut at T times."""
 
     force: Floats = field(repr=False)
+    """On the tool along X, Y, Z of the machine [N]; 0 in air."""
     ripple: Floats = field(repr=False)
+    """Amplitude of its harmonic at tooth passing [N]."""
     tooth_frequency: Floats = field(repr=False)
+    """Tooth frequency [Hz]; 0 in air."""
     cutting: Bools = field(repr=False)
+    """Whether the tool is in the material at feed, and its command not in a rapid yet."""
     f_z: Floats = field(repr=False)
+    """Feed for each tooth, 0 in air [m]."""
 
 
 def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:

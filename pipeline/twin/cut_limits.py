@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
 from pipeline.cutting.tool import tip_deflection
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
@@ -21,27 +21,19 @@ BINDS = ("load limit", "spindle drive", "stability")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutLimits:
-    """K blocks against their limits; arrays of shape (K,), NaN where nothing is known.
-
-    Parameters
-    ----------
-    drive : ndarray
-        Power of the motor over its greatest at that speed, infinite above its top speed [1].
-    margin : ndarray
-        Of stability [1].
-    deflection : ndarray
-        Of the tip under the peak load; a drill's lips balance each other, it has none [m].
-    used : ndarray
-        Share of the limit that binds [1].
-    binds : ndarray of str
-        Which one that is; empty where no limit is known.
-    """
+    """K blocks against their limits; arrays of shape (K,), NaN where nothing is known."""
 
     drive: Floats
+    """Power of the motor over its greatest at that speed, infinite above its top speed [1]."""
     margin: Floats
+    """Of stability [1]."""
     deflection: Floats
+    """Deflection of the tip under the peak load; a drill's lips balance each other, it has none
+    [m]."""
     used: Floats
+    """Share of the limit that binds [1]."""
     binds: NDArray[np.str_]
+    """Which one that is; empty where no limit is known."""
 
 
 def cut_limits(
@@ -101,9 +93,6 @@ def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
         if cut.tools[tool].stickout is not None and cut.tools[tool].kind != "drill":
             deflection[mine] = tip_deflection(cut.tools[tool], peak[mine])
     return deflection
-
-
-Rows = NDArray[np.intp]
 
 
 def cut_warnings(

@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.economics.cost import Energy, PartCost
 from pipeline.machine.spindle import CUTTING
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.program_cut import (
     Curve,
     CutBlock,
@@ -203,7 +202,7 @@ def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> Engagement
     low = np.clip((start * scale).astype(np.intp), 0, columns - 1)
     high = np.clip(((start + cut.in_material) * scale).astype(np.intp), low, columns - 1)
     kept = engagement.feed
-    station, column = _spread(low[kept], high[kept])
+    station, column = stations_of_columns(low[kept], high[kept])
 
     def lowest(values: Floats) -> Curve:
         return _column(np.minimum, values[kept][station], column, columns)
@@ -226,7 +225,7 @@ def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> Engagement
     )
 
 
-def _spread(low: NDArray[np.intp], high: NDArray[np.intp]) -> tuple[NDArray[np.intp], ...]:
+def stations_of_columns(low: Rows, high: Rows) -> tuple[Rows, Rows]:
     """Each station once for every column that it lies in: station, column."""
     count = high - low + 1
     station = np.repeat(np.arange(len(low)), count)
@@ -235,7 +234,7 @@ def _spread(low: NDArray[np.intp], high: NDArray[np.intp]) -> tuple[NDArray[np.i
 
 
 def _column(
-    function: np.ufunc, values: Floats, place: NDArray[np.intp], columns: int
+    function: np.ufunc, values: Floats, place: Rows, columns: int
 ) -> Curve:  # fmt: skip
     out = np.full(columns, np.inf if function is np.minimum else -np.inf)
     function.at(out, place, values)

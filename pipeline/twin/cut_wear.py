@@ -27,29 +27,20 @@ NOT_RECORDED = "the growth of edge forces with wear was not identified on this m
 
 @dataclass(frozen=True, kw_only=True)
 class LandGrowth:
-    """Growth of the edge coefficients with the width of the land.
-
-    Parameters
-    ----------
-    K_te, K_re : float
-        k_t and k_r [N/m for each m of land].
-    half_te, half_re : float
-        Half of their 95 % intervals, in the same unit.
-    learnt_um : (float, float)
-        Least and greatest wear that they were fitted on [um].
-    material : str
-        Of conf/material/, that was cut; empty where nobody said it.
-    basis : str
-        Records that they were fitted on.
-    """
+    """Growth of the edge coefficients with the width of the land."""
 
     K_te: float
     K_re: float
+    """k_t and k_r [N/m for each m of land]."""
     half_te: float
     half_re: float
+    """Half of their 95 % intervals, in the same unit."""
     learnt_um: tuple[float, float]
+    """Least and greatest wear that they were fitted on [um]."""
     material: str
+    """Of conf/material/, that was cut; empty where nobody said it."""
     basis: str
+    """Records that they were fitted on."""
 
     def land(self, wear_um: float, source: str, caution: str) -> WornLand:
         """What a land of that width [um] adds."""
@@ -71,50 +62,33 @@ class KnownWear:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineWear:
-    """What a machine's sub-model of wear says of its tools.
-
-    Parameters
-    ----------
-    growth : LandGrowth or None
-        Of the edge forces.
-    reason : str
-        Why there is none.
-    criterion_um : float or None
-        Flank wear at which a tool is changed [um].
-    in_use : mapping of int to KnownWear
-        Tools in the machine, by number.
-    """
+    """What a machine's sub-model of wear says of its tools."""
 
     growth: LandGrowth | None = None
+    """Growth of the edge forces."""
     reason: str = NOT_RECORDED
+    """Why there is none."""
     criterion_um: float | None = None
+    """Flank wear at which a tool is changed [um]."""
     in_use: Mapping[int, KnownWear] = field(default_factory=dict)
+    """Tools in the machine, by number."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ToolWear:
-    """Wear that the tools of a cut are taken to have.
-
-    Parameters
-    ----------
-    machine : MachineWear
-        What is known.
-    rule : {"known", "criterion", "sharp"}
-        Of tools whose wear is not given.
-    asked : bool
-        Whether somebody asked for the rule; else it is the default, and a criterion holds for the
-        material alone that the growth was fitted on.
-    given : mapping of int to float
-        Flank wear by the tool's number [um].
-    share : float
-        Of the criterion that tools are worn to [1].
-    """
+    """Wear that the tools of a cut are taken to have."""
 
     machine: MachineWear = field(default_factory=MachineWear)
+    """What is known."""
     rule: WearRule = "known"
+    """Of tools whose wear is not given."""
     asked: bool = False
+    """Whether somebody asked for the rule; else it is the default, and a criterion holds for the
+    material alone that the growth was fitted on."""
     given: Mapping[int, float] = field(default_factory=dict)
+    """Flank wear by the tool's number [um]."""
     share: float = 1.0
+    """Share of the criterion that tools are worn to [1]."""
 
 
 def worn_coefficients(

@@ -24,7 +24,7 @@ from pipeline.cutting.engagement.engagement import ToolPath
 from pipeline.gcode.moves import METRE, RADIAN, Frame, Kind, Moves
 from pipeline.gcode.setup import ZERO, Vector
 from pipeline.machine.control.path import where
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.program_cut import LeftOutMoves
 
 LENGTH = "G43"
@@ -32,24 +32,16 @@ LENGTH = "G43"
 
 @dataclass(frozen=True, kw_only=True)
 class WorkFrame:
-    """One work offset: where the stock lies, and the tool length in each frame of the program.
-
-    Parameters
-    ----------
-    name : str
-        ``"G54"``, …
-    base : ndarray, shape (3,)
-        Of the work offset with the external one, in the machine [mm].
-    rotation : float
-        Of the work offset about Z [deg].
-    lengths : ndarray, shape (frames, 3)
-        Tool length in each frame of the program [mm].
-    """
+    """One work offset: where the stock lies, and the tool length in each frame of the program."""
 
     name: str
+    """``"G54"``, …"""
     base: Floats = field(repr=False)
+    """Base of the work offset with the external one, in the machine [mm]; shape (3,)."""
     rotation: float = 0.0
+    """Rotation of the work offset about Z [deg]."""
     lengths: Floats = field(repr=False)
+    """Tool length in each frame of the program [mm]; shape (frames, 3)."""
 
     def tip(self, positions: Floats, frame: NDArray[np.int32]) -> Floats:
         """Tip in this offset's coordinates [mm], of machine positions (Q, 3) in frames (Q,)."""
@@ -162,8 +154,6 @@ def _earlier_length(moves: Moves, row: int, offsets: Mapping[str, Vector]) -> Fl
     )
 
 
-Rows = NDArray[np.intp]
-
 CUTS = (Kind.FEED, Kind.ARC)
 MOVES = (Kind.RAPID, *CUTS, Kind.PROBE, Kind.THREAD)
 WIDEST = np.pi / 12
@@ -175,21 +165,14 @@ IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingPath:
-    """A program's tool path; its blocks are the rows of its moves.
-
-    Parameters
-    ----------
-    pieces : ToolPath
-        In the coordinates of ``frame`` [m].
-    frame : WorkFrame
-        Work offset that the stock is measured in.
-    left_out : tuple of LeftOutMoves
-        Moves that are not in it.
-    """
+    """A program's tool path; its blocks are the rows of its moves."""
 
     pieces: ToolPath = field(repr=False)
+    """In the coordinates of ``frame`` [m]."""
     frame: WorkFrame = field(repr=False)
+    """Work offset that the stock is measured in."""
     left_out: tuple[LeftOutMoves, ...]
+    """Moves that are not in it."""
 
 
 def cutting_path(

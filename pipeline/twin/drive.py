@@ -28,33 +28,8 @@ from pipeline.schema.verdict import Fact
 
 
 @dataclass(frozen=True, kw_only=True)
-class DriveParameters:
-    """One axis.
-
-    Parameters
-    ----------
-    servo : ServoParameters
-        The loops.
-    feed_drive : FeedDriveParameters
-        The mechanics.
-    """
-
-    servo: ServoParameters
-    feed_drive: FeedDriveParameters
-
-
-@dataclass(frozen=True, kw_only=True)
 class DriveStart(Ranged, section="start"):
     """The axis at the first sample.
-
-    Parameters
-    ----------
-    position, velocity : float
-        At the encoder [m], [m/s].
-    command : float
-        First command, which the integral is set for [A]; without integral gain it has no meaning.
-    reference_velocity : float
-        Of the reference before the first sample, for the feed-forward [m/s].
 
     Raises
     ------
@@ -64,8 +39,11 @@ class DriveStart(Ranged, section="start"):
 
     position: Annotated[float, Range(unit="m")]
     velocity: Annotated[float, Range(unit="m/s")] = 0.0
+    """At the encoder [m], [m/s]."""
     command: Annotated[float, Range(unit="A")] = 0.0
+    """First command, which the integral is set for [A]; without integral gain it has no meaning."""
     reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0
+    """Of the reference before the first sample, for the feed-forward [m/s]."""
 
 
 def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:
@@ -195,44 +173,32 @@ def _row(*entries: Floats) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedDrive:
-    """One identified axis, ready for simulation.
-
-    Parameters
-    ----------
-    feed_drive : FeedDriveParameters
-        Its mechanics.
-    servo : ServoParameters or None
-        Its loops; None where the records do not determine them.
-    command_unit, force_unit : str
-        Of its command; of forces, the command's where the force constant is not listed.
-    servo_reason : str
-        Why there is no servo.
-    bandwidth_Hz : float or None
-        Of the filter through which its motion and force were compared [Hz]; None for none.
-    delay : float
-        Of its motion behind its command [s].
-    presliding_stiffness : float or None
-        Of its friction before it slides [N/m]; None where the records do not determine it, and
-        friction that sticks holds exactly.
-    presliding_time : float or None
-        In which friction lets go of a standing axis, to 1/e [s]; None where it holds.
-    following_half_width : float or None
-        Of the 90 % interval of its following error [m]; None where it is not known.
-    speeds : Condition or None
-        Of the recordings that it was learnt from, beyond which the interval is wider [mm/s].
-    """
+    """One identified axis, ready for simulation."""
 
     feed_drive: FeedDriveParameters
+    """Its mechanics."""
     servo: ServoParameters | None
+    """Its loops; None where the records do not determine them."""
     command_unit: str
     force_unit: str
+    """Of its command; of forces, the command's where the force constant is not listed."""
     servo_reason: str = ""
+    """Why there is no servo."""
     bandwidth_Hz: float | None = None
+    """Bandwidth of the filter through which its motion and force were compared [Hz]; None for
+    none."""
     delay: float = 0.0
+    """Delay of its motion behind its command [s]."""
     presliding_stiffness: float | None = None
+    """Of its friction before it slides [N/m]; None where the records do not determine it, and
+    friction that sticks holds exactly."""
     presliding_time: float | None = None
+    """In which friction lets go of a standing axis, to 1/e [s]; None where it holds."""
     following_half_width: float | None = None
+    """Of the 90 % interval of its following error [m]; None where it is not known."""
     speeds: Condition | None = None
+    """Speeds of the recordings that it was learnt from, beyond which the interval is wider
+    [mm/s]."""
 
 
 def read_drives(path: Path) -> dict[str, IdentifiedDrive]:

@@ -61,33 +61,22 @@ class Residual(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class AxisFollowing:
-    """One axis along a program, T positions.
-
-    Parameters
-    ----------
-    time : (T,) array
-        [s].
-    error : (T,) array
-        Commanded less actual position [m]; with ``residual`` where there is one.
-    command : (T,) array
-        Of the motor [``command_unit``].
-    row : (T,) array of int32
-        Row of ``Moves`` that the control is in.
-    command_unit : str
-        A or V.
-    residual : (T,) array or None
-        Part of ``error`` that the drives' model leaves over [m]; None where none was asked for.
-    half_width : (T,) array or None
-        Of the 90 % interval of ``error`` [m]; None where it is not known.
-    """
+    """One axis along a program, T positions."""
 
     time: Floats = field(repr=False)
+    """Time [s]."""
     error: Floats = field(repr=False)
+    """Commanded less actual position [m]; with ``residual`` where there is one."""
     command: Floats = field(repr=False)
+    """Command of the motor [``command_unit``]."""
     row: npt.NDArray[np.int32] = field(repr=False)
+    """Row of ``Moves`` that the control is in."""
     command_unit: str
+    """A or V."""
     residual: Floats | None = field(repr=False, default=None)
+    """Part of ``error`` that the drives' model leaves over [m]; None where none was asked for."""
     half_width: Floats | None = field(repr=False, default=None)
+    """Half width of the 90 % interval of ``error`` [m]; None where it is not known."""
 
     @property
     def rms_error(self) -> float:
@@ -124,28 +113,19 @@ def follow_program(
 
 @dataclass(frozen=True, kw_only=True)
 class AxisFigures:
-    """What an axis comes to along a program.
-
-    Parameters
-    ----------
-    max_error, rms_error : float
-        Greatest and root mean square of commanded less actual position [m].
-    worst_row : int
-        Row of ``Moves`` in which the error is greatest.
-    max_command : float
-        Of the motor [``command_unit``].
-    command_unit : str
-        A or V.
-    half_width : float or None
-        Greatest of the 90 % interval of the error [m]; None where it is not known.
-    """
+    """What an axis comes to along a program."""
 
     max_error: float
     rms_error: float
+    """Greatest and root mean square of commanded less actual position [m]."""
     worst_row: int
+    """Row of ``Moves`` in which the error is greatest."""
     max_command: float
+    """Of the motor [``command_unit``]."""
     command_unit: str
+    """A or V."""
     half_width: float | None
+    """Greatest of the 90 % interval of the error [m]; None where it is not known."""
 
     @classmethod
     def of(cls, axis: AxisFollowing) -> "AxisFigures":

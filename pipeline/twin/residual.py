@@ -30,55 +30,37 @@ NODES = "forest.json"
 
 @dataclass(frozen=True, kw_only=True)
 class Forest:
-    """A trained forest as ``model.json`` describes it.
-
-    Parameters
-    ----------
-    used : bool
-        Whether it lowers the error of days left out, and corrects the network.
-    why : str
-        The reason.
-    sources, extra : tuple of str
-        Heat sources and further signals that it looks at.
-    smoothing_s : tuple of float
-        Time constants of its features [s].
-    days : tuple of str
-        That it was trained on.
-    examples : int
-        Samples that it was trained on.
-    rmse_days_left_out_K, rmse_without_K : float or None
-        Over days left out, with the forest and without it [K].
-    """
+    """A trained forest as ``model.json`` describes it."""
 
     used: bool
+    """Whether it lowers the error of days left out, and corrects the network."""
     why: str
+    """The reason."""
     sources: tuple[str, ...]
     extra: tuple[str, ...]
+    """Heat sources and further signals that it looks at."""
     smoothing_s: tuple[float, ...] = SMOOTHING_S
+    """Time constants of its features [s]."""
     days: tuple[str, ...]
+    """That it was trained on."""
     examples: int
+    """Samples that it was trained on."""
     rmse_days_left_out_K: float | None
     rmse_without_K: float | None
+    """Over days left out, with the forest and without it [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ResidualForest:
-    """A trained forest with the features it wants.
-
-    Parameters
-    ----------
-    forest : Trees
-        Fitted on the features in the order of :func:`feature_names`.
-    sources, extra : tuple of str
-        Heat sources and further signals that it looks at.
-    draws : int
-        Forests of trees drawn with replacement whose corrections stand beside the forest's own.
-    """
+    """A trained forest with the features it wants."""
 
     forest: "Trees"
+    """Fitted on the features in the order of :func:`feature_names`."""
     sources: tuple[str, ...]
     extra: tuple[str, ...]
+    """Heat sources and further signals that it looks at."""
     draws: int = 0
+    """Forests of trees drawn with replacement whose corrections stand beside the forest's own."""
 
     def correction(
         self, inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats

@@ -33,25 +33,17 @@ TARGET = "spindle_temperature"
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleRecords:
-    """Signals that a machine records of its spindle.
-
-    Parameters
-    ----------
-    position_control : bool
-        Whether the spindle also works as a C axis, its state in ``spindle_position_control``.
-    ambient : bool
-        Whether ``ambient_temperature`` is recorded; otherwise one constant is identified.
-    coolant : bool
-        Whether ``coolant_temperature`` is recorded and the network may lose heat to it; days left
-        out decide whether it does.
-    extra : tuple of str
-        Further columns of the state table that a forest may look at.
-    """
+    """Signals that a machine records of its spindle."""
 
     position_control: bool = False
+    """Whether the spindle also works as a C axis, its state in ``spindle_position_control``."""
     ambient: bool = False
+    """Whether ``ambient_temperature`` is recorded; otherwise one constant is identified."""
     coolant: bool = False
+    """Whether ``coolant_temperature`` is recorded and the network may lose heat to it; days left
+    out decide whether it does."""
     extra: tuple[str, ...] = ()
+    """Further columns of the state table that a forest may look at."""
 
     @property
     def sources(self) -> list[str]:
@@ -237,71 +229,49 @@ def from_measured(
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFitFacts:
-    """How well the network fits its training days.
-
-    Parameters
-    ----------
-    step_s : float
-        Step of the simulation [s].
-    nodes : int
-        Of the network.
-    rmse_K : float
-        Over the training days, each a free run [K].
-    rmse_days_left_out_K : mapping of str to float
-        RMSE in windows of days left out [K], by network, ``", hours"`` behind it of hours left out,
-        ``" with coolant"`` where that sink was tried; empty when there was no choice.
-    condition : float or None
-        Condition number of the scaled Jacobian [1].
-    correlation : Correlation
-        Of the fitted parameters.
-    evaluations : int
-        Simulations of all training days that the fit took.
-    seconds, bridged_s : float
-        Of the training days; of them with inputs that were held from before [s].
-    in_doubt : tuple of str
-        Other networks that what was left out cannot tell from this one.
-    resolution_K : float
-        Step of the temperature sensor [K].
-    """
+    """How well the network fits its training days."""
 
     step_s: float
+    """Step of the simulation [s]."""
     nodes: int
+    """Nodes of the network."""
     rmse_K: float
+    """Over the training days, each a free run [K]."""
     rmse_days_left_out_K: Mapping[str, float]
+    """RMSE in windows of days left out [K], by network, ``", hours"`` behind it of hours left out,
+    ``" with coolant"`` where that sink was tried; empty when there was no choice."""
     condition: float | None
+    """Condition number of the scaled Jacobian [1]."""
     correlation: Correlation
+    """Correlation of the fitted parameters."""
     evaluations: int
+    """Simulations of all training days that the fit took."""
     seconds: float
     bridged_s: float
+    """Of the training days; of them with inputs that were held from before [s]."""
     in_doubt: tuple[str, ...] = ()
+    """Other networks that what was left out cannot tell from this one."""
     resolution_K: float = 0.0
+    """Step of the temperature sensor [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleIntervals(Ranged, section="intervals"):
-    """90 % prediction intervals of a spindle's temperature, and the regimes that they are by.
-
-    Parameters
-    ----------
-    trend_s, steady_K_h : float
-        Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
-        ``steady_K_h`` [K/h]; anything slower is steady.
-    windows_horizons_s, free_run_horizons_s : tuple of float
-        Times since the last measured temperature that part the regimes [s].
-    windows, free_run : mapping of str to Band
-        Half widths [K] by regime, of windows that start from a measured temperature and of days
-        that run free.
-    follow : AdaptiveSettings
-        How the width in windows follows earlier errors of the day.
-    """
+    """90 % prediction intervals of a spindle's temperature, and the regimes that they are by."""
 
     trend_s: Positive = 600.0
     steady_K_h: NotNegative = 1.0
+    """Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
+    ``steady_K_h`` [K/h]; anything slower is steady."""
     windows_horizons_s: tuple[Positive, ...] = ()
     free_run_horizons_s: tuple[Positive, ...] = ()
+    """Times since the last measured temperature that part the regimes [s]."""
     windows: Bands = field(default_factory=dict)
     free_run: Bands = field(default_factory=dict)
+    """Half widths [K] by regime, of windows that start from a measured temperature and of days that
+    run free."""
     follow: AdaptiveSettings = field(default_factory=AdaptiveSettings)
+    """How the width in windows follows earlier errors of the day."""
 
 
 @dataclass(frozen=True, kw_only=True)

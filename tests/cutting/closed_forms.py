@@ -4,15 +4,16 @@ The zero-helix model is that of Sim2023 (one coefficient K_t and the ratio K_e o
 tangential force); frame and angles are those of :mod:`pipeline.cutting.force.waveform`.
 """
 
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.tool_life import MINUTE, Taylor
-from pipeline.cutting.force.chip import cutting_arcs, swept_angle
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.mean_force import regressors
+from pipeline.cutting.force.mean_force import cutting_arcs, regressors
+from pipeline.cutting.force.waveform import SLICES, _window, basis
+from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 
 
@@ -35,6 +36,17 @@ def thickness(f_z: ArrayLike, phi: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -
 def width(a_p: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -> Floats:
     """Width b = a_p / sin(kappa): length of the edge in the material [m], without helix."""
     return np.asarray(a_p, dtype=np.float64) / np.sin(kappa)
+
+
+def swept_angle(a_e: ArrayLike, D: ArrayLike) -> Floats:
+    """phi_s = acos(1 - 2 a_e / D), over which a tooth at the side is in the material [rad]."""
+    return np.arccos(1 - 2 * np.asarray(a_e, dtype=np.float64) / D)
+
+
+def immersion(a_e: ArrayLike, D: ArrayLike, side: str) -> tuple[Floats, Floats]:
+    """Angles where a tooth enters and leaves [rad], of a cut "up", "down" or in a "slot"."""
+    angle = swept_angle(a_e, D)
+    return (np.pi - angle, np.full_like(angle, np.pi)) if side == "down" else (angle * 0, angle)
 
 
 def mean_thickness(
@@ -225,3 +237,16 @@ def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, ra
     one life of a tool, r that of machine and operator [1/s].
     """
     return float(speed_for_life(taylor, (1.0 / taylor.n - 1.0) * (change_time + life_price / rate)))
+
+
+def waveform(law: ForceLaw, tool: Tool, **cut: Any) -> Floats:
+    """F_x, F_y, F_z [N] under constant engagement; shape (T, 3), as `basis`."""
+    return basis(tool, m_c=law.m_c, **cut) @ np.concatenate([law.cutting, law.edge])
+
+
+def torque_basis(
+    tool: Tool, *, angles: ArrayLike, m_c: float = 0.0, slope: float = 0.0, slices: int = SLICES,
+    **cut: float,
+) -> Floats:  # fmt: skip
+    """Torque that the cut takes for each coefficient; shape (T, 6), [m] times those of `basis`."""
+    return _window(tool, angles, m_c=m_c, slope=slope, slices=slices, **cut)[:, 3]

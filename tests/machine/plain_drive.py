@@ -18,12 +18,12 @@ from pipeline.machine.axis.friction import FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.twin.drive import (
-    DriveParameters,
     DriveStart,
     check_stability,
     check_steps,
     samples,
 )
+from tests.twin.axes import DriveParameters
 
 
 def speed_after(

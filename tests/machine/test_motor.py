@@ -216,7 +216,6 @@ def test_shares_are_those_of_the_dwell_times(share: float) -> None:
 
 
 def test_the_linear_range_ends_at_the_circle_in_the_hexagon() -> None:
-    assert InverterParameters(dc_link=U).linear_limit == pytest.approx(CIRCLE, rel=1e-15)
     turn = np.radians(np.arange(0, 360, 0.5))
     shares = np.array(duty(*vector(CIRCLE, turn), U))
     assert shares.min() == pytest.approx(0, abs=1e-12)

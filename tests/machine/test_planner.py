@@ -255,7 +255,7 @@ def test_program_that_does_not_move_takes_no_time(rows):
         writer.to(X=0)
     result = plan(limited_path(writer.moves, control()))
     assert result.total == 0
-    assert len(result.v_in) == len(result.limit) == rows
+    assert len(result.v_out) == len(result.limit) == rows
 
 
 @pytest.mark.parametrize(

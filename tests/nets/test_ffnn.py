@@ -78,7 +78,7 @@ def test_shapes(kind: NetworkSettings, sensors: int, inputs: int) -> None:
     out = made(x, c)
     assert out.shape == (7,) and out.dtype == torch.float64
     if isinstance(made, FilteredNetwork):
-        a = made.design(x, c)
+        a = made.designs(made.bands, x, c)
         assert a.shape == (7, 3 * (inputs + 1))
         torch.testing.assert_close(a @ made.consequents.flatten(), out, rtol=1e-12, atol=1e-12)
 
@@ -133,7 +133,7 @@ def test_consequents_are_those_of_an_augmented_least_squares(
     made = built(kind)
     x, c, y = some(400)
     found = made.solve_consequents(x, c, y, ridge).flatten().numpy()
-    a = made.design(x, c).detach().numpy()
+    a = made.designs(made.bands, x, c).detach().numpy()
     columns = a.shape[1]
     rows = np.concatenate([a, np.sqrt(400 * ridge) * np.eye(columns)])
     oracle = np.linalg.lstsq(rows, np.concatenate([y.numpy(), np.zeros(columns)]), rcond=None)[0]
@@ -150,7 +150,7 @@ def test_whitened_consequents_start_at_least_squares_with_orthogonal_columns(
     white = Whitened(made, x, c, y, 1e-8)
     alone.solve_consequents(x, c, y, 1e-8)
     torch.testing.assert_close(white(x, c), alone(x, c), rtol=1e-7, atol=1e-7)
-    columns = (made.design(x, c) @ white.map).detach()
+    columns = (made.designs(made.bands, x, c) @ white.map).detach()
     one = torch.eye(len(white.z), dtype=torch.float64)
     ridge = 1e-8 * white.map.mT @ white.map  # what it adds to the squares of the columns
     torch.testing.assert_close(columns.mT @ columns / 400 + ridge, one, rtol=0.0, atol=1e-6)

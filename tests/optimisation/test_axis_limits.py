@@ -12,7 +12,8 @@ from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
-from pipeline.schema.part import part_of, part_values
+from pipeline.schema.part import OptimisedPart, part_values
+from pipeline.schema.structure import structured
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
 from tests.shop.recorded_cut import record_axes
 from tests.twin.cut_parts import SLOT, cut_of
@@ -143,7 +144,10 @@ def test_a_part_is_slower_where_the_network_is_uncertain() -> None:
     assert greatest(result, "following_um") > 0.8 * (76 - 10)
     part = optimised_part(result, machine="mill", origin="simulated", control="identified")
     document = part_values(part)
-    assert document["residual"] == "compensation 0123" and part_of(document) == part
+    assert (
+        document["residual"] == "compensation 0123"
+        and structured(document, OptimisedPart, "$") == part
+    )
     assert any("compensation 0123" in one and "X 10 um" in one for one in document["notes"])
     assert {axis["half_width_um"] for axis in document["verified"]["axes"]} == {10.0}
     bare = part_values(optimised_part(found(following=80.0), machine="mill", origin="simulated",

@@ -14,7 +14,8 @@ from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.proof.prove import prove
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
-from pipeline.schema.part import part_of, part_values
+from pipeline.schema.part import OptimisedPart, part_values
+from pipeline.schema.structure import structured
 from pipeline.twin.cut_document import assessed, document_of
 from tests.optimisation.paper_part import paper_job
 
@@ -39,13 +40,13 @@ def document(result: Result) -> dict:
 def test_what_is_stored_is_read_as_the_same_part(result: Result, document: dict) -> None:
     text = json.dumps(document, allow_nan=False)
     part = optimised_part(result, machine="mill", origin="simulated", control="identified")
-    assert part_of(json.loads(text)) == part
+    assert structured(json.loads(text), OptimisedPart, "$") == part
     assert "deflection_um" not in document["limits"]  # not given
 
 
 def test_the_unit_of_a_machine_is_named_where_there_are_several(document: dict) -> None:
     assert "machine_unit" not in document
-    part = part_of({**document, "machine_unit": "hurco04"})
+    part = structured({**document, "machine_unit": "hurco04"}, OptimisedPart, "$")
     assert part_values(part)["machine_unit"] == "hurco04"
     assert "  on unit hurco04; --unit names another one" in list(optimise_lines(part))
 

@@ -21,8 +21,9 @@ from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.report.optimised_page import optimised_page
 from pipeline.schema.cutting import MAGNITUDE
 from pipeline.schema.drive import FOLLOWING
-from pipeline.schema.part import part_of, part_values
+from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import StoreError, write_json
+from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Score, Status, UsedModel, Verdict
 from pipeline.twin.cut_coefficients import ToolCoefficients
 from tests.optimisation.paper_part import CONTROL
@@ -185,7 +186,7 @@ def test_what_did_not_pass_stands_at_the_top_of_page_json_and_lines(
     values = json.loads(json.dumps(part_values(part)))
     assert list(values)[:2] == ["warnings", "verdicts"]
     assert values["verdicts"][0]["submodel"] == name
-    assert part_of(values) == part
+    assert structured(values, OptimisedPart, "$") == part
     lines = list(optimise_lines(part))
     assert lines[1].startswith(f"WARNING: {name} {status}: ")
     page = optimised_page(part, [])

@@ -26,7 +26,8 @@ from pipeline.parameters import ParametersError, structure
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
-from pipeline.schema.part import OptimisedPart, part_of
+from pipeline.schema.part import OptimisedPart
+from pipeline.schema.structure import structured
 from pipeline.twin.cut_wear import ToolWear
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
@@ -155,7 +156,7 @@ def stored(**change: Any) -> OptimisedPart:
             "methods", "front", "groups", "binding", "held", "tools", "changes", "lines",
         )
     }  # fmt: skip
-    return part_of(empty | {
+    return structured(empty | {
         "program": "O1.nc", "machine": "mill", "origin": "recorded", "control": "identified",
         "objective": "time", "currency": "KRW", "stock": "box", "material": "A6061",
         "tool_table": "mine", "limits": {}, "certainty": None, "before": {}, "after": {},
@@ -167,7 +168,7 @@ def stored(**change: Any) -> OptimisedPart:
                      "full_evaluations": 1, "tightened": 0},
         "interrupted": False, "not_known": [], "notes": ["Größe"], "path": None,
         "setup": {"tools": [], "offsets": [], "blank_offset": "G54", "warnings": []},
-    } | change)  # fmt: skip
+    } | change, OptimisedPart, "$")  # fmt: skip
 
 
 def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) -> None:
@@ -182,7 +183,7 @@ def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) 
     assert (tmp_path / "new/O1.before.nc").read_bytes() == before
     assert (tmp_path / "new/O1.nc").read_bytes() == after
     text = (tmp_path / "new/O1.json").read_text(encoding="utf-8")
-    assert part_of(json.loads(text)) == part and "Größe" in text
+    assert structured(json.loads(text), OptimisedPart, "$") == part and "Größe" in text
     assert json.loads(text)["limits"].keys() == {
         "power_share", "least_speed_change_rpm", "margins", "practice",
     }  # fmt: skip

@@ -18,6 +18,7 @@ from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.report.optimised_program import feeds_table, loads_table
 from pipeline.schema.part import OptimisedPart
+from pipeline.schema.structure import structured
 from pipeline.twin.cut_document import assessed
 from pipeline.twin.cut_tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job
@@ -250,6 +251,9 @@ def test_a_descent_in_air_never_gets_faster(result: Result) -> None:
 
 
 def test_the_document_can_be_stored(part: OptimisedPart) -> None:
-    from pipeline.schema.part import part_of, part_values
+    from pipeline.schema.part import part_values
 
-    assert part_of(json.loads(json.dumps(part_values(part), allow_nan=False))) == part
+    assert (
+        structured(json.loads(json.dumps(part_values(part), allow_nan=False)), OptimisedPart, "$")
+        == part
+    )

@@ -3,7 +3,7 @@
 import math
 from typing import Any
 
-from pipeline.schema.part import BlockGroup, OptimisedPart, part_of
+from pipeline.schema.part import BlockGroup, OptimisedPart
 from pipeline.schema.structure import structured
 
 HASHES = ("a1" * 32, "b2" * 32, "c3" * 32)
@@ -186,7 +186,7 @@ def optimised(groups: int = 24, columns: int = 300, members: int = 30, name: str
 
 def part(document: dict[str, Any]) -> OptimisedPart:
     """A document as its type."""
-    return part_of(document)
+    return structured(document, OptimisedPart, "$")
 
 
 def blocks(rows: list[dict[str, Any]]) -> tuple[BlockGroup, ...]:

@@ -21,8 +21,8 @@ from pipeline.shop.drives.commands import smoothed
 from pipeline.shop.drives.parameters import RATE
 from pipeline.shop.drives.records import Column, axis_columns, trace_head, write_trace
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.blank import swept
-from pipeline.shop.trial.cutting import chance, check_cut, mean_forces
+from pipeline.shop.trial.blank import Swept, swept
+from pipeline.shop.trial.cutting import Chance, _cuts, chance, check_cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import (
     Track,
@@ -140,3 +140,23 @@ def write_axes(path: Path, record: AxesRecord, parameters: ShopParameters) -> di
     """Write a record as the servo tool does, without faults; rows and length of the file."""
     head = trace_head(parameters.machine, parameters.drives.axes, RATE)
     return write_trace(path, head, list(record.columns), RATE, parameters.drives.tool, None)
+
+
+def mean_forces(
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
+    random: np.random.Generator,
+) -> Floats:  # fmt: skip
+    """Force on the tool along X, Y, Z in each cycle of a track, its mean over it [N]; (T, 3)."""
+    total: Floats = np.zeros((track.line.size, 3))
+    for force, moment in _cuts(track, blank, part, parameters, random):
+        if moment.size < 2:
+            continue
+        first, last = int(moment[0] / track.cycle), int(moment[-1] / track.cycle) + 1
+        edges = np.arange(first, last + 1) * track.cycle
+        steps = np.diff(moment)[:, None] * (force[1:] + force[:-1]) / 2
+        impulse = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+        rows = slice(first, min(last, len(total)))
+        for axis in range(3):
+            gained = np.diff(np.interp(edges, moment, impulse[:, axis])) / track.cycle
+            total[rows, axis] += gained[: rows.stop - first]
+    return total

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ import yaml
 
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.drives.commands import Move, circles, travel
-from pipeline.shop.trial.corrected import CommandedPath, corrected_trials, drive_corrected
+from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.trial.corrected import CommandedPath, Commands, _driven, corrected_trials
 from pipeline.stages.__main__ import run
 from tests.small_project import inside
 
@@ -19,6 +21,10 @@ SHOP = shop_parameters("mill01")
 MACHINES = {"mill01": SHOP, "mill02": shop_parameters("mill02")}
 STEP = 0.002
 Columns = dict[str, np.ndarray]
+
+
+def drive_corrected(table: Path, shop: ShopParameters, seed: int) -> dict[str, Any]:
+    return _driven(Commands.of(table, shop), shop, seed)
 
 
 def write(path: Path, columns: Columns) -> Path:

@@ -208,7 +208,7 @@ def test_most_windows_are_spread_evenly(tmp_path: Path) -> None:
     assert len(found.lives[0].windows) == 3
 
 
-def test_scaling_is_robust_and_reversible() -> None:
+def test_scaling_is_robust() -> None:
     random = np.random.default_rng(0)
     values = (5.0 + 2.0 * random.standard_normal((50, 2, 100))).astype(np.float32)
     values[0, 0] = 1e4  # 2 % of the channel gone wild
@@ -216,9 +216,7 @@ def test_scaling_is_robust_and_reversible() -> None:
     scaling = ChannelScaling.of(values)
     assert scaling.shift[0] == pytest.approx(5.0, abs=0.1)
     assert scaling.scale == pytest.approx((2.0, 1.0), rel=0.05)
-    np.testing.assert_allclose(
-        scaling.unscaled(scaling.scaled(values)), values, rtol=1e-5, atol=1e-4
-    )
+    assert scaling.scaled(values)[1:, 0].std() == pytest.approx(1.0, rel=0.05)
 
 
 def test_a_copied_window_has_the_same_hash(tmp_path: Path) -> None:

@@ -1,6 +1,6 @@
 """Axes that the tests of the drive follow references with."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,15 @@ from numpy.typing import NDArray
 from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.twin.drive import DriveParameters
+
+
+@dataclass(frozen=True, kw_only=True)
+class DriveParameters:
+    """One axis: its loops and its mechanics."""
+
+    servo: ServoParameters
+    feed_drive: FeedDriveParameters
+
 
 T = 1e-3
 UP = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)

@@ -12,10 +12,20 @@ from scipy.linalg import expm
 from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
 from pipeline.machine.axis.servo import ServoParameters
-from pipeline.twin.drive import DriveParameters, DriveStart, loop_matrix, stable
+from pipeline.twin.drive import DriveStart, loop_matrix, stable
 from pipeline.twin.drive_population import simulate_traces
 from tests.machine.plain_drive import simulate_drive
-from tests.twin.axes import AXIS, BOTH, NONE, T, ramp, to_and_fro, with_drive, with_servo
+from tests.twin.axes import (
+    AXIS,
+    BOTH,
+    NONE,
+    DriveParameters,
+    T,
+    ramp,
+    to_and_fro,
+    with_drive,
+    with_servo,
+)
 
 
 def row_of(axis: DriveParameters) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Lanes, compiled traces and plain Python are one model; shapes, threads and refusals."""
+"""Compiled traces and plain Python are one model; shapes and refusals."""
 
 import numpy as np
 import pytest
@@ -7,15 +7,10 @@ from numpy.typing import NDArray
 from pipeline.kernels import compiled
 from pipeline.machine.axis.drive_step import FARTHEST, decay
 from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.twin.drive import DriveParameters, DriveStart
-from pipeline.twin.drive_population import (
-    DriveErrors,
-    drive_table,
-    population_errors,
-    simulate_traces,
-)
+from pipeline.twin.drive import DriveStart
+from pipeline.twin.drive_population import simulate_traces
 from tests.machine.plain_drive import simulate_drive
-from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
+from tests.twin.axes import AXIS, DriveParameters, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(
     with_drive(AXIS, offset=70.0),
@@ -24,21 +19,21 @@ FULL = with_servo(
 )  # fmt: skip
 STEPS = 4000
 OPTIONS = [{}, {"substeps": 3}, {"substeps": 3, "servo_substeps": True}]
-NAMES = ("max_error", "rms_error", "max_command", "rms_command")
 
 
-def varied(individuals: int, axes: int) -> list[list[DriveParameters]]:
+def varied(individuals: int) -> list[DriveParameters]:
     rng = np.random.default_rng(1)
     return [
-        [
-            with_servo(
-                with_drive(FULL, mass=150 * rng.uniform(0.8, 1.2)),
-                position_gain=40 * rng.uniform(0.5, 1.5),
-            )
-            for _ in range(axes)
-        ]
+        with_servo(
+            with_drive(FULL, mass=150 * rng.uniform(0.8, 1.2)),
+            position_gain=40 * rng.uniform(0.5, 1.5),
+        )
         for _ in range(individuals)
     ]
+
+
+def rows(individuals: int) -> NDArray[np.float64]:
+    return np.array([drive_row(one.servo, one.feed_drive) for one in varied(individuals)])
 
 
 def references(axes: int, steps: int = STEPS) -> NDArray[np.float64]:
@@ -56,7 +51,7 @@ def loads(axes: int) -> NDArray[np.float64]:
 def test_compiled_trace_is_the_plain_one(options: dict[str, int]) -> None:
     """1e-9 of what each signal reaches: the polynomial of the dip is within 6e-11 of exp."""
     for a in range(3):
-        drive, reference, load = varied(1, 3)[0][a], references(3)[:, a], loads(3)[:, a]
+        drive, reference, load = varied(3)[a], references(3)[:, a], loads(3)[:, a]
         plain = simulate_drive(reference, T, drive, load=load, **options)
         row = drive_row(drive.servo, drive.feed_drive)[np.newaxis]
         fast = simulate_traces(reference, T, row, load=load, **options)
@@ -68,86 +63,25 @@ def test_compiled_trace_is_the_plain_one(options: dict[str, int]) -> None:
         assert ((plain.velocity == 0) == (fast.velocity[0] == 0)).all()
 
 
-@pytest.mark.parametrize("load", [None, loads(3)], ids=["free", "loaded"])
-@pytest.mark.parametrize("substeps", [1, 3])
-def test_lanes_are_the_plain_form(load: NDArray[np.float64] | None, substeps: int) -> None:
-    drives = varied(3, 3)
-    found = population_errors(references(3), T, drive_table(drives), load=load, substeps=substeps)
-    for p, axes in enumerate(drives):
-        for a, drive in enumerate(axes):
-            trace = simulate_drive(
-                references(3)[:, a], T, drive, load=None if load is None else load[:, a],
-                substeps=substeps,
-            )  # fmt: skip
-            e, A = np.abs(trace.following_error), np.abs(trace.command)
-            expected = (e.max(), np.sqrt(np.mean(e**2)), A.max(), np.sqrt(np.mean(A**2)))
-            got = tuple(getattr(found, name)[p, a] for name in NAMES)
-            assert got == pytest.approx(expected, rel=1e-9)
-
-
-def test_lanes_with_the_servo_in_substeps_are_lanes_of_its_period() -> None:
-    table, n = drive_table(varied(2, 3)), 4
-    fine = np.stack(
-        [np.interp(np.arange(STEPS * n) / n, np.arange(STEPS), r) for r in references(3).T], axis=1
-    )
-    coarse = population_errors(references(3), T, table, substeps=n, servo_substeps=True)
-    whole = population_errors(fine, T / n, table)
-    # interpolation rounds differently, and the second difference of 0.25 ms sees it
-    same(coarse, whole, 1e-8)
-
-
-def same(one: DriveErrors, other: DriveErrors, rel: float) -> None:
-    for name in NAMES:
-        assert getattr(one, name) == pytest.approx(getattr(other, name), rel=rel, abs=0)
-
-
-@pytest.mark.parametrize("options", OPTIONS)
-def test_own_references_are_followed_as_a_common_one(options: dict[str, int]) -> None:
-    table = drive_table(varied(19, 2))
-    reference, load = references(2), loads(2)
-    common = population_errors(reference, T, table, load=load, **options)
-    own = population_errors(np.tile(reference, (19, 1, 1)), T, table, load=load, **options)
-    # the same operations in the same order
-    same(own, common, 1e-15)
-    same(population_errors(reference, T, table, load=np.tile(load, (19, 1, 1)), **options), common,
-         1e-15)  # fmt: skip
-
-
-def test_each_individual_follows_its_own_reference() -> None:
-    table = np.tile(drive_table(varied(1, 2)), (20, 1, 1))
-    scale = np.linspace(0.5, 1.5, 20)
-    own = scale[:, np.newaxis, np.newaxis] * references(2)
-    found = population_errors(own, T, table)
-    for p in (0, 7, 15, 16, 19):
-        alone = population_errors(own[p], T, table[p : p + 1])
-        for name in NAMES:
-            assert getattr(found, name)[p] == pytest.approx(getattr(alone, name)[0], rel=1e-15)
-
-
-@pytest.mark.parametrize("individuals", [1, 15, 16, 17, 50])
-@pytest.mark.parametrize("axes", [1, 2, 5])
-def test_results_do_not_depend_on_company_or_threads(individuals: int, axes: int) -> None:
-    table = drive_table(varied(individuals, axes))
-    reference = references(axes, 300)
-    found = population_errors(reference, T, table, threads=1)
-    same(population_errors(reference, T, table, threads=3), found, 0)
-    last = population_errors(reference, T, table[-1:])
-    for name in NAMES:
-        assert getattr(found, name).shape == (individuals, axes)
-        assert (getattr(last, name)[0] == getattr(found, name)[-1]).all()
+def test_variants_do_not_depend_on_their_company() -> None:
+    table, reference = rows(5), references(1)[:, 0]
+    whole = simulate_traces(reference, T, table, load=loads(1)[:, 0])
+    for i in range(5):
+        alone = simulate_traces(reference, T, table[i : i + 1], load=loads(1)[:, 0])
+        np.testing.assert_array_equal(alone.command[0], whole.command[i])
 
 
 def test_load_factor_multiplies_the_load() -> None:
-    table = drive_table(varied(1, 1))
-    half = table.copy()
-    half[..., DriveColumn.LOAD_FACTOR] = 0.5
-    reference, load = references(1), loads(1)
-    same(population_errors(reference, T, half, load=load),
-         population_errors(reference, T, table, load=0.5 * load), 1e-12)  # fmt: skip
+    half = rows(1)
+    half[:, DriveColumn.LOAD_FACTOR] = 0.5
+    reference, load = references(1)[:, 0], loads(1)[:, 0]
+    found = simulate_traces(reference, T, half, load=load)
+    expected = simulate_traces(reference, T, rows(1), load=0.5 * load)
+    np.testing.assert_allclose(found.position, expected.position, atol=1e-12)
 
 
 def test_variants_start_where_they_are_told() -> None:
-    drive = varied(1, 1)[0][0]
+    drive = varied(1)[0]
     start = DriveStart(position=0.001, velocity=0.02, command=0.4, reference_velocity=0.03)
     reference = references(1)[500:1500, 0]
     plain = simulate_drive(reference, T, drive, start=start)
@@ -189,46 +123,39 @@ def test_decay_is_the_exponential() -> None:
     assert np.abs(found - np.exp(-32 * y)).max() < 6e-11
 
 
-def test_unstable_individual_is_infinite_and_leaves_the_others_alone() -> None:
-    drives = varied(3, 1)
-    table = drive_table(drives)
-    table[..., DriveColumn.CURRENT_LIMIT] = np.inf
-    expected = population_errors(references(1), T, table)
-    table[1, 0, DriveColumn.PROPORTIONAL] *= 100
-    found = population_errors(references(1), T, table)
-    assert all(np.isinf(getattr(found, name)[1]).all() for name in NAMES)
+def test_an_unstable_variant_leaves_the_others_alone() -> None:
+    table, reference = rows(3), references(1)[:, 0]
+    table[:, DriveColumn.CURRENT_LIMIT] = np.inf
+    expected = simulate_traces(reference, T, table)
+    table[1, DriveColumn.PROPORTIONAL] *= 100
+    found = simulate_traces(reference, T, table)
+    assert not np.isfinite(found.position[1, -1])
     for p in (0, 2):
-        assert found.rms_error[p] == expected.rms_error[p]
+        np.testing.assert_array_equal(found.position[p], expected.position[p])
 
 
 def changed(column: DriveColumn, value: float) -> NDArray[np.float64]:
-    table = drive_table(varied(2, 3))
-    table[1, 2, column] = value
+    table = rows(2)
+    table[1, column] = value
     return table
 
 
 @pytest.mark.parametrize(
     "change, said",
     [
-        ({"table": np.ones((2, 3))}, r"table has shape \(2, 3\): give \(P, A, 21\)"),
-        ({"table": changed(DriveColumn.MASS, 0.0)}, r"row \[1, 2\]: MASS = 0.0 must be finite and"),
-        ({"table": changed(DriveColumn.OFFSET, np.nan)}, r"row \[1, 2\]: OFFSET = nan must be"),
+        ({"table": np.ones((2, 3))}, r"table has shape \(2, 3\): give \(P, 21\)"),
+        ({"table": changed(DriveColumn.MASS, 0.0)}, r"row \[1\]: MASS = 0.0 must be finite and"),
+        ({"table": changed(DriveColumn.OFFSET, np.nan)}, r"row \[1\]: OFFSET = nan must be"),
         ({"table": changed(DriveColumn.STATIC_NEGATIVE, 1.0)}, "STATIC_NEGATIVE = 1.0 must be"),
         ({"table": changed(DriveColumn.VISCOUS_POSITIVE, -1.0)}, "VISCOUS_POSITIVE = -1.0"),
-        ({"reference": np.zeros((10, 2))}, r"reference has shape \(10, 2\): give \(T, 3\)"),
-        ({"reference": np.zeros((5, 10, 3))}, r"give \(T, 3\) or \(2, T, 3\)"),
-        ({"reference": np.full((10, 3), np.nan)}, r"reference\[0, 0, 0\] = nan: give finite"),
-        ({"load": np.full((10, 3), np.inf)}, r"load\[0, 0, 0\] = inf: give finite"),
-        ({"load": np.zeros((9, 3))}, "load has 9 samples, the reference 10: give as many"),
+        ({"reference": np.zeros((10, 2))}, r"reference has shape \(10, 2\): give one row"),
+        ({"reference": np.full(10, np.nan)}, r"reference\[0\] = nan"),
+        ({"load": np.full(10, np.inf)}, r"load\[0\] = inf"),
+        ({"load": np.zeros(9)}, "load has 9 samples, the reference 10"),
         ({"substeps": 0}, "substeps = 0 must be at least 1"),
     ],
 )
 def test_inputs_out_of_range_are_refused(change: dict[str, object], said: str) -> None:
-    known = {"reference": np.zeros((10, 3)), "period": T, "table": drive_table(varied(2, 3))}
+    known = {"reference": np.zeros(10), "period": T, "table": rows(2)}
     with pytest.raises(ValueError, match=said):
-        population_errors(**{**known, **change})
-
-
-def test_individuals_of_different_axes_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"the individuals have \[1, 2\] axes"):
-        drive_table([[AXIS], [AXIS, AXIS]])
+        simulate_traces(**{**known, **change})

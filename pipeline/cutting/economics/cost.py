@@ -30,15 +30,6 @@ KWH = 3.6e6
 class EnergyParameters(Ranged, section="energy"):
     """Power of a machine without its spindle.
 
-    Parameters
-    ----------
-    base_load_kW : float
-        Control, hydraulics, fans, lubrication: as long as the machine is on [kW].
-    drives_kW : float
-        Feed drives while an axis moves [kW].
-    coolant_kW : float
-        Pumps while coolant is on [kW].
-
     Raises
     ------
     ValueError
@@ -46,8 +37,11 @@ class EnergyParameters(Ranged, section="energy"):
     """
 
     base_load_kW: Annotated[float, Range(least=0.0, most=1000.0)]
+    """Control, hydraulics, fans, lubrication: as long as the machine is on [kW]."""
     drives_kW: Annotated[float, Range(least=0.0, most=1000.0)] = 0.0
+    """Feed drives while an axis moves [kW]."""
     coolant_kW: Annotated[float, Range(least=0.0, most=1000.0)] = 0.0
+    """Pumps while coolant is on [kW]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -145,20 +139,6 @@ MINUTE = 60.0
 class CostRates(Ranged, section="cost"):
     """Prices of time and electricity.
 
-    Parameters
-    ----------
-    currency : str
-        Of all prices, those of the tool table included.
-    labour_per_h : float
-        Operator [currency / h].
-    machine_per_h : float
-        Machine, without electricity and tools [currency / h].
-    energy_per_kWh : float
-        Electricity [currency / kWh].
-    tool_change_min : float
-        To change a worn tool for a new one [min]; not the changes that the program commands, which
-        are in its time.
-
     Raises
     ------
     ValueError
@@ -166,10 +146,16 @@ class CostRates(Ranged, section="cost"):
     """
 
     currency: str
+    """Of all prices, those of the tool table included."""
     labour_per_h: Amount
+    """Operator [currency / h]."""
     machine_per_h: Amount = 0.0
+    """Machine, without electricity and tools [currency / h]."""
     energy_per_kWh: Amount = 0.0
+    """Electricity [currency / kWh]."""
     tool_change_min: Amount = 0.0
+    """To change a worn tool for a new one [min]; not the changes that the program commands, which
+    are in its time."""
 
     @property
     def per_second(self) -> float:
@@ -184,24 +170,16 @@ class CostRates(Ranged, section="cost"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartCost:
-    """Cost of each block; leading axes are free, so that it holds a population.
-
-    Parameters
-    ----------
-    time : ndarray, shape (..., B)
-        Machine and operator while the program runs.
-    tool : ndarray, shape (..., B)
-        Tools worn, C_t; NaN where their life is not known.
-    change : ndarray, shape (..., B)
-        Machine and operator while worn tools are changed; NaN as ``tool``.
-    energy : ndarray, shape (..., B)
-        Electricity.
-    """
+    """Cost of each block; leading axes are free, so that it holds a population."""
 
     time: Floats
+    """Machine and operator while the program runs; shape (..., B)."""
     tool: Floats
+    """Tools worn, C_t; NaN where their life is not known; shape (..., B)."""
     change: Floats
+    """Machine and operator while worn tools are changed; NaN as ``tool``; shape (..., B)."""
     energy: Floats
+    """Electricity; shape (..., B)."""
 
     @property
     def block(self) -> Floats:

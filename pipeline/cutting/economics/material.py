@@ -51,31 +51,6 @@ class LinearEdge:
 class Material(Ranged, section="material"):
     """A material of workpieces.
 
-    Parameters
-    ----------
-    name : str
-        For people.
-    group : int
-        Of VDI 3323, 1 to 41.
-    iso : {"P", "M", "K", "N", "S", "H"}
-        Of ISO 513.
-    k_c11 : float
-        Specific cutting force of a chip 1 mm thick and 1 mm wide [N/mm^2].
-    m_c : float
-        Kienzle's exponent of the chip's thickness [1].
-    radial, axial : float
-        Radial and axial force over the tangential one [1].
-    source : str
-        Of ``k_c11`` and ``m_c``.
-    ratio_source : str
-        Of ``radial`` and ``axial``, or what is assumed.
-    hardness_HB, strength_N_mm2 : float, optional
-        Brinell hardness, tensile strength [N/mm^2].
-    coefficients : LinearEdge, optional
-        Measured ones, which then are the force law.
-    taylor : dict
-        Constants of tool life by the tool's material; a life that is not there is not known.
-
     Raises
     ------
     ValueError
@@ -83,18 +58,29 @@ class Material(Ranged, section="material"):
     """
 
     name: str
+    """For people."""
     group: Annotated[int, Range(least=1, most=41)]
+    """Of VDI 3323, 1 to 41."""
     iso: Letter
+    """Of ISO 513."""
     k_c11: Annotated[float, Range(least=10.0, most=20000.0)]
+    """Specific cutting force of a chip 1 mm thick and 1 mm wide [N/mm^2]."""
     m_c: Annotated[float, Range(least=0.0, most=0.9)]
+    """Kienzle's exponent of the chip's thickness [1]."""
     radial: Annotated[float, Range(least=0.0, most=3.0)]
     axial: Annotated[float, Range(least=-3.0, most=3.0)] = 0.0
+    """Radial and axial force over the tangential one [1]."""
     source: str
+    """Of ``k_c11`` and ``m_c``."""
     ratio_source: str
+    """Of ``radial`` and ``axial``, or what is assumed."""
     hardness_HB: Annotated[float, Range(least=1.0, most=1000.0)] | None = None
     strength_N_mm2: Annotated[float, Range(least=1.0, most=5000.0)] | None = None
+    """Brinell hardness, tensile strength [N/mm^2]."""
     coefficients: LinearEdge | None = None
+    """Measured ones, which then are the force law."""
     taylor: dict[Literal["carbide", "hss"], Taylor] = field(default_factory=dict)
+    """Constants of tool life by the tool's material; a life that is not there is not known."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -22,26 +22,6 @@ RPM = 1 / 60
 class SpindleDrive(Ranged, section="spindle_drive"):
     """Motor and drive of a main spindle.
 
-    Parameters
-    ----------
-    rated_power_kW : float
-        At the motor's shaft, from its base speed on [kW].
-    base_speed_rpm : float
-        [rev/min].
-    top_speed_rpm : float
-        [rev/min].
-    efficiency : float
-        Mechanical, from the motor's shaft to the tool, above 0 to 1: bearings, belt, gears.
-    motor_efficiency : float
-        Electrical, from the supply to the motor's shaft, above 0 to 1: inverter and motor.  Only
-        electricity depends on it; 0.9 is usual of 10 to 20 kW near the rated power, and too much
-        for a motor that hardly works.
-    minimum_speed_rpm : float
-        Below it force is not determined by power [rev/min].
-    no_load_W : tuple of float
-        p0, p1, p2, ... of P_0 = p0 + p1 n + p2 n^2 + ... [W, W s, W s^2, ...], n in rev/s; like
-        all that the cut takes, reckoned at the tool.
-
     Raises
     ------
     ValueError
@@ -49,12 +29,22 @@ class SpindleDrive(Ranged, section="spindle_drive"):
     """
 
     rated_power_kW: Positive
+    """At the motor's shaft, from its base speed on [kW]."""
     base_speed_rpm: Positive
+    """[rev/min]."""
     top_speed_rpm: Positive
+    """[rev/min]."""
     efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    """Mechanical, from the motor's shaft to the tool, above 0 to 1: bearings, belt, gears."""
     motor_efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 0.9
+    """Electrical, from the supply to the motor's shaft, above 0 to 1: inverter and motor.  Only
+    electricity depends on it; 0.9 is usual of 10 to 20 kW near the rated power, and too much for a
+    motor that hardly works."""
     minimum_speed_rpm: Positive = 100.0
+    """Below it force is not determined by power [rev/min]."""
     no_load_W: tuple[Finite, ...] = (0.0,)
+    """p0, p1, p2, ... of P_0 = p0 + p1 n + p2 n^2 + ... [W, W s, W s^2, ...], n in rev/s; like all
+    that the cut takes, reckoned at the tool."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -60,21 +60,6 @@ NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})
 class Taylor(Ranged, section="taylor"):
     """Constants of one pair of tool and material.
 
-    Parameters
-    ----------
-    n : float
-        Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide.
-    C_m_min : float
-        Cutting speed for a life of one minute [m/min], at the reference values below.
-    f_z_exponent, a_p_exponent, a_e_exponent : float
-        a, b, c above [1]; 0 leaves the condition out.
-    f_z_ref_mm, a_p_ref_mm, a_e_ref_mm : float, optional
-        Feed for each tooth, axial and radial depth that C belongs to [mm]; needed with an exponent.
-    speed_range_m_min : tuple of float, optional
-        Lowest and highest cutting speed of the tests [m/min].
-    source : str
-        Where the constants come from.
-
     Raises
     ------
     ValueError
@@ -82,15 +67,22 @@ class Taylor(Ranged, section="taylor"):
     """
 
     n: Annotated[float, Range(least=0.01, most=0.99)]
+    """Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide."""
     C_m_min: Annotated[float, Range(least=0.1, most=1e5)]
+    """Cutting speed for a life of one minute [m/min], at the reference values below."""
     f_z_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_p_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_e_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
+    """a, b, c above [1]; 0 leaves the condition out."""
     f_z_ref_mm: Annotated[float, Range(least=1e-4, most=10.0)] | None = None
     a_p_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
     a_e_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
+    """Feed for each tooth, axial and radial depth that C belongs to [mm]; needed with an
+    exponent."""
     speed_range_m_min: tuple[float, ...] = ()
+    """Lowest and highest cutting speed of the tests [m/min]."""
     source: str = ""
+    """Where the constants come from."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

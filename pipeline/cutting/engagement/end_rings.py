@@ -11,22 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Floats, Ints
-
-Singles = NDArray[np.float32]
+from pipeline.schema.arrays import Floats, Ints, Singles
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EndRings:
     """Stations on their way down over less than the whole flat of the tool's end, P of them.
-
-    Parameters
-    ----------
-    station : ndarray of int, shape (P,)
-        Which stations of the engagement, rising; at all others the whole end counts.
-    inner, outer : ndarray of float32, shape (P, F)
-        From which to which distance from the axis the flat lies on material at each of F angles
-        [m]; nothing where ``outer <= inner``.
 
     Raises
     ------
@@ -35,8 +25,11 @@ class EndRings:
     """
 
     station: Ints
+    """Which stations of the engagement, rising; at all others the whole end counts; shape (P,)."""
     inner: Singles
     outer: Singles
+    """From which to which distance from the axis the flat lies on material at each of F angles [m];
+    nothing where ``outer <= inner``; shape (P, F)."""
 
     def __post_init__(self) -> None:
         if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):

@@ -25,9 +25,8 @@ from pipeline.cutting.engagement.sweep_workspace import (
     tool_profiles,
 )
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.arrays import Bools, Floats, Ints, Singles
 
-Singles = NDArray[np.float32]
 Indices = NDArray[np.int32]
 
 _ROWS = 64 * STEPS

@@ -16,12 +16,9 @@ from math import ceil, fsum, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, Stock
-from pipeline.schema.arrays import Bools, Floats
-
-Singles = NDArray[np.float32]
+from pipeline.schema.arrays import Bools, Floats, Singles
 
 MM = 1e-3
 MOST_CELLS = 40_000_000
@@ -32,28 +29,20 @@ _SHIFT_OF_COLUMN = sqrt(2) - 1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeightMap:
-    """Columns of material on a grid of square cells.
-
-    Parameters
-    ----------
-    x0, y0 : float
-        Corner of the grid with the least x and y [m].
-    cell : float
-        Edge of a cell: the resolution [m].
-    heights : ndarray of float32, shape (rows, columns)
-        Top of the material in each cell [m]; ``floor`` where there is none.  Rows are along y.
-    floor : float
-        Underside of the stock [m].
-    notice : str
-        Part of the stock that the map cannot hold; empty when it holds all.
-    """
+    """Columns of material on a grid of square cells."""
 
     x0: float
     y0: float
+    """Corner of the grid with the least x and y [m]."""
     cell: float
+    """Edge of a cell: the resolution [m]."""
     heights: Singles
+    """Top of the material in each cell [m]; ``floor`` where there is none.  Rows are along y;
+    shape (rows, columns)."""
     floor: float
+    """Underside of the stock [m]."""
     notice: str = ""
+    """Part of the stock that the map cannot hold; empty when it holds all."""
 
     @property
     def volume(self) -> float:

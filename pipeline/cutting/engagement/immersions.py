@@ -22,27 +22,6 @@ LEAST_ARC = 1e-4
 class Immersions:
     """N stations of a program, each with the arc that a tooth goes through the material there.
 
-    Parameters
-    ----------
-    block, tool : ndarray of int32, shape (N,)
-        Block of the program, index of the tool.
-    depth : ndarray, shape (N,)
-        Axial length of the edge in the material [m], above 0.
-    entry, exit : ndarray, shape (N,)
-        [rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi.
-    feed_direction : ndarray, shape (N,)
-        From the machine's x [rad].
-    direction : ndarray of int8, shape (N,)
-        Of the spindle, 1 or -1.
-    blocks : int
-        Of the program, B.
-    unjudged : ndarray of bool, shape (B,)
-        Blocks with a station in the material that is not milling with a spindle that turns:
-        plunges, rapids.
-    lowest, highest : ndarray, shape (N,), optional
-        Between which heights above the tip the edge is in the material [m]; from the tip to
-        ``depth`` where they are not given.
-
     Raises
     ------
     ValueError
@@ -51,15 +30,26 @@ class Immersions:
 
     block: Indices
     tool: Indices
+    """Block of the program, index of the tool; shape (N,)."""
     depth: Floats
+    """Axial length of the edge in the material [m], above 0; shape (N,)."""
     entry: Floats
     exit: Floats
+    """[rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi;
+    shape (N,)."""
     feed_direction: Floats
+    """From the machine's x [rad]; shape (N,)."""
     direction: NDArray[np.int8]
+    """Direction of the spindle, 1 or -1; shape (N,)."""
     blocks: int
+    """Blocks of the program, B."""
     unjudged: Bools
+    """Blocks with a station in the material that is not milling with a spindle that turns: plunges,
+    rapids; shape (B,)."""
     lowest: Floats | None = None
     highest: Floats | None = None
+    """Between which heights above the tip the edge is in the material [m]; from the tip to
+    ``depth`` where they are not given; shape (N,)."""
 
     def __post_init__(self) -> None:
         shallow = np.flatnonzero(~((self.depth > 0.0) & np.isfinite(self.depth)))

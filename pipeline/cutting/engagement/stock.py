@@ -18,11 +18,6 @@ Span = tuple[float, float]
 class Box:
     """A block with edges along the axes.
 
-    Parameters
-    ----------
-    x_mm, y_mm, z_mm : tuple of float
-        From where to where [mm]; a block without height is a stock without material.
-
     Raises
     ------
     ValueError
@@ -32,6 +27,7 @@ class Box:
     x_mm: Span
     y_mm: Span
     z_mm: Span
+    """From where to where [mm]; a block without height is a stock without material."""
 
     def __post_init__(self) -> None:
         _check_range("x_mm", self.x_mm)
@@ -43,15 +39,6 @@ class Box:
 class Cylinder(Ranged, section="stock"):
     """A round bar that stands on its end.
 
-    Parameters
-    ----------
-    x_mm, y_mm : float
-        Of its axis [mm].
-    diameter_mm : float
-        [mm].
-    z_mm : tuple of float
-        From where to where [mm]; a bar without height is a stock without material.
-
     Raises
     ------
     ValueError
@@ -60,8 +47,11 @@ class Cylinder(Ranged, section="stock"):
 
     x_mm: Finite
     y_mm: Finite
+    """Of its axis [mm]."""
     diameter_mm: Positive
+    """Diameter [mm]."""
     z_mm: Span
+    """From where to where [mm]; a bar without height is a stock without material."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -72,13 +62,6 @@ class Cylinder(Ranged, section="stock"):
 class Mesh(Ranged, section="stock"):
     """A closed surface of triangles, read from an STL file.
 
-    Parameters
-    ----------
-    path : Path
-        The file, in the program's work coordinates.
-    scale : float
-        Millimetres to one unit of the file: 25.4 where it is in inches.
-
     Raises
     ------
     ValueError
@@ -86,7 +69,9 @@ class Mesh(Ranged, section="stock"):
     """
 
     path: Path
+    """The file, in the program's work coordinates."""
     scale: Positive = 1.0
+    """Millimetres to one unit of the file: 25.4 where it is in inches."""
 
 
 Stock = Box | Cylinder | Mesh

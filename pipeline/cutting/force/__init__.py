@@ -5,7 +5,6 @@ tool, F_z as on the workpiece (Altintas, *Manufacturing Automation*, 2nd ed. 201
 """
 
 __all__ = [
-    "chip",
     "chip_law",
     "drawn_peaks",
     "force_law",

@@ -27,21 +27,14 @@ CORNER = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EdgeTurn:
-    """Pieces of a tool's edge that are in the material over a turn of the spindle.
-
-    Parameters
-    ----------
-    tool : Tool
-        Whose edge it is; its runout is not used.
-    pieces : ndarray, shape (n, 9)
-        As :mod:`pipeline.cutting.force.profile_kernel` has them.
-    first : ndarray of intp, shape (A + 1,)
-        Where those of each angle of the tip begin.
-    """
+    """Pieces of a tool's edge that are in the material over a turn of the spindle."""
 
     tool: Tool
+    """Whose edge it is; its runout is not used."""
     pieces: Floats
+    """As :mod:`pipeline.cutting.force.profile_kernel` has them; shape (n, 9)."""
     first: NDArray[np.intp]
+    """Where those of each angle of the tip begin; shape (A + 1,)."""
 
 
 def edge_turn(

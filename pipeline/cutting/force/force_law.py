@@ -23,15 +23,6 @@ THICKNESS = 1e-3  # [m], of which k_c1.1 is the specific force
 class ForceLaw(Ranged, section="force_law"):
     """Constants of one pair of tool and material, in SI.
 
-    Parameters
-    ----------
-    K_tc, K_rc, K_ac : float
-        Cutting coefficients, tangential, radial, axial [N/m^2 m^m_c].
-    K_te, K_re, K_ae : float
-        Edge coefficients [N/m].
-    m_c : float
-        Exponent of the chip thickness [1]; 0 for the linear-edge model.
-
     Raises
     ------
     ValueError
@@ -41,10 +32,13 @@ class ForceLaw(Ranged, section="force_law"):
     K_tc: NotNegative
     K_rc: Finite
     K_ac: Finite = 0.0
+    """Cutting coefficients, tangential, radial, axial [N/m^2 m^m_c]."""
     K_te: NotNegative = 0.0
     K_re: Finite = 0.0
     K_ae: Finite = 0.0
+    """Edge coefficients [N/m]."""
     m_c: Annotated[float, Range(least=0.0, below=1.0)] = 0.0
+    """Exponent of the chip thickness [1]; 0 for the linear-edge model."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

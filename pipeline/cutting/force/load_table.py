@@ -38,7 +38,7 @@ from pipeline.cutting.force.edge import (
 )
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 
 MEAN, RMS, TORQUE = 1, 2, 4
 
@@ -49,23 +49,17 @@ class BlockLoads:
 
     Over a block, peaks are the greatest of its stations and means are weighted by the length that
     each stands for, as its time is at one feed; the part of a block in air does not count.
-
-    Parameters
-    ----------
-    peak, mean, rms : ndarray, shape (..., B)
-        Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N].
-    axial : ndarray, shape (..., B)
-        Peak of |F_z| [N].
-    torque, peak_torque : ndarray, shape (..., B)
-        Mean and peak of the torque that the cut takes [N m].
     """
 
     peak: Floats
     mean: Floats
     rms: Floats
+    """Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
     axial: Floats
+    """Peak of |F_z| [N]; shape (..., B)."""
     torque: Floats
     peak_torque: Floats
+    """Mean and peak of the torque that the cut takes [N m]; shape (..., B)."""
 
 
 def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks: int) -> Floats:
@@ -106,8 +100,6 @@ def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks
     return out
 
 
-Integers = NDArray[np.intp]
-
 NODES = 16
 ANGLES = 288
 CORNER = 6
@@ -115,37 +107,26 @@ CORNER = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadTable:
-    """Loads over the feed for each tooth.
-
-    Parameters
-    ----------
-    values : ndarray, shape (6, B, K + 1)
-        Peak, mean, RMS, axial, torque and peak torque of each block at K nodes, and their
-        extrapolation beyond.
-    station_values : ndarray, shape (6, U, K + 1)
-        The same of the different stations.
-    station_force : ndarray, shape (6, U, K + 1)
-        Mean force of the different stations over a turn, on the tool along the feed and to the
-        left of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`);
-        then the standard deviation of each.
-    station : ndarray of int, shape (N,)
-        Which of them each station of the engagement is.
-    block : ndarray of int32, shape (N,)
-        Block of each station.
-    scale, exponent : ndarray, shape (B,)
-        u is scale f_z^exponent, so that nodes are at squares.
-    length : ndarray, shape (B,)
-        Length in the material of each block [m].
-    """
+    """Loads over the feed for each tooth."""
 
     values: Floats
+    """Peak, mean, RMS, axial, torque and peak torque of each block at K nodes, and their
+    extrapolation beyond; shape (6, B, K + 1)."""
     station_values: Floats
+    """The same of the different stations; shape (6, U, K + 1)."""
     station_force: Floats
-    station: Integers
+    """Mean force of the different stations over a turn, on the tool along the feed and to the left
+    of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`); then the
+    standard deviation of each; shape (6, U, K + 1)."""
+    station: Rows
+    """Which of them each station of the engagement is; shape (N,)."""
     block: NDArray[np.int32]
+    """Block of each station; shape (N,)."""
     scale: Floats
     exponent: Floats
+    """u is scale f_z^exponent, so that nodes are at squares; shape (B,)."""
     length: Floats
+    """Length in the material of each block [m]; shape (B,)."""
 
     def loads(self, f_z: ArrayLike) -> BlockLoads:
         """Loads at feeds for each tooth [m] of shape (B,) or (P, B); arrays have the same shape.
@@ -178,7 +159,7 @@ class LoadTable:
             self.exponent[self.block],
         )
 
-    def mean_forces(self, station: Integers, f_z: Floats) -> Floats:
+    def mean_forces(self, station: Rows, f_z: Floats) -> Floats:
         """Mean force over a turn at places of some stations, and the standard deviation of each
         component [N]; shape (Q, 6), frame of the cut.
 
@@ -292,7 +273,7 @@ def _greatest(
     return np.broadcast_to(most, (len(tools),))
 
 
-def _tools(engagement: Engagement) -> Integers:
+def _tools(engagement: Engagement) -> Rows:
     """Tool of each block, -1 in air, where loads are 0."""
     of_block = np.full(engagement.blocks, -1, dtype=np.intp)
     of_block[engagement.block] = engagement.tool
@@ -304,7 +285,7 @@ def _tools(engagement: Engagement) -> Integers:
     return of_block
 
 
-def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.int32]]:
+def _different(engagement: Engagement) -> tuple[Rows, Rows, NDArray[np.int32]]:
     """Stations that differ, which of them each station is, and their tools."""
     bins = engagement.upper.shape[1]
     key = np.zeros((len(engagement), 2 * bins + 3), dtype=np.float32)
@@ -320,7 +301,7 @@ def _different(engagement: Engagement) -> tuple[Integers, Integers, NDArray[np.i
 
 
 def _station_values(
-    engagement: Engagement, rows: Integers, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
+    engagement: Engagement, rows: Rows, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
     """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
     from pipeline.cutting.force.profile_kernel import COLUMNS, FINEST, station_loads
@@ -364,7 +345,7 @@ def _add_chisel(
     out[:, :, FORCE + 2] -= thrust
 
 
-def _rings(engagement: Engagement, rows: Integers) -> tuple[Integers, Floats, Floats]:
+def _rings(engagement: Engagement, rows: Rows) -> tuple[Rows, Floats, Floats]:
     """Row of each of some stations in inner and outer radii, of which the first is a whole end."""
     rings, bins = engagement.rings, engagement.upper.shape[1]
     inner, outer = (

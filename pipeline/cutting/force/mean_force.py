@@ -12,7 +12,6 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.force.chip import cutting_arcs
 from pipeline.schema.arrays import Floats
 
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
@@ -84,7 +83,7 @@ def regressors(
 
 
 def _arguments(*given: ArrayLike) -> list[Floats]:
-    """The arguments, with the arcs in parts as :func:`pipeline.cutting.force.chip.cutting_arcs`."""
+    """The arguments, with the arcs in parts as :func:`cutting_arcs`."""
     arrays = np.broadcast_arrays(*[np.asarray(one, dtype=np.float64) for one in given])
     teeth, feed, depth, entry, leave = arrays
     for name, values in zip(("flutes", "f_z", "a_p"), arrays[:3], strict=True):
@@ -100,3 +99,32 @@ def _arguments(*given: ArrayLike) -> list[Floats]:
             f"{leave[wrong_arc].flat[0]:g} must be finite and 0 to 2 pi rad long"
         )
     return [teeth, feed, depth, *cutting_arcs(entry, leave)]
+
+
+def cutting_arcs(phi_st: ArrayLike, phi_ex: ArrayLike) -> tuple[Floats, Floats]:
+    """Parts of an arc in which a tooth cuts a chip: it does from 0 to pi of each turn.
+
+    Parameters
+    ----------
+    phi_st, phi_ex : array_like
+        Where teeth enter and leave [rad], at most 2 pi apart, in any turn.
+
+    Returns
+    -------
+    begin, end : ndarray, shape (2, ...)
+        Of the part in the turn of the entry and of that in the next, from 0 to pi; equal where
+        there is none.
+
+    Examples
+    --------
+    From 20 degrees before phi = 0 to 80 degrees behind it:
+
+    >>> np.degrees(cutting_arcs(np.radians(340.0), np.radians(440.0))).round(6).tolist()
+    [[180.0, 0.0], [180.0, 80.0]]
+    """
+    enter, leave = np.broadcast_arrays(
+        np.asarray(phi_st, dtype=np.float64), np.asarray(phi_ex, dtype=np.float64)
+    )
+    turn = np.floor(enter / (2 * np.pi))
+    zero = 2 * np.pi * np.stack([turn, turn + 1])  # phi = 0 in the turn of each part
+    return np.clip(enter - zero, 0, np.pi), np.clip(leave - zero, 0, np.pi)

@@ -105,18 +105,6 @@ def basis(
     return each[:, :3]
 
 
-def torque_basis(
-    tool: Tool, *, f_z: float, a_p: float, phi_st: float, phi_ex: float, angles: ArrayLike,
-    m_c: float = 0.0, slope: float = 0.0, slices: int = SLICES,
-) -> Floats:  # fmt: skip
-    """Torque that the cut takes for each coefficient; shape (T, 6), [m] times those of `basis`."""
-    each = _window(
-        tool, angles, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex, m_c=m_c, slope=slope,
-        slices=slices,
-    )  # fmt: skip
-    return each[:, 3]
-
-
 def profile_basis(
     tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
     m_c: float = 0.0, slope: float = 0.0, slices: int = 2 * SLICES,
@@ -180,21 +168,6 @@ def profile_basis(
     return out
 
 
-def waveform(
-    law: ForceLaw, tool: Tool, *, f_z: float, a_p: float, phi_st: float, phi_ex: float,
-    angles: ArrayLike, slope: float = 0.0, slices: int = SLICES,
-) -> Floats:  # fmt: skip
-    """F_x, F_y, F_z [N] under constant engagement; shape (T, 3).
-
-    F_z is as on the workpiece, the others are on the tool; else as :func:`basis`.
-    """
-    each = _window(
-        tool, angles, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex, m_c=law.m_c, slope=slope,
-        slices=slices,
-    )  # fmt: skip
-    return cast(Floats, each[:, :3] @ np.concatenate([law.cutting, law.edge]))
-
-
 def profile_waveform(
     law: ForceLaw, tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
     slope: float = 0.0, slices: int = 2 * SLICES, ring: tuple[Floats, Floats] | None = None,
@@ -251,7 +224,7 @@ def _window(
 def _windows(phi_st: float, phi_ex: float, slope: float) -> list[tuple[float, float]]:
     """Arcs where teeth may have a chip: from 0 to pi of each turn, on a slope anywhere."""
     arcs = [(phi_st, phi_ex)]
-    if slope == 0.0:  # as chip.cutting_arcs, which is for many at once
+    if slope == 0.0:  # as mean_force.cutting_arcs, which is for many at once
         zero = 2 * pi * floor(phi_st / (2 * pi))
         arcs = [(max(phi_st - z, 0.0), min(phi_ex - z, pi)) for z in (zero, zero + 2 * pi)]
     return [(begin, end) for begin, end in arcs if end > begin]

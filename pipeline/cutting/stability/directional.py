@@ -22,46 +22,35 @@ from math import cos, pi, sin, tan
 from typing import Literal, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.ranges import Count, Finite, Positive, Ranged
 
-Complex = NDArray[np.complex128]
 ARCS = 8
 """Parts of the arc of a cut for each harmonic."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RegenerativeCut(Ranged, section="cut"):
-    """Regenerative cut: all of a milling cut that decides on chatter, but its depth and speed.
-
-    Parameters
-    ----------
-    K_tc, K_rc : float
-        dF_t / dh and dF_r / dh for each depth of cut, in the plane [N/m^2].
-    flutes : int
-        Number of teeth, equally spaced.
-    entry, exit : float
-        Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad].
-    feed_direction : float
-        From the machine's x, anticlockwise seen from above [rad].
-    direction : {1, -1}
-        Of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4).
-    lag : float
-        By which an edge stays behind its tip for each height, tan(helix) / R [rad/m].
-    """
+    """Regenerative cut: all of a milling cut that decides on chatter, but its depth and speed."""
 
     K_tc: Positive
     K_rc: Finite
+    """dF_t / dh and dF_r / dh for each depth of cut, in the plane [N/m^2]."""
     flutes: Count
+    """Number of teeth, equally spaced."""
     entry: float
     exit: float
+    """Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad]."""
     feed_direction: Finite = 0.0
+    """From the machine's x, anticlockwise seen from above [rad]."""
     direction: Literal[1, -1] = 1
+    """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4)."""
     lag: Finite = 0.0
+    """By which an edge stays behind its tip for each height, tan(helix) / R [rad/m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -181,7 +170,7 @@ def mean_matrix(cut: RegenerativeCut) -> Floats:
     return mean
 
 
-def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complex:
+def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complexes:
     """Harmonics of A at the tooth passing frequency, in the machine's frame; shape (many, 2, 2).
 
     The first is the mean.  Without helix, which only weakens the others.
@@ -190,7 +179,9 @@ def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complex:
     parts = np.diff(_matrices(cut, _once(cut, edges)), axis=0)
     middle = 0.5 * (edges[1:] + edges[:-1])
     turns = np.exp(-1j * cut.flutes * np.arange(many)[:, None] * middle)
-    found: Complex = cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
+    found: Complexes = (
+        cut.turned @ np.einsum("rc,cij->rij", turns, parts) @ cut.turned.T / cut.pitch
+    )
     return found
 
 

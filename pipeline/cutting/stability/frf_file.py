@@ -20,8 +20,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.stability.tip_dynamics import Complex, FrequencyResponse, joined_responses
-from pipeline.schema.arrays import Floats
+from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, joined_responses
+from pipeline.schema.arrays import Complexes, Floats
 
 PLACES: dict[str, tuple[int, int]] = {"x": (0, 0), "y": (1, 1), "xy": (0, 1), "yx": (1, 0)}
 """Direction of the displacement and of the force -> row and column of the receptance."""
@@ -43,7 +43,7 @@ def unit_of(text: str) -> tuple[float, int]:
 
 
 def one_direction(
-    frequency: Floats, values: Complex, derivative: int, direction: str, sign: int = 1
+    frequency: Floats, values: Complexes, derivative: int, direction: str, sign: int = 1
 ) -> FrequencyResponse:
     """One direction of the receptance; a mobility or an accelerance is integrated."""
     kept = frequency != 0.0  # the static deflection is no part of an accelerance
@@ -101,7 +101,7 @@ def _text(path: Path) -> str:
         return raw.decode("latin-1")
 
 
-def _values(quantity: dict[str, Floats], unit: dict[str, str]) -> tuple[Complex, int]:
+def _values(quantity: dict[str, Floats], unit: dict[str, str]) -> tuple[Complexes, int]:
     """Response in SI, and how often it is a displacement's derivative."""
     if "magnitude" in quantity:
         if unit["phase"] not in _ANGLES:

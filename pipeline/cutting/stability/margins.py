@@ -107,21 +107,14 @@ def _kept(tip: object, cut: RegenerativeCut, highest: float) -> dict[float, floa
 
 @dataclass(frozen=True, kw_only=True)
 class CutClass:
-    """A cut, the dynamics of its tip, and the depth up to which its limit matters.
-
-    Parameters
-    ----------
-    dynamics : sequence of Mode
-        Of the tip.
-    cut : RegenerativeCut
-        Arc and coefficients of the class.
-    highest : float
-        Depth up to which chatter is looked for [m].
-    """
+    """A cut, the dynamics of its tip, and the depth up to which its limit matters."""
 
     dynamics: Sequence[Mode] = field(repr=False)
+    """Dynamics of the tip."""
     cut: RegenerativeCut
+    """Arc and coefficients of the class."""
     highest: float
+    """Depth up to which chatter is looked for [m]."""
 
     def limits(self, n: Floats) -> Floats:
         """Depth that is allowed at speeds of shape (S,) [1/s], at most ``highest`` [m]."""
@@ -146,34 +139,23 @@ def _allowed(tip: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest: floa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StabilityTable:
-    """Depth limits of K classes at C nodes of spindle speed, and the stations that look them up.
-
-    Parameters
-    ----------
-    nodes : ndarray, shape (C,)
-        Spindle speeds, growing [1/s].
-    classes : sequence of CutClass
-        K of them.
-    limit : ndarray, shape (K, C)
-        Depth that is allowed [m]; nan where it was not asked for yet.
-    kind, block : ndarray of int64, shape (N,)
-        Class and block of each station.
-    depth : ndarray, shape (N,)
-        [m].
-    judged : ndarray of bool, shape (B,)
-        Blocks of which all that is in the material was judged; air is.
-    most : float
-        Greatest margin that is told apart [1].
-    """
+    """Depth limits of K classes at C nodes of spindle speed, and the stations that look them up."""
 
     nodes: Floats
+    """Spindle speeds, growing [1/s]; shape (C,)."""
     classes: Sequence[CutClass] = field(repr=False)
+    """K of them."""
     limit: Floats = field(repr=False)
+    """Depth that is allowed [m]; nan where it was not asked for yet; shape (K, C)."""
     kind: Ints = field(repr=False)
     block: Ints = field(repr=False)
+    """Class and block of each station; shape (N,)."""
     depth: Floats = field(repr=False)
+    """Depth [m]; shape (N,)."""
     judged: Bools = field(repr=False)
+    """Blocks of which all that is in the material was judged; air is; shape (B,)."""
     most: float = MOST
+    """Greatest margin that is told apart [1]."""
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
         """Least margin of each block: limit / a_p - 1, at most ``most`` [1].

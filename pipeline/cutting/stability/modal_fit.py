@@ -19,13 +19,12 @@ import numpy as np
 
 from pipeline.cutting.stability.tip_dynamics import (
     DIRECTIONS,
-    Complex,
     FrequencyResponse,
     Mode,
     joined_responses,
     modal_receptance,
 )
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Complexes, Floats
 
 CLOSE = 0.01
 """Share of the response to which every line is fitted, where noise is less [1]."""
@@ -64,21 +63,14 @@ _PATIENCE = 2
 
 @dataclass(frozen=True, kw_only=True)
 class ModalFit:
-    """Modes of a tip, and how well they say what was measured.
-
-    Parameters
-    ----------
-    modes : tuple of Mode
-        More compliant than measured by their own error each.
-    error : float
-        Greatest error of a mode's peak, over the greatest peak of its direction [1].
-    caution : str
-        What the band does not show; empty where nothing is missing.
-    """
+    """Modes of a tip, and how well they say what was measured."""
 
     modes: tuple[Mode, ...]
+    """More compliant than measured by their own error each."""
     error: float
+    """Greatest error of a mode's peak, over the greatest peak of its direction [1]."""
     caution: str = ""
+    """What the band does not show; empty where nothing is missing."""
 
 
 def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
@@ -138,7 +130,7 @@ def _cross(response: FrequencyResponse) -> float:
     return share
 
 
-def _direction(frequency: Floats, measured: Complex, name: str) -> ModalFit:
+def _direction(frequency: Floats, measured: Complexes, name: str) -> ModalFit:
     """Modes along one direction."""
     if len(frequency) < FEW:
         raise ValueError(
@@ -200,7 +192,7 @@ def _caution(modes: Sequence[Mode], seen: Sequence[Mode], high: float, name: str
     )
 
 
-def _top(measured: Complex) -> float:
+def _top(measured: Complexes) -> float:
     return float(np.abs(measured).max())
 
 
@@ -209,7 +201,7 @@ def _part(mode: Mode, frequency: Floats) -> float:
     return _top(modal_receptance([mode], frequency)[:, mode.axis, mode.axis])
 
 
-def _weight(frequency: Floats, measured: Complex) -> Floats:
+def _weight(frequency: Floats, measured: Complexes) -> Floats:
     """1 over what each line is known to: noise, and a share of the response [N/m]."""
     from scipy.ndimage import median_filter
 
@@ -235,14 +227,14 @@ def _modes(found: Floats, name: str) -> list[Mode]:
     ]  # fmt: skip
 
 
-def _sum(found: Floats, frequency: Floats) -> Complex:
+def _sum(found: Floats, frequency: Floats) -> Complexes:
     natural, damping, compliance = np.exp(found).T[:, :, None]
     r = frequency / natural
-    total: Complex = (compliance / (1.0 - r * r + 2j * damping * r)).sum(axis=0)
+    total: Complexes = (compliance / (1.0 - r * r + 2j * damping * r)).sum(axis=0)
     return total
 
 
-def _slopes(found: Floats, frequency: Floats) -> Complex:
+def _slopes(found: Floats, frequency: Floats) -> Complexes:
     """Derivatives of the sum by each parameter; shape (F, 3 M)."""
     natural, damping, compliance = np.exp(found).T[:, :, None]
     r = frequency / natural
@@ -253,13 +245,13 @@ def _slopes(found: Floats, frequency: Floats) -> Complex:
     return np.moveaxis(slopes, 2, 0).transpose(0, 2, 1).reshape(len(frequency), -1)
 
 
-def _both(values: Complex) -> Floats:
+def _both(values: Complexes) -> Floats:
     """Real parts, then imaginary ones."""
     return np.concatenate([values.real, values.imag])
 
 
 def _fitted(
-    start: Floats, frequency: Floats, measured: Complex, weight: Floats, *, exact: bool = False
+    start: Floats, frequency: Floats, measured: Complexes, weight: Floats, *, exact: bool = False
 ) -> Floats:
     """Parameters with the least squares of the weighted residual, from ``start``."""
     from scipy.optimize import least_squares
@@ -284,7 +276,7 @@ def _fitted(
     return np.asarray(answer.x).reshape(-1, 3)
 
 
-def _chosen(frequency: Floats, measured: Complex, weight: Floats) -> Floats:
+def _chosen(frequency: Floats, measured: Complexes, weight: Floats) -> Floats:
     """Parameters of as many modes as lines left out ask for; shape (M, 3)."""
     even, odd = slice(0, None, 2), slice(1, None, 2)
     fit = frequency[even], measured[even], weight[even]
@@ -315,7 +307,7 @@ def _chosen(frequency: Floats, measured: Complex, weight: Floats) -> Floats:
 
 
 def _candidates(
-    found: Floats, frequency: Floats, measured: Complex, weight: Floats
+    found: Floats, frequency: Floats, measured: Complexes, weight: Floats
 ) -> list[Floats]:
     """Modes to be tried, the one that explains most of what is left first."""
     rest = measured - _sum(found, frequency)
@@ -343,7 +335,7 @@ def _candidates(
 
 
 def _error(
-    mode: Mode, found: Floats, frequency: Floats, measured: Complex, weight: Floats
+    mode: Mode, found: Floats, frequency: Floats, measured: Complexes, weight: Floats
 ) -> float:  # fmt: skip
     """Error of a mode's peak [1]: what noise leaves open, and what no noise explains."""
     rest = measured - _sum(found, frequency)

@@ -30,8 +30,8 @@ from pipeline.cutting.stability.directional import (
     harmonic_matrices,
     mean_matrix,
 )
-from pipeline.cutting.stability.tip_dynamics import Complex, Mode, modal_receptance
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.cutting.stability.tip_dynamics import Mode, modal_receptance
+from pipeline.schema.arrays import Complexes, Floats, Ints
 
 if TYPE_CHECKING:
     from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
@@ -84,24 +84,18 @@ def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Ti
 
 @dataclass(frozen=True, kw_only=True)
 class DepthLimits:
-    """Depth limit at S spindle speeds, as far as the cells were refined.
-
-    Parameters
-    ----------
-    n : ndarray, shape (S,)
-        Spindle speed [1/s].
-    depth_limit : ndarray, shape (S,)
-        Least depth at which chatter begins [m]; inf where none is up to the depth looked at.
-    error : ndarray, shape (S,)
-        Estimated error of the finest cells before extrapolation, over the depth limit [1].
-    cells : ndarray of int, shape (S,)
-        Of the cut in one tooth period.
-    """
+    """Depth limit at S spindle speeds, as far as the cells were refined."""
 
     n: Floats
+    """Spindle speed [1/s]; shape (S,)."""
     depth_limit: Floats
+    """Least depth at which chatter begins [m]; inf where none is up to the depth looked at;
+    shape (S,)."""
     error: Floats
+    """Estimated error of the finest cells before extrapolation, over the depth limit [1];
+    shape (S,)."""
     cells: Ints
+    """Cells of the cut in one tooth period; shape (S,)."""
 
 
 def settled_limits(
@@ -176,7 +170,7 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
     return _depths(tuple(modes), cut)[1]
 
 
-def eigenvalues(matrix: Floats, response: Complex) -> Complex:
+def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
     """Both eigenvalues of A Phi [1/m], in no order.
 
     Parameters

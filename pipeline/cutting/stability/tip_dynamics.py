@@ -13,7 +13,7 @@ from typing import Annotated, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 
 DIRECTIONS = ("x", "y")
@@ -22,17 +22,6 @@ DIRECTIONS = ("x", "y")
 @dataclass(frozen=True, kw_only=True)
 class Mode(Ranged, section="mode"):
     """One mode, seen at the tool's tip.
-
-    Parameters
-    ----------
-    direction : {"x", "y"}
-        Axis of the machine along which the tip moves.
-    natural_frequency_Hz : float
-        Undamped [Hz].
-    damping : float
-        Ratio zeta [1].
-    stiffness_N_m, mass_kg : float, optional
-        Modal stiffness [N/m] or modal mass [kg]; the other follows from it.
 
     Raises
     ------
@@ -47,10 +36,14 @@ class Mode(Ranged, section="mode"):
     """
 
     direction: Literal["x", "y"]
+    """Axis of the machine along which the tip moves."""
     natural_frequency_Hz: Positive
+    """Undamped [Hz]."""
     damping: Annotated[float, Range(above=0.0, below=1.0)]
+    """Ratio zeta [1]."""
     stiffness_N_m: Positive | None = None
     mass_kg: Positive | None = None
+    """Modal stiffness [N/m] or modal mass [kg]; the other follows from it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -109,20 +102,9 @@ def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[
     return receptance
 
 
-Complex = NDArray[np.complex128]
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse:
     """Receptance of the tip at F frequencies; straight between them, both its parts.
-
-    Parameters
-    ----------
-    frequency_Hz : ndarray, shape (F,)
-        Growing, above 0 [Hz].
-    receptance : ndarray of complex, shape (F, 2, 2)
-        Displacement over force [m/N], time as e^(i w t); rows: direction of the displacement,
-        columns: of the force; x, y of the machine.  Entries that were not measured are 0.
 
     Raises
     ------
@@ -132,7 +114,11 @@ class FrequencyResponse:
     """
 
     frequency_Hz: Floats
-    receptance: Complex
+    """Growing, above 0 [Hz]; shape (F,)."""
+    receptance: Complexes
+    """Displacement over force [m/N], time as e^(i w t); rows: direction of the displacement,
+    columns: of the force; x, y of the machine.  Entries that were not measured are 0;
+    shape (F, 2, 2)."""
 
     def __post_init__(self) -> None:
         if len(self.frequency_Hz) < 2 or self.receptance.shape != (len(self.frequency_Hz), 2, 2):
@@ -159,12 +145,12 @@ class FrequencyResponse:
                     "the displacement, where the hammer hits against the sensor)"
                 )
 
-    def at(self, frequency_Hz: Floats) -> Complex:
+    def at(self, frequency_Hz: Floats) -> Complexes:
         """Receptance at frequencies within the measured ones [m/N]; shape (..., 2, 2)."""
         place = np.interp(frequency_Hz, self.frequency_Hz, np.arange(len(self.frequency_Hz)))
         low = np.minimum(place.astype(np.int64), len(self.frequency_Hz) - 2)
         share = (place - low)[..., None, None]
-        between: Complex = self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
+        between: Complexes = self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
         return between
 
 
@@ -201,24 +187,16 @@ def joined_responses(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
 
 @dataclass(frozen=True, kw_only=True)
 class TipModes:
-    """The section ``dynamics`` of a machine.
-
-    Parameters
-    ----------
-    source : str
-        Where the modes come from.
-    measured : bool
-        Whether that is a modal test of this machine.
-    modes : tuple of Mode
-        At the tip of every tool that is not listed.
-    tools : dict of int to tuple of Mode
-        By tool number.
-    """
+    """The section ``dynamics`` of a machine."""
 
     source: str
+    """Where the modes come from."""
     measured: bool = False
+    """Whether that is a modal test of this machine."""
     modes: tuple[Mode, ...] = ()
+    """At the tip of every tool that is not listed."""
     tools: dict[int, tuple[Mode, ...]] = field(default_factory=dict)
+    """By tool number."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,15 +1,14 @@
-"""Servo and mechanics step of an axis in compiled form, on numbers prepared for it once.
+"""Servo and mechanics of an axis in compiled form, on numbers prepared once for each variant.
 
 The equations are those of :mod:`pipeline.machine.axis.servo`,
 :mod:`pipeline.machine.axis.feed_drive` and :mod:`pipeline.machine.axis.friction`.  Commands and
 forces are counted in the speed that they give the mass in one step of the mechanics, k dt / M for
 one unit of the command and dt / M for one newton; the integral of the velocity error as its share
-of the command.  The arithmetic calls no library, so that loops over lanes become SIMD vectors.
+of the command.  A step calls no library.
 """
 
 from math import expm1, sqrt
 
-from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 from numpy import uint64
@@ -17,24 +16,19 @@ from numpy import uint64
 from pipeline.kernels import compiled
 from pipeline.machine.axis.feed_drive import DriveColumn
 
-LANES = 16
-"""Axes that lie beside each other; quantity n of lane l is at n + l."""
-ROWS = 35
-"""Quantities of one axis: state, prepared constants, and error statistics.
+ROWS = 31
+"""Number of quantities of one axis: state and prepared constants [1].
 
 UP is motion in the positive direction, DOWN in the negative; levels of DOWN are negative.
 AMPLITUDE is that of the Stribeck term, NARROW what scales the speed in it.
 """
-# unsigned: an index that could be negative would be tested in each lane
+# unsigned: an index that could be negative would be tested at each access
 (
     X, V, INTEGRAL, V_FED_BACK, V_REF, COMMAND, LAST_REFERENCE, LAST_VELOCITY_REF, UNIT,
     P, FV, LEFT_REF, SHARE_V, LEFT_V, MINUS_V, MINUS_I, FA, HIGHEST, LOWEST,
     OFFSET, LOAD_FACTOR, KEEP_UP, KEEP_DOWN, SLOW_UP, SLOW_DOWN,
     COULOMB_UP, COULOMB_DOWN, AMPLITUDE_UP, AMPLITUDE_DOWN, NARROW_UP, NARROW_DOWN,
-    GREATEST_ERROR, SQUARE_ERROR, GREATEST_COMMAND, SQUARE_COMMAND,
-) = (uint64(i * LANES) for i in range(ROWS))  # fmt: skip
-POSITION, VELOCITY, FIRST_COMMAND, REFERENCE_VELOCITY = range(4)
-"""Columns of an axis' start, as :class:`pipeline.twin.drive.DriveStart`."""
+) = (uint64(i) for i in range(ROWS))  # fmt: skip
 
 _LOOP_GAIN, _PROPORTIONAL = int(DriveColumn.LOOP_GAIN), int(DriveColumn.PROPORTIONAL)
 _INTEGRAL, _LIMIT = int(DriveColumn.INTEGRAL), int(DriveColumn.CURRENT_LIMIT)
@@ -60,43 +54,11 @@ def fused(context, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def greater(context, a, b):  # type: ignore[no-untyped-def]
-    """The greater of two numbers in one instruction; neither may be NaN.
-
-    A comparison would be stored in single lanes, which the next load of them has to wait for.
-    """
-
-    def build(target, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        number = arguments[0].type
-        maximum = builder.module.declare_intrinsic(
-            "llvm.maxnum", [number], ir.FunctionType(number, [number, number])
-        )
-        return builder.call(maximum, arguments, fastmath=("nnan", "nsz"))
-
-    return types.float64(types.float64, types.float64), build
-
-
-@intrinsic
 def put_into_caller(context):  # type: ignore[no-untyped-def]
     """Make the function that calls this part of its callers, however long it is."""
 
     def mark(target, builder, signature, arguments):  # type: ignore[no-untyped-def]
         builder.function.attributes.add("alwaysinline")
-        return target.get_dummy_value()
-
-    return types.none(), mark
-
-
-@intrinsic
-def in_widest_vectors(context):  # type: ignore[no-untyped-def]
-    """Let the compiler use 512 bits in the function that calls this, where the processor has them.
-
-    Left alone it takes 256, for fear of the clock of older processors.
-    """
-
-    def mark(target, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        # the library knows the attributes without a value only, and refuses others in its own add
-        set.add(builder.function.attributes, '"prefer-vector-width"="512"')
         return target.get_dummy_value()
 
     return types.none(), mark
@@ -119,32 +81,32 @@ def decay(y):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def prepare(row, start, first, period, held, data, at):  # type: ignore[no-untyped-def]
-    """Fill an axis' quantities before its first sample; quantity i lies at ``data[i + at]``.
+def prepare(row, start, first, period, held, data):  # type: ignore[no-untyped-def]
+    """Fill the quantities ``data``, shape (ROWS,), of an axis before its first sample.
 
-    ``row`` is one of :func:`pipeline.machine.axis.feed_drive.drive_row`, ``start`` has the columns
-    above, ``first`` is the first reference [m], ``period`` the servo's [s], in which the mechanics
-    make ``held`` steps.
+    ``row`` is one of :func:`pipeline.machine.axis.feed_drive.drive_row`, ``start`` holds the
+    numbers of :class:`pipeline.twin.drive.DriveStart`, ``first`` is the first reference [m],
+    ``period`` the servo's [s], in which the mechanics make ``held`` steps.
     """
     per_newton = period / held / row[_MASS]
     unit = per_newton * row[_FORCE]
     share_ref, share_v = followed(row[_LAG_REF], period), followed(row[_LAG_V], period)
-    data[at + UNIT] = unit
-    data[at + P] = share_ref * row[_LOOP_GAIN]
-    data[at + FV] = share_ref * row[_FV]
-    data[at + LEFT_REF] = 1.0 - share_ref
-    data[at + SHARE_V] = share_v
-    data[at + LEFT_V] = 1.0 - share_v
-    data[at + MINUS_V] = -unit * row[_PROPORTIONAL]
-    data[at + MINUS_I] = -unit * row[_INTEGRAL] * period
-    data[at + FA] = unit * row[_FA]
-    data[at + HIGHEST] = unit * row[_LIMIT]
-    data[at + LOWEST] = -unit * row[_LIMIT]
-    data[at + OFFSET] = per_newton * row[_OFFSET]
-    data[at + LOAD_FACTOR] = per_newton * row[_LOAD_FACTOR]
-    _friction(row, _UP, per_newton, per_newton, data, at)
-    _friction(row, _DOWN, per_newton, -per_newton, data, at + uint64(LANES))
-    _state(row, start, first, period, unit, data, at)
+    data[UNIT] = unit
+    data[P] = share_ref * row[_LOOP_GAIN]
+    data[FV] = share_ref * row[_FV]
+    data[LEFT_REF] = 1.0 - share_ref
+    data[SHARE_V] = share_v
+    data[LEFT_V] = 1.0 - share_v
+    data[MINUS_V] = -unit * row[_PROPORTIONAL]
+    data[MINUS_I] = -unit * row[_INTEGRAL] * period
+    data[FA] = unit * row[_FA]
+    data[HIGHEST] = unit * row[_LIMIT]
+    data[LOWEST] = -unit * row[_LIMIT]
+    data[OFFSET] = per_newton * row[_OFFSET]
+    data[LOAD_FACTOR] = per_newton * row[_LOAD_FACTOR]
+    _friction(row, _UP, per_newton, per_newton, data, uint64(0))
+    _friction(row, _DOWN, per_newton, -per_newton, data, uint64(1))
+    _state(row, start, first, period, unit, data)
 
 
 @compiled
@@ -160,21 +122,17 @@ def _friction(row, column, per_newton, sign, data, at):  # type: ignore[no-untyp
 
 
 @compiled
-def _state(row, start, first, period, unit, data, at):  # type: ignore[no-untyped-def]
+def _state(row, start, first, period, unit, data):  # type: ignore[no-untyped-def]
     x, v, command, forward = start[0], start[1], start[2], start[3]
     v_ref = row[_LOOP_GAIN] * (first - x) + row[_FV] * forward
     integral = unit * (command - row[_PROPORTIONAL] * (v_ref - v))
-    data[at + X] = x
-    data[at + V] = v
-    data[at + INTEGRAL] = integral if row[_INTEGRAL] > 0.0 else 0.0
-    data[at + V_FED_BACK] = v
-    data[at + V_REF] = v_ref
-    data[at + LAST_REFERENCE] = first - period * forward
-    data[at + LAST_VELOCITY_REF] = forward
-    data[at + GREATEST_ERROR] = 0.0
-    data[at + SQUARE_ERROR] = 0.0
-    data[at + GREATEST_COMMAND] = 0.0
-    data[at + SQUARE_COMMAND] = 0.0
+    data[X] = x
+    data[V] = v
+    data[INTEGRAL] = integral if row[_INTEGRAL] > 0.0 else 0.0
+    data[V_FED_BACK] = v
+    data[V_REF] = v_ref
+    data[LAST_REFERENCE] = first - period * forward
+    data[LAST_VELOCITY_REF] = forward
 
 
 @compiled
@@ -184,45 +142,41 @@ def followed(lag, period):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def servo_sample(data, i, r, forward, ahead):  # type: ignore[no-untyped-def]
-    """Command of the servo of the axis at ``i``, and its statistics.
+def servo_sample(data, r, forward, ahead):  # type: ignore[no-untyped-def]
+    """Command of the servo.
 
     The integral stays while the limit holds and the error would carry it further (conditional
     integration).
     """
     put_into_caller()
-    error = r - data[i + X]
-    data[i + GREATEST_ERROR] = greater(data[i + GREATEST_ERROR], abs(error))
-    data[i + SQUARE_ERROR] = fused(error, error, data[i + SQUARE_ERROR])
-    v_ref = fused(data[i + FV], forward, data[i + LEFT_REF] * data[i + V_REF])
-    v_ref = fused(data[i + P], error, v_ref)
-    v_fed_back = fused(data[i + SHARE_V], data[i + V], data[i + LEFT_V] * data[i + V_FED_BACK])
-    data[i + V_REF] = v_ref
-    data[i + V_FED_BACK] = v_fed_back
+    error = r - data[X]
+    v_ref = fused(data[FV], forward, data[LEFT_REF] * data[V_REF])
+    v_ref = fused(data[P], error, v_ref)
+    v_fed_back = fused(data[SHARE_V], data[V], data[LEFT_V] * data[V_FED_BACK])
+    data[V_REF] = v_ref
+    data[V_FED_BACK] = v_fed_back
     # excess of the speed over its reference
     over = v_fed_back - v_ref
-    integral = data[i + INTEGRAL]
-    unlimited = fused(data[i + MINUS_V], over, fused(data[i + FA], ahead, integral))
-    command = min(max(unlimited, data[i + LOWEST]), data[i + HIGHEST])
+    integral = data[INTEGRAL]
+    unlimited = fused(data[MINUS_V], over, fused(data[FA], ahead, integral))
+    command = min(max(unlimited, data[LOWEST]), data[HIGHEST])
     growth = over if (unlimited - command) * over >= 0.0 else 0.0
-    data[i + INTEGRAL] = fused(data[i + MINUS_I], growth, integral)
-    data[i + COMMAND] = command
-    data[i + GREATEST_COMMAND] = greater(data[i + GREATEST_COMMAND], abs(command))
-    data[i + SQUARE_COMMAND] = fused(command, command, data[i + SQUARE_COMMAND])
+    data[INTEGRAL] = fused(data[MINUS_I], growth, integral)
+    data[COMMAND] = command
 
 
 @compiled
-def mechanics_step(data, i, load, half):  # type: ignore[no-untyped-def]
-    """Speed and position of the axis at ``i`` one step on, without a branch.
+def mechanics_step(data, load, half):  # type: ignore[no-untyped-def]
+    """Speed and position one step on, without a branch.
 
     ``half`` is half of the step [s].
     """
     put_into_caller()
-    v = data[i + V]
-    push = data[i + COMMAND] - fused(data[i + LOAD_FACTOR], load, data[i + OFFSET])
-    keep_up, keep_down = data[i + KEEP_UP], data[i + KEEP_DOWN]
-    slow_up, slow_down = data[i + SLOW_UP], data[i + SLOW_DOWN]
-    narrow_up, narrow_down = data[i + NARROW_UP], data[i + NARROW_DOWN]
+    v = data[V]
+    push = data[COMMAND] - fused(data[LOAD_FACTOR], load, data[OFFSET])
+    keep_up, keep_down = data[KEEP_UP], data[KEEP_DOWN]
+    slow_up, slow_down = data[SLOW_UP], data[SLOW_DOWN]
+    narrow_up, narrow_down = data[NARROW_UP], data[NARROW_DOWN]
     up = v > 0.0
     narrow = v * (narrow_up if up else narrow_down)
     faded = decay(narrow * narrow)
@@ -230,8 +184,38 @@ def mechanics_step(data, i, load, half):  # type: ignore[no-untyped-def]
     on = free > 0.0
     # at v = 0 the Stribeck term has not faded, whatever the direction
     share = faded if up == on else 1.0
-    highest = fused(data[i + AMPLITUDE_UP], share, data[i + COULOMB_UP])
-    lowest = fused(data[i + AMPLITUDE_DOWN], share, data[i + COULOMB_DOWN])
+    highest = fused(data[AMPLITUDE_UP], share, data[COULOMB_UP])
+    lowest = fused(data[AMPLITUDE_DOWN], share, data[COULOMB_DOWN])
     v_next = (free - min(max(free, lowest), highest)) * (slow_up if on else slow_down)
-    data[i + X] = fused(half, v + v_next, data[i + X])
-    data[i + V] = v_next
+    data[X] = fused(half, v + v_next, data[X])
+    data[V] = v_next
+
+
+@compiled
+def drive_traces(  # type: ignore[no-untyped-def]
+    reference, load, table, start, period, inner, held, data, begun, position, velocity, command
+):
+    """Fill position, velocity and command, shape (P, T), at the samples of the reference.
+
+    ``reference`` has shape (T,), ``load`` (1 or T,), ``table`` (P, columns) and ``start`` (P, 4);
+    the work array ``data`` is ROWS long.  Where it has ``begun``, the samples follow those that
+    left ``data`` as it is.
+    """
+    each = period / inner
+    loaded = 1 if load.shape[0] > 1 else 0
+    for p in range(table.shape[0]):
+        if not begun:
+            prepare(table[p], start[p], reference[0], each, held, data)
+        for k in range(reference.shape[0]):
+            here, after = reference[k], reference[min(k + 1, reference.shape[0] - 1)]
+            position[p, k], velocity[p, k] = data[X], data[V]
+            for j in range(inner):
+                r = here + (after - here) * (j / inner)
+                forward = (r - data[LAST_REFERENCE]) / each
+                ahead = (forward - data[LAST_VELOCITY_REF]) / each
+                data[LAST_REFERENCE], data[LAST_VELOCITY_REF] = r, forward
+                servo_sample(data, r, forward, ahead)
+                if j == 0:
+                    command[p, k] = data[COMMAND] / data[UNIT]
+                for _ in range(held):
+                    mechanics_step(data, load[loaded * k], 0.5 * each / held)

@@ -52,23 +52,6 @@ _Stiffness = Annotated[float, Range(above=0.0, finite=False)]
 class TransmissionParameters(Ranged, section="transmission"):
     """Transmission from the motor's shaft to the carriage, and the carriage.
 
-    Parameters
-    ----------
-    lead : float
-        L, travel of the carriage for one revolution of the screw [m/rev].
-    mass : float
-        M of all that moves along [kg].
-    screw_inertia : float
-        J_s [kg m^2].
-    coupling_stiffness, screw_stiffness : float
-        K_a, K_s, torsion [N m/rad]; infinite, the default, for a rigid part.
-    axial_stiffness : float
-        K_g of nut, bearings and screw along the axis [N/m]; infinite for rigid parts.
-    load_damping : float
-        C_l, viscous, about the load's shaft [N m s/rad].
-    internal_damping : float
-        D of the twist [N m s/rad]; not in Feed2025, where it is 0.
-
     Raises
     ------
     ValueError
@@ -76,13 +59,20 @@ class TransmissionParameters(Ranged, section="transmission"):
     """
 
     lead: Positive
+    """L, travel of the carriage for one revolution of the screw [m/rev]."""
     mass: Positive
+    """M of all that moves along [kg]."""
     screw_inertia: NotNegative = 0.0
+    """J_s [kg m^2]."""
     coupling_stiffness: _Stiffness = inf
     screw_stiffness: _Stiffness = inf
+    """K_a, K_s, torsion [N m/rad]; infinite, the default, for a rigid part."""
     axial_stiffness: _Stiffness = inf
+    """K_g of nut, bearings and screw along the axis [N/m]; infinite for rigid parts."""
     load_damping: NotNegative = 0.0
+    """C_l, viscous, about the load's shaft [N m s/rad]."""
     internal_damping: NotNegative = 0.0
+    """D of the twist [N m s/rad]; not in Feed2025, where it is 0."""
 
     @property
     def ratio(self) -> float:

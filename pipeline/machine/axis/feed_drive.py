@@ -24,20 +24,6 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 class FeedDriveParameters(Ranged, section="feed_drive"):
     """Mechanics of one axis from its command to the carriage.
 
-    Parameters
-    ----------
-    mass : float
-        All that moves, the screw's and motor's inertia as mass: M + J (2 pi / L)^2 [kg].
-    force_constant : float
-        Force on the carriage for one unit of the command [N/A] ([N/V] where the command is a
-        voltage).  1 where it is unknown: then forces are in the command's unit, and so is M.
-    friction : FrictionParameters
-        Both directions.
-    offset : float
-        Force against positive motion that is always there: gravity less counterbalance [N].
-    backlash : float
-        Between the screw and the carriage [m]; 0 for none.
-
     Raises
     ------
     ValueError
@@ -45,10 +31,16 @@ class FeedDriveParameters(Ranged, section="feed_drive"):
     """
 
     mass: Positive
+    """All that moves, the screw's and motor's inertia as mass: M + J (2 pi / L)^2 [kg]."""
     force_constant: Positive
+    """Force on the carriage for one unit of the command [N/A] ([N/V] where the command is a
+    voltage).  1 where it is unknown: then forces are in the command's unit, and so is M."""
     friction: FrictionParameters
+    """Both directions."""
     offset: Annotated[float, Range(unit="N")] = 0.0
+    """Force against positive motion that is always there: gravity less counterbalance [N]."""
     backlash: Annotated[float, Range(least=0.0, unit="m")] = 0.0
+    """Between the screw and the carriage [m]; 0 for none."""
 
 
 def force_constant(torque_constant: float, lead: float) -> float:

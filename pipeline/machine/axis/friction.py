@@ -24,17 +24,6 @@ from pipeline.schema.ranges import NotNegative, Range, Ranged
 class DirectionFriction(Ranged, section="friction"):
     """Friction in one direction of motion; all values count as positive.
 
-    Parameters
-    ----------
-    coulomb : float
-        Level F_c that speed does not change [N].
-    static : float
-        Level F_s at the start of motion [N], at least ``coulomb``.
-    stribeck_velocity : float
-        Speed v_s over which the level falls from the static to the Coulomb one [m/s].
-    viscous : float
-        mu_v [N s/m].
-
     Raises
     ------
     ValueError
@@ -42,9 +31,13 @@ class DirectionFriction(Ranged, section="friction"):
     """
 
     coulomb: NotNegative
+    """Level F_c that speed does not change [N]."""
     static: NotNegative
+    """Level F_s at the start of motion [N], at least ``coulomb``."""
     stribeck_velocity: Annotated[float, Range(above=0.0, unit="m/s")] = 0.005
+    """Speed v_s over which the level falls from the static to the Coulomb one [m/s]."""
     viscous: NotNegative = 0.0
+    """mu_v [N s/m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -56,16 +49,11 @@ class DirectionFriction(Ranged, section="friction"):
 
 @dataclass(frozen=True, kw_only=True)
 class FrictionParameters:
-    """Friction in both directions of motion.
-
-    Parameters
-    ----------
-    positive, negative : DirectionFriction
-        For v > 0 and for v < 0.
-    """
+    """Friction in both directions of motion."""
 
     positive: DirectionFriction
     negative: DirectionFriction
+    """For v > 0 and for v < 0."""
 
 
 def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:

@@ -26,7 +26,7 @@ w_ref = (K_v (x_ref - x) + f_v x_ref') 2 pi / L.
 """
 
 from dataclasses import dataclass
-from math import exp, expm1
+from math import expm1
 from typing import Annotated, Any
 
 import numpy as np
@@ -41,13 +41,6 @@ _Span = Annotated[float, Range(least=0.0, below=1.0)]
 class CurrentLoopParameters(Ranged, section="current_loop"):
     """Both current loops; they are computed once a carrier period.
 
-    Parameters
-    ----------
-    bandwidth : float
-        w of the closed loop [rad/s].
-    period : float
-        h, of the loop and of the inverter's carrier [s].
-
     Raises
     ------
     ValueError
@@ -55,17 +48,15 @@ class CurrentLoopParameters(Ranged, section="current_loop"):
     """
 
     bandwidth: Positive
+    """w of the closed loop [rad/s]."""
     period: Positive = 1e-4
+    """h, of the loop and of the inverter's carrier [s]."""
 
     def gains(self, resistance: float, inductance: float) -> tuple[float, float]:
         """Return K [V/A] and K (1 - a) [V/A per period] of a winding [ohm], [H]."""
         fade = -expm1(-resistance * self.period / inductance)
         proportional = -expm1(-self.bandwidth * self.period) * resistance / fade
         return proportional, proportional * fade
-
-    def response(self, periods: Any) -> Any:
-        """Return the share of a step of the reference that is reached after whole periods [1]."""
-        return 1 - exp(-self.bandwidth * self.period) ** periods
 
 
 def induced_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
@@ -97,17 +88,6 @@ INTEGRAL = _rules(
 class FuzzyParameters(Ranged, section="fuzzy"):
     """Scales of the rules.  K = K_middle (1 + span times increment), increments in [-1, 1].
 
-    Parameters
-    ----------
-    error_scale : float
-        E for one unit of speed error [s/rad].
-    change_scale : float
-        EC for one unit of its rate of change [s^2/rad].
-    proportional_span, integral_span : float
-        Greatest change of a gain as a share of its middle [1], below 1, else a gain can vanish; the
-        defaults give
-        [0.2, 0.8] about 0.5 and [20, 60] about 40.
-
     Raises
     ------
     ValueError
@@ -115,9 +95,13 @@ class FuzzyParameters(Ranged, section="fuzzy"):
     """
 
     error_scale: NotNegative
+    """E for one unit of speed error [s/rad]."""
     change_scale: NotNegative
+    """EC for one unit of its rate of change [s^2/rad]."""
     proportional_span: _Span = 0.6
     integral_span: _Span = 0.5
+    """Greatest change of a gain as a share of its middle [1], below 1, else a gain can vanish; the
+    defaults give [0.2, 0.8] about 0.5 and [20, 60] about 40."""
 
 
 def increments(error: float, change: float) -> tuple[float, float]:
@@ -162,19 +146,6 @@ def increments(error: float, change: float) -> tuple[float, float]:
 class SpeedLoopParameters(Ranged, section="speed_loop"):
     """One speed loop.
 
-    Parameters
-    ----------
-    torque_limit : float
-        Greatest torque that is commanded [N m].
-    proportional : float
-        K_p [N m s/rad]; with ``fuzzy`` the middle of its range.
-    integral : float
-        K_i [N m/rad]; with ``fuzzy`` the middle of its range.
-    fuzzy : FuzzyParameters, optional
-        Rules that move both gains; none for a PI with fixed gains.
-    every : int
-        Periods of the current loop for one of the speed loop.
-
     Raises
     ------
     ValueError
@@ -182,10 +153,15 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
     """
 
     torque_limit: Positive
+    """Greatest torque that is commanded [N m]."""
     proportional: Positive = 0.5
+    """K_p [N m s/rad]; with ``fuzzy`` the middle of its range."""
     integral: NotNegative = 40.0
+    """K_i [N m/rad]; with ``fuzzy`` the middle of its range."""
     fuzzy: FuzzyParameters | None = None
+    """Rules that move both gains; none for a PI with fixed gains."""
     every: _Every = 1
+    """Periods of the current loop for one of the speed loop."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -196,17 +172,6 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
 class PositionLoopParameters(Ranged, section="position_loop"):
     """One position loop.
 
-    Parameters
-    ----------
-    gain : float
-        K_v [1/s]; at a constant feed v without feed-forward the error is v / K_v.
-    velocity_feedforward : float
-        f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all.
-    motor_encoder : bool
-        Whether the position is the motor's, L / 2 pi times its angle, or a scale's at the carriage.
-    every : int
-        Periods of the current loop for one of the position loop.
-
     Raises
     ------
     ValueError
@@ -214,9 +179,14 @@ class PositionLoopParameters(Ranged, section="position_loop"):
     """
 
     gain: Annotated[float, Range(above=0.0, unit="1/s")]
+    """K_v [1/s]; at a constant feed v without feed-forward the error is v / K_v."""
     velocity_feedforward: NotNegative = 0.0
+    """f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all."""
     motor_encoder: bool = False
+    """Whether the position is the motor's, L / 2 pi times its angle, or a scale's at the
+    carriage."""
     every: _Every = 10
+    """Periods of the current loop for one of the position loop."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

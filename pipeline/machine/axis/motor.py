@@ -36,23 +36,6 @@ _SQRT3 = np.sqrt(3.0)
 class MotorParameters(Ranged, section="motor"):
     """A synchronous motor with magnets.
 
-    Parameters
-    ----------
-    resistance : float
-        R of one phase [ohm].
-    inductance_d, inductance_q : float
-        L_d, L_q [H].
-    flux : float
-        phi_f, flux of the magnets through one phase, its amplitude [Wb].
-    pole_pairs : int
-        p.
-    inertia : float
-        J of the rotor [kg m^2].
-    damping : float
-        B, viscous [N m s/rad].
-    coulomb : float
-        Friction torque of the bearings and the cogging that speed does not change [N m].
-
     Raises
     ------
     ValueError
@@ -60,13 +43,20 @@ class MotorParameters(Ranged, section="motor"):
     """
 
     resistance: Positive
+    """R of one phase [ohm]."""
     inductance_d: Positive
     inductance_q: Positive
+    """L_d, L_q [H]."""
     flux: Positive
+    """phi_f, flux of the magnets through one phase, its amplitude [Wb]."""
     pole_pairs: Annotated[int, Range(least=1)]
+    """p."""
     inertia: Positive
+    """J of the rotor [kg m^2]."""
     damping: NotNegative = 0.0
+    """B, viscous [N m s/rad]."""
     coulomb: NotNegative = 0.0
+    """Friction torque of the bearings and the cogging that speed does not change [N m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -131,15 +121,6 @@ def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
 class InverterParameters(Ranged, section="inverter"):
     """The inverter between the current loops and the motor; dead time and drops are left out.
 
-    Parameters
-    ----------
-    dc_link : float
-        U_dc [V].
-    switched : bool
-        Whether the legs switch, or the mean voltage of a carrier period is held over it.
-    overmodulation : bool
-        Whether voltages between the circle and the hexagon are used.
-
     Raises
     ------
     ValueError
@@ -147,13 +128,11 @@ class InverterParameters(Ranged, section="inverter"):
     """
 
     dc_link: Annotated[float, Range(above=0.0, unit="V")]
+    """U_dc [V]."""
     switched: bool = False
+    """Whether the legs switch, or the mean voltage of a carrier period is held over it."""
     overmodulation: bool = False
-
-    @property
-    def linear_limit(self) -> float:
-        """U_dc / sqrt(3) [V], greatest amplitude of a phase that is free of distortion."""
-        return float(self.dc_link / _SQRT3)
+    """Whether voltages between the circle and the hexagon are used."""
 
 
 def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[Any, Any]:

@@ -19,28 +19,6 @@ from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 class ServoParameters(Ranged, section="servo"):
     """Position and velocity loop of one axis.
 
-    Parameters
-    ----------
-    position_gain : float
-        P_p [1/s].
-    velocity_gain : float
-        V_p, command for one unit of velocity error [A s/m] ([V s/m] where the command is a
-        voltage).
-    integral_gain : float
-        V_i [A/m].
-    position_scale, velocity_scale, integral_scale : float
-        S_pp, S_vp, S_vi: factors of the control that the vendor does not publish.
-    velocity_feedforward : float
-        f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all.
-    acceleration_feedforward : float
-        f_a, command for one unit of the reference's acceleration [A s^2/m].
-    current_limit : float
-        Greatest command [A]; while it holds the integral does not grow towards it.
-    velocity_lag : float
-        T_v, time constant of the measured velocity that is fed back [s]; 0 for none.
-    position_lag : float
-        T_x, time constant of v_ref between the position and the velocity loop [s]; 0 for none.
-
     Raises
     ------
     ValueError
@@ -48,16 +26,26 @@ class ServoParameters(Ranged, section="servo"):
     """
 
     position_gain: Positive
+    """P_p [1/s]."""
     velocity_gain: Positive
+    """V_p, command for one unit of velocity error [A s/m] ([V s/m] where the command is a
+    voltage)."""
     integral_gain: NotNegative = 0.0
+    """V_i [A/m]."""
     position_scale: Positive = 1.0
     velocity_scale: Positive = 1.0
     integral_scale: NotNegative = 1.0
+    """S_pp, S_vp, S_vi: factors of the control that the vendor does not publish."""
     velocity_feedforward: NotNegative = 0.0
+    """f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all."""
     acceleration_feedforward: NotNegative = 0.0
+    """f_a, command for one unit of the reference's acceleration [A s^2/m]."""
     current_limit: Annotated[float, Range(above=0.0, finite=False, unit="A")] = inf
+    """Greatest command [A]; while it holds the integral does not grow towards it."""
     velocity_lag: NotNegative = 0.0
+    """T_v, time constant of the measured velocity that is fed back [s]; 0 for none."""
     position_lag: NotNegative = 0.0
+    """T_x, time constant of v_ref between the position and the velocity loop [s]; 0 for none."""
 
     @property
     def loop_gain(self) -> float:

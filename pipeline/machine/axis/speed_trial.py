@@ -52,23 +52,6 @@ Search = Callable[[Callable[[Floats], Floats], Floats, Floats], SearchResult]
 class SpeedTrial(Ranged, section="trial"):
     """Steps and ramps that a speed loop is tested with.
 
-    Parameters
-    ----------
-    speed : float
-        Height of the step [rad/s].
-    load : float
-        Force on the carriage that follows on it [N].
-    duration : float
-        Of each of both [s].
-    feeds : tuple of float
-        Feeds of the ramps [m/s].
-    stroke : float
-        Length of the ramps [m].
-    acceleration : float
-        At both ends of a ramp [m/s^2].
-    period : float
-        Between samples [s].
-
     Raises
     ------
     ValueError
@@ -76,38 +59,36 @@ class SpeedTrial(Ranged, section="trial"):
     """
 
     speed: Positive = 1000 * RPM
+    """Height of the step [rad/s]."""
     load: Positive = 2000.0
+    """Force on the carriage that follows on it [N]."""
     duration: Positive = 0.15
+    """Duration of each of both [s]."""
     feeds: tuple[Positive, ...] = (1.5 / 60, 3.0 / 60)
+    """Feeds of the ramps [m/s]."""
     stroke: Positive = 0.1
+    """Length of the ramps [m]."""
     acceleration: Positive = 1.0
+    """At both ends of a ramp [m/s^2]."""
     period: Positive = 1e-4
+    """Between samples [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StepResponse:
-    """Response of the speed to a step, and to a step of the load after it.
-
-    Parameters
-    ----------
-    settling_2, settling_01 : float
-        Time after which the speed stays within 2 % and 0.1 % of the step [s]; nan for never.
-    overshoot : float
-        Share of the step [1].
-    dip : float
-        Greatest loss of speed under the load, as a share of the step [1].
-    recovery : float
-        Time after which the speed under load stays within 2 % of the step [s]; nan for never.
-    cost : float
-        Integral of time times absolute error over both [rad s].
-    """
+    """Response of the speed to a step, and to a step of the load after it."""
 
     settling_2: float
     settling_01: float
+    """Time after which the speed stays within 2 % and 0.1 % of the step [s]; nan for never."""
     overshoot: float
+    """Share of the step [1]."""
     dip: float
+    """Greatest loss of speed under the load, as a share of the step [1]."""
     recovery: float
+    """Time after which the speed under load stays within 2 % of the step [s]; nan for never."""
     cost: float
+    """Integral of time times absolute error over both [rad s]."""
 
 
 def settling_time(time: Floats, error: Floats, band: float) -> float:

@@ -28,57 +28,43 @@ _LONGEST = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeLoopTrace:
-    """Simulated axis at T samples; every array has shape (T,).
-
-    Parameters
-    ----------
-    time : ndarray
-        [s].
-    reference : ndarray
-        Position [m] or speed [rad/s], whichever was followed.
-    position, motor_position : ndarray
-        Carriage, and motor's angle times L / 2 pi [m].
-    speed, load_speed : ndarray
-        Of the motor, and of the load about its shaft [rad/s].
-    i_d, i_q : ndarray
-        [A].
-    u_d, u_q : ndarray
-        Mean over the period of the current loops that ends there [V].
-    torque : ndarray
-        T_e [N m].
-    friction : ndarray
-        Of the guideway, against positive motion [N]; for rigid shafts that stand, with the motor's.
-    proportional, integral : ndarray
-        K_p [N m s/rad] and K_i [N m/rad] of the speed loop in the period that ends there.
-    electrical_work, copper_loss, shaft_work, mechanical_loss, load_work : ndarray
-        Since the start [J]: into the motor, lost in its windings, of T_e, lost to friction and
-        damping, done on the load.
-    magnetic, kinetic, elastic : ndarray
-        Energy that is stored [J].
-    """
+    """Simulated axis at T samples; every array has shape (T,)."""
 
     time: Floats
+    """Time [s]."""
     reference: Floats
+    """Position [m] or speed [rad/s], whichever was followed."""
     position: Floats
     motor_position: Floats
+    """Carriage, and motor's angle times L / 2 pi [m]."""
     speed: Floats
     load_speed: Floats
+    """Of the motor, and of the load about its shaft [rad/s]."""
     i_d: Floats
     i_q: Floats
+    """[A]."""
     u_d: Floats
     u_q: Floats
+    """Mean over the period of the current loops that ends there [V]."""
     torque: Floats
+    """T_e [N m]."""
     friction: Floats
+    """Friction of the guideway, against positive motion [N]; for rigid shafts that stand, with the
+    motor's."""
     proportional: Floats
     integral: Floats
+    """K_p [N m s/rad] and K_i [N m/rad] of the speed loop in the period that ends there."""
     electrical_work: Floats
     copper_loss: Floats
     shaft_work: Floats
     mechanical_loss: Floats
     load_work: Floats
+    """Since the start [J]: into the motor, lost in its windings, of T_e, lost to friction and
+    damping, done on the load."""
     magnetic: Floats
     kinetic: Floats
     elastic: Floats
+    """Energy that is stored [J]."""
 
 
 def follow_position(

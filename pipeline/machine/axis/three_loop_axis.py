@@ -30,33 +30,22 @@ to 2.8; at a half a free swing loses a per mille of its amplitude in three perio
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeLoopParameters:
-    """Parts of one feed axis.
-
-    Parameters
-    ----------
-    motor : MotorParameters
-        Synchronous motor.
-    inverter : InverterParameters
-        Inverter that feeds it.
-    transmission : TransmissionParameters
-        From the motor's shaft to the carriage.
-    friction : FrictionParameters
-        Of the guideway, at the carriage.
-    current_loop : CurrentLoopParameters
-        Innermost loops, whose period is the clock of all.
-    speed_loop : SpeedLoopParameters
-        PI or fuzzy PI.
-    position_loop : PositionLoopParameters, optional
-        Outermost loop; it may be left out where only speeds are followed.
-    """
+    """Parts of one feed axis."""
 
     motor: MotorParameters
+    """Synchronous motor."""
     inverter: InverterParameters
+    """Inverter that feeds it."""
     transmission: TransmissionParameters
+    """From the motor's shaft to the carriage."""
     friction: FrictionParameters
+    """Friction of the guideway, at the carriage."""
     current_loop: CurrentLoopParameters
+    """Innermost loops, whose period is the clock of all."""
     speed_loop: SpeedLoopParameters
+    """PI or fuzzy PI."""
     position_loop: PositionLoopParameters | None = None
+    """Outermost loop; it may be left out where only speeds are followed."""
 
 
 def check_steps(drive: ThreeLoopParameters, steps: int) -> None:

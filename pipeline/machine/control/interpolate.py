@@ -33,25 +33,17 @@ _JERK = int(Limit.JERK)
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """T samples of a plan.
-
-    Parameters
-    ----------
-    time : (T,) array
-        [s].
-    programmed, position : (T, 6) array
-        X Y Z A B C before and after the filters [m, rad].
-    row : (T,) array of int32
-        Row of ``Moves`` that the interpolator is in (the filters lag behind).
-    distance : (T,) array
-        Path length travelled within the row [m], [rad] where only rotary axes move.
-    """
+    """T samples of a plan."""
 
     time: Floats = field(repr=False)
+    """Time [s]."""
     programmed: Floats = field(repr=False)
     position: Floats = field(repr=False)
+    """X Y Z A B C before and after the filters [m, rad]."""
     row: npt.NDArray[np.int32] = field(repr=False)
+    """Row of ``Moves`` that the interpolator is in (the filters lag behind)."""
     distance: Floats = field(repr=False)
+    """Path length travelled within the row [m], [rad] where only rotary axes move."""
 
     def __len__(self) -> int:
         return len(self.time)

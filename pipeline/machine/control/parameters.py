@@ -48,23 +48,6 @@ _PER_MINUTE = {Limit.RAPID_SPEED, Limit.CUTTING_SPEED, Limit.CORNER_JUMP}
 class AxisParameters(Ranged):
     """Limits of one axis; read degree for millimetre at A, B and C.
 
-    Parameters
-    ----------
-    rapid_speed, cutting_speed : float
-        Greatest speed in G0, and in G1 to G3 [mm/min].
-    rapid_acceleration, cutting_acceleration : float
-        Along the path, in G0 and in G1 to G3 [mm/s^2].
-    arc_acceleration : float
-        Towards the centre of arcs, and the average that the corners of a curve made of chords may
-        reach [mm/s^2].
-    corner_jump : float
-        Greatest jump of speed at a corner [mm/min]; 0 stands still wherever the axis changes its
-        speed.
-    jerk : float, optional
-        Greatest jerk before interpolation [mm/s^3]; the profile ``s_curve`` needs it.
-    acceleration_limit : float, optional
-        Capacity of the drive [mm/s^2]: the filtered acceleration must stay below it.
-
     Raises
     ------
     ValueError
@@ -73,54 +56,25 @@ class AxisParameters(Ranged):
 
     rapid_speed: Positive
     cutting_speed: Positive
+    """Greatest speed in G0, and in G1 to G3 [mm/min]."""
     rapid_acceleration: Positive
     cutting_acceleration: Positive
+    """Along the path, in G0 and in G1 to G3 [mm/s^2]."""
     arc_acceleration: Positive
+    """Towards the centre of arcs, and the average that the corners of a curve made of chords may
+    reach [mm/s^2]."""
     corner_jump: NotNegative
+    """Greatest jump of speed at a corner [mm/min]; 0 stands still wherever the axis changes its
+    speed."""
     jerk: Positive | None = None
+    """Greatest jerk before interpolation [mm/s^3]; the profile ``s_curve`` needs it."""
     acceleration_limit: Positive | None = None
+    """Capacity of the drive [mm/s^2]: the filtered acceleration must stay below it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AuxiliaryParameters(Ranged, section="auxiliary"):
     """Times of auxiliary functions: spindle, tool change, M codes, stop.
-
-    Parameters
-    ----------
-    spindle_acceleration : float
-        Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
-        :mod:`pipeline.machine.spindle`.
-    spindle_base_speed : float
-        Above it the motor gives constant power instead of constant torque [rev/min].
-    spindle_deceleration : float, optional
-        Of a spindle that is stopped [rev/min/s]; ``spindle_acceleration`` by default.
-    spindle_delay : float
-        Added to each of them [s].
-    spindle_wait : {"at_code", "next_line", "before_cutting", "none"}
-        Where the spindle is waited for: at M3, M4 and M5 themselves, before the line that follows,
-        before the next cutting move (the axes meanwhile move on), or nowhere.
-    spindle_stop_wait : {"as_start", "before_change"}
-        Whether a spindle that is stopped is waited for as one that starts, or only by what needs it
-        at rest: tool change, M0, M1, M2, M30 and the next spindle code.
-    speed_change_waits : bool
-        Whether an S word while the spindle rotates is waited for like a start; otherwise the axes
-        move on and nothing is waited for.
-    spindle_orientation : float
-        M19 [s].
-    maximum_speed : float
-        Of the spindle, limits constant surface speed [rev/min].
-    tool_change : float
-        M6 [s].
-    tools : dict of int to float
-        Additional time of M6 for a tool [s].
-    m_code : float
-        An M code that ``m_codes`` does not name [s].
-    m_codes : dict of int to float
-        M codes by number [s].
-    flying_m_codes : tuple of int
-        M codes that are sent while the axes move on; they take no time.
-    stop : float
-        M0 and M1 [s]; 0 leaves out what the operator does.
 
     Raises
     ------
@@ -129,20 +83,39 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     """
 
     spindle_acceleration: _Unbounded = np.inf
+    """Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
+    :mod:`pipeline.machine.spindle`."""
     spindle_base_speed: _Unbounded = np.inf
+    """Above it the motor gives constant power instead of constant torque [rev/min]."""
     spindle_deceleration: _Unbounded | None = None
+    """Of a spindle that is stopped [rev/min/s]; ``spindle_acceleration`` by default."""
     spindle_delay: _Seconds = 0.0
+    """Added to each of them [s]."""
     spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"
+    """Where the spindle is waited for: at M3, M4 and M5 themselves, before the line that follows,
+    before the next cutting move (the axes meanwhile move on), or nowhere."""
     spindle_stop_wait: Literal["as_start", "before_change"] = "as_start"
+    """Whether a spindle that is stopped is waited for as one that starts, or only by what needs it
+    at rest: tool change, M0, M1, M2, M30 and the next spindle code."""
     speed_change_waits: bool = False
+    """Whether an S word while the spindle rotates is waited for like a start; otherwise the axes
+    move on and nothing is waited for."""
     spindle_orientation: _Seconds = 0.0
+    """M19 [s]."""
     maximum_speed: _Unbounded = np.inf
+    """Of the spindle, limits constant surface speed [rev/min]."""
     tool_change: _Seconds = 0.0
+    """M6 [s]."""
     tools: dict[int, float] = field(default_factory=dict)
+    """Additional time of M6 for a tool [s]."""
     m_code: _Seconds = 0.0
+    """An M code that ``m_codes`` does not name [s]."""
     m_codes: dict[int, float] = field(default_factory=dict)
+    """M codes by number [s]."""
     flying_m_codes: tuple[int, ...] = ()
+    """M codes that are sent while the axes move on; they take no time."""
     stop: _Seconds = 0.0
+    """M0 and M1 [s]; 0 leaves out what the operator does."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -159,30 +132,6 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
 class ControlParameters(Ranged):
     """A control and the machine that it moves.
 
-    Parameters
-    ----------
-    axes : dict of str to AxisParameters
-        By the letters X Y Z A B C; a program that moves another axis is refused.
-    corner : {"jump", "tolerance"}
-        Whether corners are rounded as the filters happen to (Fanuc), or so that the filtered path
-        stays within ``tolerance``.  A tolerance in the program (G64 P) is kept in both.
-    tolerance : float
-        The control's own [mm]; used with ``corner = "tolerance"``.
-    rapid_filter, cutting_filter : tuple of 2 floats
-        Lengths T1, T2 of the moving averages after interpolation [s]; 0 for none.
-    profile : {"trapezoid", "s_curve"}
-        Acceleration before interpolation.
-    rapid_mode : {"linear", "independent"}
-        Whether G0 interpolates, or each axis goes as fast as it can.
-    rapid_stop : {"always", "change", "never"}
-        Where rapids end at a standstill: each one, or only where rapid and feed meet.
-    settle_time : float
-        Duration of the check that the axes are in position at an exact stop [s].
-    interpolation_period : float
-        [s].
-    auxiliary : AuxiliaryParameters
-        Times of auxiliary functions.
-
     Raises
     ------
     ValueError
@@ -191,16 +140,27 @@ class ControlParameters(Ranged):
     """
 
     axes: dict[str, AxisParameters]
+    """By the letters X Y Z A B C; a program that moves another axis is refused."""
     corner: Literal["jump", "tolerance"] = "jump"
+    """Whether corners are rounded as the filters happen to (Fanuc), or so that the filtered path
+    stays within ``tolerance``.  A tolerance in the program (G64 P) is kept in both."""
     tolerance: Positive = 0.01
+    """The control's own [mm]; used with ``corner = "tolerance"``."""
     rapid_filter: tuple[_Seconds, _Seconds] = (0.0, 0.0)
     cutting_filter: tuple[_Seconds, _Seconds] = (0.0, 0.0)
+    """Lengths T1, T2 of the moving averages after interpolation [s]; 0 for none."""
     profile: Literal["trapezoid", "s_curve"] = "trapezoid"
+    """Acceleration before interpolation."""
     rapid_mode: Literal["linear", "independent"] = "linear"
+    """Whether G0 interpolates, or each axis goes as fast as it can."""
     rapid_stop: Literal["always", "change", "never"] = "always"
+    """Where rapids end at a standstill: each one, or only where rapid and feed meet."""
     settle_time: _Seconds = 0.0
+    """Duration of the check that the axes are in position at an exact stop [s]."""
     interpolation_period: Positive = 0.001
+    """[s]."""
     auxiliary: AuxiliaryParameters = field(default_factory=AuxiliaryParameters)
+    """Times of auxiliary functions."""
 
     def __post_init__(self) -> None:
         if not self.axes or not set(self.axes) <= set(AXES):

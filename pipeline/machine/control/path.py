@@ -52,48 +52,33 @@ class Halt(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Path:
-    """Path of M rows; every array has one entry a row, zero where the row does not move.
-
-    Parameters
-    ----------
-    moves : Moves
-        Program that runs along the path.
-    control : ControlParameters
-        Control whose limits hold.
-    motion : (M,) array of uint8
-        :class:`Motion`.
-    form : (M,) array of uint8
-        Of rows that move: :mod:`pipeline.machine.control.geometry`'s STRAIGHT, ROTARY or CURVED.
-    length : (M,) array
-        Of X, Y, Z [m]; where only rotary axes move, of these [rad].
-    factor : (M,) array
-        Speed [m/s] (or [rad/s]) for one unit of F, of rapids for an override of 1, of
-        ``Motion.PER_TURN`` for one unit of F and 1 rev/min.
-    cap : (M,) array
-        Speed not to be passed, by the axes' speed, arcs, and the corners of curves [m/s].
-    acceleration, jerk : (M,) array
-        Along the path [m/s^2], [m/s^3]; ``jerk`` is empty for a trapezoid.
-    corner : (M,) array
-        Speed not to be passed at the row's end [m/s]; infinite where it runs on straight.
-    pause : (M,) array
-        Standstill after the row: the filters run empty, and the check of position [s].
-    reason, end_reason : (M,) array of uint8
-        :class:`Binding` of ``cap`` and of ``corner``.
-    """
+    """Path of M rows; every array has one entry a row, zero where the row does not move."""
 
     moves: Moves = field(repr=False)
+    """Program that runs along the path."""
     control: ControlParameters
+    """Control whose limits hold."""
     motion: Codes = field(repr=False)
+    """:class:`Motion`."""
     form: Codes = field(repr=False)
+    """Of rows that move: :mod:`pipeline.machine.control.geometry`'s STRAIGHT, ROTARY or CURVED."""
     length: Floats = field(repr=False)
+    """Of X, Y, Z [m]; where only rotary axes move, of these [rad]."""
     factor: Floats = field(repr=False)
+    """Speed [m/s] (or [rad/s]) for one unit of F, of rapids for an override of 1, of
+    ``Motion.PER_TURN`` for one unit of F and 1 rev/min."""
     cap: Floats = field(repr=False)
+    """Speed not to be passed, by the axes' speed, arcs, and the corners of curves [m/s]."""
     acceleration: Floats = field(repr=False)
     jerk: Floats = field(repr=False)
+    """Along the path [m/s^2], [m/s^3]; ``jerk`` is empty for a trapezoid."""
     corner: Floats = field(repr=False)
+    """Speed not to be passed at the row's end [m/s]; infinite where it runs on straight."""
     pause: Floats = field(repr=False)
+    """Standstill after the row: the filters run empty, and the check of position [s]."""
     reason: Codes = field(repr=False)
     end_reason: Codes = field(repr=False)
+    """:class:`Binding` of ``cap`` and of ``corner``."""
 
     def __len__(self) -> int:
         return len(self.motion)

@@ -124,27 +124,18 @@ def _check_positions(moves: Moves, control: ControlParameters) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """Times and speeds of the M rows of a program.
-
-    Parameters
-    ----------
-    path : Path
-        Path that is planned.
-    feed : (M,) array
-        F with the override, in the units of ``Moves``; in rapids the override [1].
-    spindle_speed : (M,) array
-        Speed of the spindle [rev/min].
-    motion : RowMotion
-        Speeds and times of what moves.
-    wait : (M,) array
-        Standstill after it: filters, check of position, dwell, tool, spindle, M code [s].
-    """
+    """Times and speeds of the M rows of a program."""
 
     path: Path
+    """Path that is planned."""
     feed: Floats = field(repr=False)
+    """F with the override, in the units of ``Moves``; in rapids the override [1]."""
     spindle_speed: Floats = field(repr=False)
+    """Speed of the spindle [rev/min]."""
     motion: RowMotion = field(repr=False)
+    """Speeds and times of what moves."""
     wait: Floats = field(repr=False)
+    """Standstill after it: filters, check of position, dwell, tool, spindle, M code [s]."""
 
     @cached_property
     def time(self) -> Floats:
@@ -165,11 +156,6 @@ class Plan:
     def v_peak(self) -> Floats:
         """Greatest speed along the path in each row [m/s]; shape (M,)."""
         return self.motion.v_peak
-
-    @property
-    def v_in(self) -> Floats:
-        """Speed along the path at the start of each row [m/s]; shape (M,)."""
-        return np.concatenate([[0.0], self.v_out[:-1]])[: len(self.v_out)]
 
     @cached_property
     def limit(self) -> npt.NDArray[np.uint8]:

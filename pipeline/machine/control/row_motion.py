@@ -21,26 +21,18 @@ UNITS = np.array([METRE] * 3 + [RADIAN] * 3)
 
 @dataclass(frozen=True, kw_only=True)
 class RowMotion:
-    """Speeds and times of M rows.
-
-    Parameters
-    ----------
-    v_out, v_peak : (M,) array
-        Speed along the path at the end of a row, and greatest in it [m/s].
-    time : (M,) array
-        Duration of the row's motion [s].
-    profile : (M,) array of int32
-        Of an S-curve: the row in ``profiles`` that a row belongs to, -1 where it does not move;
-        empty of a trapezoid, whose rows are each a profile.
-    profiles : (N, 6) array
-        Speeds at both ends and on top [m/s], length [m], acceleration [m/s^2], jerk [m/s^3].
-    """
+    """Speeds and times of M rows."""
 
     v_out: Floats = field(repr=False)
     v_peak: Floats = field(repr=False)
+    """Speed along the path at the end of a row, and greatest in it [m/s]."""
     time: Floats = field(repr=False)
+    """Duration of the row's motion [s]."""
     profile: npt.NDArray[np.int32] = field(repr=False)
+    """Profile of an S-curve: the row in ``profiles`` that a row belongs to, -1 where it does not
+    move; empty of a trapezoid, whose rows are each a profile."""
     profiles: Floats = field(repr=False)
+    """Speeds at both ends and on top [m/s], length [m], acceleration [m/s^2], jerk [m/s^3]."""
 
 
 def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:

@@ -23,12 +23,12 @@ from pipeline.optimisation.methods.speeds import (
     spread,
     start_prices,
 )
-from pipeline.optimisation.problem.arrays import Decision, Groups, Rows
+from pipeline.optimisation.problem.arrays import Decision, Groups
 from pipeline.optimisation.problem.feasible import LimitsError, passed_limit
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
 from pipeline.optimisation.text.words import stepped
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.part import Objective
 
 ROUNDS = 3

@@ -19,10 +19,10 @@ import numpy as np
 from pipeline.gcode.moves import Moves
 from pipeline.machine.control.path import Motion
 from pipeline.optimisation.methods.feeds import BlockModel, best_feeds, block_feeds
-from pipeline.optimisation.problem.arrays import RowGroups, Rows
+from pipeline.optimisation.problem.arrays import RowGroups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 NODES = 49
 """Feeds at which blocks are tabulated."""
@@ -34,26 +34,18 @@ ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Curves:
-    """B blocks over Q feeds.
-
-    Parameters
-    ----------
-    feeds : ndarray, shape (Q,)
-        Rising, in the units of ``Moves``.
-    values, times : ndarray, shape (B, Q)
-        Objective, and time [s], of each block at each of them.
-    low, high : ndarray, shape (B,)
-        Feeds that each block allows.
-    own : ndarray, shape (B,)
-        F as programmed; NaN where its rows have several.
-    """
+    """B blocks over Q feeds."""
 
     feeds: Floats = field(repr=False)
+    """Rising, in the units of ``Moves``; shape (Q,)."""
     values: Floats = field(repr=False)
     times: Floats = field(repr=False)
+    """Objective, and time [s], of each block at each of them; shape (B, Q)."""
     low: Floats = field(repr=False)
     high: Floats = field(repr=False)
+    """Feeds that each block allows; shape (B,)."""
     own: Floats = field(repr=False)
+    """F as programmed; NaN where its rows have several; shape (B,)."""
 
 
 def feed_groups(

@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import plan
-from pipeline.optimisation.problem.arrays import RowGroups, Rows
+from pipeline.optimisation.problem.arrays import RowGroups
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.words import ROUNDING, rounded_down
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.part import Objective
 
 SLACK = 1e-9
@@ -141,23 +141,16 @@ class BlockModel:
     At first every row reaches what axes and arcs allow, and nothing is in excess: as if each ran at
     its F all along.  Of a plan, v_reach is the greatest speed of rows too short for their F, and
     t_excess what speeding up and slowing down takes; then the model holds near that plan.
-
-    Parameters
-    ----------
-    problem : Problem
-        Limits and objectives of the rows.
-    objective : Objective
-        ``pareto`` counts as time.
-    reach : ndarray, shape (M,)
-        Greatest speed along the path [m/s].
-    excess : ndarray, shape (M,)
-        Time beside that at this speed [s].
     """
 
     problem: Problem = field(repr=False)
+    """Limits and objectives of the rows."""
     objective: Objective
+    """``pareto`` counts as time."""
     reach: Floats = field(repr=False)
+    """Greatest speed along the path [m/s]; shape (M,)."""
     excess: Floats = field(repr=False)
+    """Time beside that at this speed [s]; shape (M,)."""
 
     @classmethod
     def alone(cls, problem: Problem, objective: Objective) -> Self:
@@ -224,22 +217,16 @@ def _fed(problem: Problem) -> NDArray[np.bool_]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BlockFeeds:
-    """Best feeds of M rows at P choices of S.
-
-    Parameters
-    ----------
-    feeds : ndarray, shape (P, M)
-        In the units of ``Moves``; rows that keep theirs have their own.
-    values : ndarray, shape (P, M)
-        Objective of each row at that F and S; infinite where no F meets the limits.
-    low, high : ndarray, shape (P, M)
-        Interval that suits all rows of a group; empty where ``low`` is above ``high``.
-    """
+    """Best feeds of M rows at P choices of S."""
 
     feeds: Floats = field(repr=False)
+    """In the units of ``Moves``; rows that keep theirs have their own; shape (P, M)."""
     values: Floats = field(repr=False)
+    """Objective of each row at that F and S; infinite where no F meets the limits; shape (P, M)."""
     low: Floats = field(repr=False)
     high: Floats = field(repr=False)
+    """Interval that suits all rows of a group; empty where ``low`` is above ``high``;
+    shape (P, M)."""
 
 
 def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:

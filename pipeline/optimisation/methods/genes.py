@@ -32,22 +32,15 @@ LEAST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class BoundedGenes:
-    """Genes of G groups and H stretches: first G shares of F [1], then H speeds [rev/min].
-
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    start : Decision
-        Whose groups they are; its S may stay as it is, all other S are whole.
-    low, high : ndarray, shape (G + H,)
-        Bounds.
-    """
+    """Genes of G groups and H stretches: first G shares of F [1], then H speeds [rev/min]."""
 
     problem: Problem = field(repr=False)
+    """Problem of M rows."""
     start: Decision = field(repr=False)
+    """Whose groups they are; its S may stay as it is, all other S are whole."""
     low: Floats = field(repr=False)
     high: Floats = field(repr=False)
+    """Bounds; shape (G + H,)."""
 
     @classmethod
     def of(cls, problem: Problem, start: Decision) -> "BoundedGenes":
@@ -175,33 +168,22 @@ def group_bounds(problem: Problem, groups: Groups, speeds: Floats) -> tuple[Floa
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Method:
-    """Objectives of one method to choose F and S.
-
-    Parameters
-    ----------
-    name : str
-        Of the method.
-    decision : Decision or None
-        F and S that it chose; None for the program as it is.
-    objectives : ndarray, shape (4,)
-        Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
-    violation : float
-        Sum over rows of what passes each limit, as a share of it [1]; 0 inside all limits.
-    evaluations : int
-        That it took.
-    limits : MethodLimits
-        Load limit at nominal values, or with the probability that is allowed.
-    refused : str
-        Why the whole twin does not accept it; empty where it does, or was not asked.
-    """
+    """Objectives of one method to choose F and S."""
 
     name: str
+    """Name of the method."""
     decision: Decision | None = field(repr=False)
+    """F and S that it chose; None for the program as it is."""
     objectives: Floats
+    """Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known; shape (4,)."""
     violation: float
+    """Sum over rows of what passes each limit, as a share of it [1]; 0 inside all limits."""
     evaluations: int
+    """That it took."""
     limits: MethodLimits = "certain"
+    """Load limit at nominal values, or with the probability that is allowed."""
     refused: str = ""
+    """Why the whole twin does not accept it; empty where it does, or was not asked."""
 
     @property
     def kept(self) -> bool:
@@ -220,28 +202,19 @@ def method_of(problem: Problem, name: str, decision: Decision, evaluations: int)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Front:
-    """Decisions of which none is better than another in all that counts.
-
-    Parameters
-    ----------
-    decisions : tuple of Decision
-        F of them, inside all limits, by the first of the objectives that count.
-    objectives : ndarray, shape (F, 4)
-        Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
-    no_worse : ndarray of bool, shape (F,)
-        Members that are in nothing that counts worse than the program as it is.
-    knee : int
-        The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
-        those that are no worse than the program; of all where there is none.
-    evaluations : int
-        That it took.
-    """
+    """Decisions of which none is better than another in all that counts."""
 
     decisions: tuple[Decision, ...] = field(repr=False)
+    """F of them, inside all limits, by the first of the objectives that count."""
     objectives: Floats
+    """Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known; shape (F, 4)."""
     no_worse: NDArray[np.bool_] = field(repr=False)
+    """Members that are in nothing that counts worse than the program as it is; shape (F,)."""
     knee: int
+    """The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
+    those that are no worse than the program; of all where there is none."""
     evaluations: int
+    """That it took."""
 
 
 class Genes(Protocol):

@@ -52,27 +52,18 @@ WEIGHT = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Improved:
-    """Where a search from a start ended.
-
-    Parameters
-    ----------
-    decision : Decision
-        The best that keeps all limits; the start itself where nothing better was found.
-    value : float
-        Its objective.
-    evaluations : int
-        Decisions that were evaluated, the start among them.
-    history : ndarray, shape (evaluations,)
-        The best value up to each.
-    stopped : str
-        Why it ended: ``generations`` or ``callback``.
-    """
+    """Where a search from a start ended."""
 
     decision: Decision = field(repr=False)
+    """The best that keeps all limits; the start itself where nothing better was found."""
     value: float
+    """Its objective."""
     evaluations: int
+    """Decisions that were evaluated, the start among them."""
     history: Floats = field(repr=False)
+    """The best value up to each; shape (evaluations,)."""
     stopped: str
+    """Why it ended: ``generations`` or ``callback``."""
 
 
 def improve(

@@ -6,10 +6,10 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.optimisation.methods.genes import BoundedGenes, Front
-from pipeline.optimisation.problem.arrays import Decision, Groups, Rows, first_rows
+from pipeline.optimisation.problem.arrays import Decision, Groups, first_rows
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, SearchSettings
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.search.dominance import knee, ranks, survivors
 from pipeline.search.nsga2 import FrontSettings, front
 

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
-from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import leads
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns
 from pipeline.optimisation.text.words import stepped
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 SPEEDS = 48
 """Of the geometric row."""
@@ -29,30 +29,21 @@ SLOWEST = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Pieces:
-    """A pieces of a program of M rows, in the order that they are run in.
-
-    Parameters
-    ----------
-    piece : ndarray of intp, shape (M,)
-        -1 in rows that keep their S.
-    tool_run : ndarray of intp, shape (A,)
-        Runs of pieces of one tool; S is free to change from one to the next.
-    word : ndarray of bool, shape (A,)
-        Whether an S word has to be added for S to change at the piece's first line.
-    rest : ndarray of bool, shape (A,)
-        Whether the spindle stands when the piece begins.
-    lead : ndarray, shape (A,)
-        Time from the beginning of the piece to its first cut, at rapids and at rest [s].
-    key : ndarray of intp, shape (A,)
-        Pieces of one key begin at the same line, run again, and have one S.
-    """
+    """A pieces of a program of M rows, in the order that they are run in."""
 
     piece: Rows = field(repr=False)
+    """-1 in rows that keep their S; shape (M,)."""
     tool_run: Rows = field(repr=False)
+    """Runs of pieces of one tool; S is free to change from one to the next; shape (A,)."""
     word: Bools = field(repr=False)
+    """Whether an S word has to be added for S to change at the piece's first line; shape (A,)."""
     rest: Bools = field(repr=False)
+    """Whether the spindle stands when the piece begins; shape (A,)."""
     lead: NDArray[np.float64] = field(repr=False)
+    """Time from the beginning of the piece to its first cut, at rapids and at rest [s];
+    shape (A,)."""
     key: Rows = field(repr=False)
+    """Pieces of one key begin at the same line, run again, and have one S; shape (A,)."""
 
     def __len__(self) -> int:
         return len(self.tool_run)

@@ -16,11 +16,10 @@ from pipeline.machine.control.path import where
 from pipeline.machine.spindle import spindle_waits
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds
 from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed_pieces
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.problem.feasible import LimitsError
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 LEADS = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0])
 """Classes of the time before a cut [s]."""
@@ -34,21 +33,14 @@ LATE = 1e6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Stretches:
-    """H stretches of one S in M rows of A pieces.
-
-    Parameters
-    ----------
-    stretch : ndarray of intp, shape (M,)
-        -1 in rows that keep their S.
-    speeds : ndarray, shape (H,)
-        [rev/min].
-    of_piece : ndarray of intp, shape (A,)
-        Stretch of each piece.
-    """
+    """H stretches of one S in M rows of A pieces."""
 
     stretch: Rows = field(repr=False)
+    """-1 in rows that keep their S; shape (M,)."""
     speeds: Floats = field(repr=False)
+    """Speeds [rev/min]; shape (H,)."""
     of_piece: Rows = field(repr=False)
+    """Stretch of each piece; shape (A,)."""
 
 
 def spread(speeds: Floats, stretch: Rows, own: Floats) -> Floats:

@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.cutting.catalogue import CuttingRange, Operation
 from pipeline.gcode.moves import METRE_PER_SECOND, FeedMode, Kind
 from pipeline.machine.control.path import Motion
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import MachiningPractice
 from pipeline.schema.part import HeldRows
 from pipeline.twin.cut import Cut
-
-Rows = NDArray[np.intp]
-"""Indices of rows, blocks or groups."""
 
 CONSTRAINTS = (
     "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",
@@ -42,22 +39,16 @@ F_Z_CONSTRAINTS = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Bounds:
-    """Feed for each tooth of M rows [m], whatever the spindle's speed.
-
-    Parameters
-    ----------
-    most : ndarray, shape (8, M)
-        Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit.
-    least : ndarray, shape (M,)
-        For the least chip; 0 where there is none.
-    torque : ndarray, shape (M, K + 1)
-        Mean torque over the turn at each row's hardest station, at the nodes of the load table
-        [N m].
-    """
+    """Feed for each tooth of M rows [m], whatever the spindle's speed."""
 
     most: Floats = field(repr=False)
+    """Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit;
+    shape (8, M)."""
     least: Floats = field(repr=False)
+    """For the least chip; 0 where there is none; shape (M,)."""
     torque: Floats = field(repr=False)
+    """Mean torque over the turn at each row's hardest station, at the nodes of the load table
+    [N m]; shape (M, K + 1)."""
 
     @cached_property
     def high(self) -> Floats:
@@ -78,99 +69,69 @@ class Ranges:
 
     Rows that keep their F have the range of all there is, and so have those that cut nothing their
     range of S: a stretch of one S is bounded by its rows that cut.
-
-    Parameters
-    ----------
-    feed_low, feed_high : ndarray
-        F [mm/min].
-    speed_low, speed_high : ndarray
-        S [rev/min].
-    surface_low, surface_high : ndarray
-        S that the cutting speed allows; 0 and infinite where it does not limit [rev/min].
-    counted : ndarray of bool
-        Rows that must keep within the range of S: those that cut, or whose cut is not known.
     """
 
     feed_low: Floats = field(repr=False)
     feed_high: Floats = field(repr=False)
+    """F [mm/min]."""
     speed_low: Floats = field(repr=False)
     speed_high: Floats = field(repr=False)
+    """S [rev/min]."""
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
+    """S that the cutting speed allows; 0 and infinite where it does not limit [rev/min]."""
     counted: Bools = field(repr=False)
+    """Rows that must keep within the range of S: those that cut, or whose cut is not known."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class OperationRange:
-    """Ranges that hold for one tool in one operation.
-
-    Parameters
-    ----------
-    tool : int
-        Number.
-    operation : str
-        Of :data:`pipeline.cutting.catalogue.OPERATIONS`.
-    range : CuttingRange
-        With its source; None in it where nothing is known.
-    kept : str
-        Why F and S stay as programmed; empty where they may change.
-    """
+    """Ranges that hold for one tool in one operation."""
 
     tool: int
+    """Number."""
     operation: Operation
+    """Of :data:`pipeline.cutting.catalogue.OPERATIONS`."""
     range: CuttingRange
+    """With its source; None in it where nothing is known."""
     kept: str = ""
+    """Why F and S stay as programmed; empty where they may change."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Practice:
-    """Limits of M rows; every array has shape (M,) and is infinite (or 0) where nothing limits.
-
-    Parameters
-    ----------
-    settings : MachiningPractice
-        How far F and S may go.
-    operation : ndarray of int8
-        Place in :data:`pipeline.cutting.catalogue.OPERATIONS`; -1 of rows that do not move at feed.
-    ranges : tuple of OperationRange
-        Of each tool in each operation.
-    kept_feed, kept_speed : tuple of (str, ndarray of bool)
-        Rows whose F, S stay as programmed, by reason.
-    f_z_low, f_z_high : ndarray
-        Feed for each tooth by the tool's range [m].
-    f_z_change : ndarray
-        Greatest feed for each tooth by the change from the program [m].
-    f_z_own : ndarray
-        That programmed, where the operation allows no more [m].
-    feed_low, feed_high : ndarray
-        F by the change from the program [mm/min].
-    speed_low, speed_high : ndarray
-        S by the change from the program, and where no tool life is known [rev/min].
-    surface_low, surface_high : ndarray
-        S by the range of the cutting speed and by the least tool life [rev/min].
-    unit : ndarray
-        Millimetres in the unit of length that F counts in the text.
-    passes : ndarray of intp
-        Pass of each row that shares its F with it, -1 for others.
-    """
+    """Limits of M rows; every array has shape (M,) and is infinite (or 0) where nothing limits."""
 
     settings: MachiningPractice
+    """How far F and S may go."""
     operation: NDArray[np.int8] = field(repr=False)
+    """Place in :data:`pipeline.cutting.catalogue.OPERATIONS`; -1 of rows that do not move at
+    feed."""
     ranges: tuple[OperationRange, ...]
+    """Ranges of each tool in each operation."""
     kept_feed: tuple[tuple[str, Bools], ...] = field(repr=False)
     kept_speed: tuple[tuple[str, Bools], ...] = field(repr=False)
+    """Rows whose F, S stay as programmed, by reason."""
     f_z_low: Floats = field(repr=False)
     f_z_high: Floats = field(repr=False)
+    """Feed for each tooth by the tool's range [m]."""
     f_z_change: Floats = field(repr=False)
+    """Greatest feed for each tooth by the change from the program [m]."""
     f_z_own: Floats = field(repr=False)
+    """That programmed, where the operation allows no more [m]."""
     feed_low: Floats = field(repr=False)
     feed_high: Floats = field(repr=False)
+    """F by the change from the program [mm/min]."""
     speed_low: Floats = field(repr=False)
     speed_high: Floats = field(repr=False)
+    """S by the change from the program, and where no tool life is known [rev/min]."""
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
+    """S by the range of the cutting speed and by the least tool life [rev/min]."""
     unit: Floats = field(repr=False)
+    """Millimetres in the unit of length that F counts in the text."""
     passes: Rows = field(repr=False)
+    """Pass of each row that shares its F with it, -1 for others."""
 
     @property
     def greatest_f_z(self) -> Floats:
@@ -180,22 +141,15 @@ class Practice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Groups:
-    """M rows in G groups of one F and H stretches of one S.
-
-    Parameters
-    ----------
-    feed : ndarray of intp, shape (M,)
-        Group of each row, -1 for rows that keep their F.
-    speed : ndarray of intp, shape (M,)
-        Stretch of each row, -1 for rows that keep their S.
-    own_feed, own_speed : ndarray, shape (M,)
-        What the rows have as programmed, in the units of ``Moves``.
-    """
+    """M rows in G groups of one F and H stretches of one S."""
 
     feed: Rows = field(repr=False)
+    """Group of each row, -1 for rows that keep their F; shape (M,)."""
     speed: Rows = field(repr=False)
+    """Stretch of each row, -1 for rows that keep their S; shape (M,)."""
     own_feed: Floats = field(repr=False)
     own_speed: Floats = field(repr=False)
+    """What the rows have as programmed, in the units of ``Moves``; shape (M,)."""
 
     @property
     def feeds(self) -> int:
@@ -245,21 +199,14 @@ def _spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Decision:
-    """F of each group and S of each stretch.
-
-    Parameters
-    ----------
-    groups : Groups
-        Rows that share an F, and an S.
-    feeds : ndarray, shape (G,)
-        In the units of ``Moves`` ([mm/min] or [mm/rev]).
-    speeds : ndarray, shape (H,)
-        [rev/min].
-    """
+    """F of each group and S of each stretch."""
 
     groups: Groups
+    """Rows that share an F, and an S."""
     feeds: Floats = field(repr=False)
+    """In the units of ``Moves`` ([mm/min] or [mm/rev]); shape (G,)."""
     speeds: Floats = field(repr=False)
+    """Speeds [rev/min]; shape (H,)."""
 
     @property
     def row_feeds(self) -> Floats:
@@ -274,18 +221,14 @@ class Decision:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Evaluation:
-    """Objectives and violated limits of P decisions.
-
-    Parameters
-    ----------
-    objectives : ndarray, shape (P, 4)
-        Time [s], cost [currency], energy [kWh], share of tool life [1]; NaN where not known.
-    violation : ndarray, shape (P,)
-        Excess over each limit, as a share of it, summed over rows [1]; 0 inside all limits.
-    """
+    """Objectives and violated limits of P decisions."""
 
     objectives: Floats
+    """Time [s], cost [currency], energy [kWh], share of tool life [1]; NaN where not known;
+    shape (P, 4)."""
     violation: Floats
+    """Excess over each limit, as a share of it, summed over rows [1]; 0 inside all limits;
+    shape (P,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -293,29 +236,22 @@ class Editable:
     """F and S that may change in a program of M rows and B editable blocks.
 
     A block is one line of the program's own file; rows of one line (cycles, repeats) share it.
-
-    Parameters
-    ----------
-    block : ndarray of intp, shape (M,)
-        Block whose F each row takes, -1 for rows that keep theirs; in the order of the program.
-    line : ndarray of intp, shape (B,)
-        Line of each block.
-    speed : ndarray of bool, shape (M,)
-        Rows whose S may be changed.
-    may_start : ndarray of bool, shape (M,)
-        Rows whose line may get (or has) an S word: where a stretch of one S can begin.
-    own_start : ndarray of bool, shape (M,)
-        Those whose line has an S word already.
-    held : tuple of HeldRows
-        Blocks that stay as programmed.
     """
 
     block: Rows = field(repr=False)
+    """Block whose F each row takes, -1 for rows that keep theirs; in the order of the program;
+    shape (M,)."""
     line: Rows = field(repr=False)
+    """Line of each block; shape (B,)."""
     speed: Bools = field(repr=False)
+    """Rows whose S may be changed; shape (M,)."""
     may_start: Bools = field(repr=False)
+    """Rows whose line may get (or has) an S word: where a stretch of one S can begin;
+    shape (M,)."""
     own_start: Bools = field(repr=False)
+    """Those whose line has an S word already; shape (M,)."""
     held: tuple[HeldRows, ...]
+    """Blocks that stay as programmed."""
 
 
 def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable:

@@ -31,27 +31,18 @@ from pipeline.twin.cut_document import CutBasis
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Demand:
-    """Time, cost, energy and wear of rows; see :mod:`pipeline.optimisation.problem.kernels`.
-
-    Parameters
-    ----------
-    rows : ndarray, shape (M, COLUMNS)
-        Of each row.
-    loads : ndarray, shape (2, M, K + 1)
-        Torques [N m].
-    drive : ndarray
-        Of the spindle; empty where it is not known.
-    prices : ndarray, shape (2,)
-        Of a second and of a joule.
-    known : ndarray of bool, shape (4,)
-        Which objectives are known at all.
-    """
+    """Time, cost, energy and wear of rows; see :mod:`pipeline.optimisation.problem.kernels`."""
 
     rows: Floats = field(repr=False)
+    """Of each row; shape (M, COLUMNS)."""
     loads: Floats = field(repr=False)
+    """Torques [N m]; shape (2, M, K + 1)."""
     drive: Floats = field(repr=False)
+    """Drive of the spindle; empty where it is not known."""
     prices: Floats
+    """Prices of a second and of a joule; shape (2,)."""
     known: NDArray[np.bool_]
+    """Which objectives are known at all; shape (4,)."""
 
     def with_bounds(self, bounds: Bounds) -> "Demand":
         """The same with other bounds of the feed for each tooth."""

@@ -18,14 +18,13 @@ from pipeline.optimisation.problem.arrays import (
     F_Z_CONSTRAINTS,
     Editable,
     Practice,
-    Rows,
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.demand import demand_of
 from pipeline.optimisation.problem.limits import at_hardest_station, bounds_of, ranges_of
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import Lobes, allowed_power
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import cut_blocks, station_arcs

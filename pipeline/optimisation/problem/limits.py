@@ -26,10 +26,9 @@ from pipeline.optimisation.problem.arrays import (
     Editable,
     Practice,
     Ranges,
-    Rows,
     feeds_per_minute,
 )
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP, CutBlocks

@@ -46,45 +46,31 @@ NEAR = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """M rows, their limits and objectives.
-
-    Parameters
-    ----------
-    cut : Cut
-        Of the program as it is.
-    basis : CutBasis
-        Prices, energy, drive and dynamics of the cut.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        F and S that may change.
-    blocks : CutBlocks
-        Of the cut.
-    bounds : Bounds
-        Feed for each tooth of each row, whatever the speed.
-    ranges : Ranges
-        F and S of each row.
-    demand : Demand
-        Objectives of each row.
-    lobes : Lobes
-        Of stability.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change from the program.
-    stays : ndarray, shape (M,), optional
-        Margin of stability that each row has to keep [1]; by default that of the limits.
-    """
+    """M rows, their limits and objectives."""
 
     cut: Cut = field(repr=False)
+    """Cut of the program as it is."""
     basis: CutBasis = field(repr=False)
+    """Prices, energy, drive and dynamics of the cut."""
     limits: CutLimit
+    """Limits of the part."""
     editable: Editable = field(repr=False)
+    """F and S that may change."""
     blocks: CutBlocks = field(repr=False)
+    """Blocks of the cut."""
     bounds: Bounds = field(repr=False)
+    """Feed for each tooth of each row, whatever the speed."""
     ranges: Ranges = field(repr=False)
+    """F and S of each row."""
     demand: Demand = field(repr=False)
+    """Objectives of each row."""
     lobes: Lobes = field(repr=False)
+    """Of stability."""
     practice: Practice | None = field(default=None, repr=False)
+    """Ranges by tool and operation, and the greatest change from the program."""
     stays: Floats | None = field(default=None, repr=False)
+    """Margin of stability that each row has to keep [1]; by default that of the limits;
+    shape (M,)."""
 
     def __len__(self) -> int:
         return len(self.cut.plan.path)

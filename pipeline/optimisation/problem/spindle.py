@@ -19,8 +19,8 @@ from pipeline.machine.control.parameters import AuxiliaryParameters
 from pipeline.machine.control.path import Path
 from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING, run_up_time
-from pipeline.optimisation.problem.arrays import Editable, Ranges, Rows
-from pipeline.schema.arrays import Floats
+from pipeline.optimisation.problem.arrays import Editable, Ranges
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
@@ -68,35 +68,25 @@ def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpeedChanges:
-    """Where S can change in a program.
-
-    Parameters
-    ----------
-    waiting : AuxiliaryParameters
-        How fast the spindle is, and where it is waited for.
-    added : ndarray of intp, shape (A,)
-        Rows before which an S word could be added while the spindle turns, and be waited for.
-    until : ndarray of intp, shape (A,)
-        Row that waits for each of them.
-    standstill : float
-        What a standstill before a wait takes: filters run empty, check of position [s].
-    standing : ndarray, shape (A,)
-        Part of it that the program takes there anyway [s].
-    pairs : ndarray of intp, shape (N, 2)
-        Rows of one tool, with no other between them in which the spindle turns, whose S may
-        change.
-    lead : ndarray, shape (N,)
-        Time from the second of each pair to the next cut, in rapids and at rest [s]; infinite where
-        the spindle rests between them.
-    """
+    """Where S can change in a program."""
 
     waiting: AuxiliaryParameters
+    """How fast the spindle is, and where it is waited for."""
     added: Rows = field(repr=False)
+    """Rows before which an S word could be added while the spindle turns, and be waited for;
+    shape (A,)."""
     until: Rows = field(repr=False)
+    """Row that waits for each of them; shape (A,)."""
     standstill: float
+    """What a standstill before a wait takes: filters run empty, check of position [s]."""
     standing: Floats = field(repr=False)
+    """Part of it that the program takes there anyway [s]; shape (A,)."""
     pairs: Rows = field(repr=False)
+    """Rows of one tool, with no other between them in which the spindle turns, whose S may change;
+    shape (N, 2)."""
     lead: Floats = field(repr=False)
+    """Time from the second of each pair to the next cut, in rapids and at rest [s]; infinite where
+    the spindle rests between them; shape (N,)."""
 
     @property
     def waits(self) -> bool:

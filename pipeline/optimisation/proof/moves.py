@@ -14,10 +14,7 @@ from numpy.typing import NDArray
 
 from pipeline.gcode.moves import INCH, FeedMode, Kind, Moves
 from pipeline.optimisation.proof.text import same_but_words
-from pipeline.schema.arrays import Bools, Floats
-
-Rows = NDArray[np.intp]
-"""Indices of rows or lines."""
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 BOUND = "F or S is bound to the motion there (thread, tapping, probing, G93, G96) and differs"
 
@@ -133,21 +130,15 @@ def _same_frames(before: Moves, after: Moves) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Splits:
-    """Lines of a text that were put into another.
-
-    Parameters
-    ----------
-    kept : list of bytes
-        The other lines.
-    points : mapping of int to bytes
-        Line that was put in, counting from 1 -> its text.
-    line : ndarray of intp, shape (L + 1,)
-        Of each line its number among those kept; of those put in that of the line that follows.
-    """
+    """Lines of a text that were put into another."""
 
     kept: list[bytes] = field(repr=False)
+    """The other lines."""
     points: dict[int, bytes] = field(repr=False)
+    """Line that was put in, counting from 1 -> its text."""
     line: Rows = field(repr=False)
+    """Of each line its number among those kept; of those put in that of the line that follows;
+    shape (L + 1,)."""
 
 
 def splits_of(before: list[bytes], after: list[bytes]) -> Splits:

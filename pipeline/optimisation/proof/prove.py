@@ -58,37 +58,25 @@ LEVELS = tuple(range(1, 10))
 
 @dataclass(frozen=True, kw_only=True)
 class Proof:
-    """Result of the comparison of two programs.
-
-    Parameters
-    ----------
-    same : bool
-        Whether nothing but F and S words differs.
-    first : Difference or None
-        The first block that is not the same.
-    differences : tuple of WordChange
-        F and S words changed and added, in the order of the lines; up to ``first``.
-    moves : int
-        Rows that were compared; 0 where the texts already differ.
-    sha256 : str
-        Of what is the same; empty where the programs are not.
-    before_sha256, after_sha256 : str
-        Of the two texts.
-    dialect : str
-        That both were read in.
-    points : int
-        Lines that were put in on the path of straight cuts.
-    """
+    """Result of the comparison of two programs."""
 
     same: bool
+    """Whether nothing but F and S words differs."""
     first: Difference | None
+    """The first block that is not the same."""
     differences: tuple[WordChange, ...]
+    """F and S words changed and added, in the order of the lines; up to ``first``."""
     moves: int
+    """Rows that were compared; 0 where the texts already differ."""
     sha256: str
+    """Of what is the same; empty where the programs are not."""
     before_sha256: str
     after_sha256: str
+    """Of the two texts."""
     dialect: str = "fanuc"
+    """That both were read in."""
     points: int = 0
+    """Lines that were put in on the path of straight cuts."""
 
 
 def prove(

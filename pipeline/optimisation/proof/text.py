@@ -43,24 +43,16 @@ _PROOF_COMMENT = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class WordChange:
-    """One F or S word.
-
-    Parameters
-    ----------
-    line : int
-        Counting from 1.
-    letter : str
-        ``"F"`` or ``"S"``.
-    before : str or None
-        As written; None where it was added.
-    after : str
-        As written.
-    """
+    """One F or S word."""
 
     line: int
+    """Counting from 1."""
     letter: str
+    """``"F"`` or ``"S"``."""
     before: str | None
+    """As written; None where it was added."""
     after: str
+    """As written."""
 
 
 class Span(NamedTuple):
@@ -73,21 +65,14 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """A line word by word.
-
-    Parameters
-    ----------
-    text : bytes
-        Without its end.
-    changeable : tuple of Span
-        F and S words with a number, in order.
-    last_other : int
-        Where its last word ends that is no F or S, and no N; 0 where it has none.
-    """
+    """A line word by word."""
 
     text: bytes
+    """Without its end."""
     changeable: tuple[Span, ...]
+    """F and S words with a number, in order."""
     last_other: int
+    """Where its last word ends that is no F or S, and no N; 0 where it has none."""
 
     @property
     def bare(self) -> bytes:
@@ -164,22 +149,15 @@ def _without_blanks(text: bytes) -> bytes:
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first block that is not the same, and why.
-
-    Parameters
-    ----------
-    line : int
-        Counting from 1, in the program before (0 where it is none of its lines).
-    before, after : str
-        The block in each text.
-    reason : str
-        What is not the same.
-    """
+    """The first block that is not the same, and why."""
 
     line: int
+    """Counting from 1, in the program before (0 where it is none of its lines)."""
     before: str
     after: str
+    """The block in each text."""
     reason: str
+    """What is not the same."""
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.reason}: {self.before!r} became {self.after!r}"

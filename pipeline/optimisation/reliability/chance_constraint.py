@@ -66,45 +66,30 @@ TAIL_ALONE = 1.6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChanceConstrainedFeeds:
-    """Feeds for each tooth of M rows.
-
-    Parameters
-    ----------
-    f_z, nominal : ndarray, shape (M,)
-        Greatest one with and without uncertainty [m]; 0 where no feed meets the limit, inf in rows
-        that cut nothing or never reach it.
-    level : float
-        Of the quantile that each row's load keeps within the limit [1]; 0.5 for nominal values.
-    share : float
-        Of draws in which any row passes the limit, in draws other than those of the feeds [1].
-    """
+    """Feeds for each tooth of M rows."""
 
     f_z: Floats = field(repr=False)
     nominal: Floats = field(repr=False)
+    """Greatest one with and without uncertainty [m]; 0 where no feed meets the limit, inf in rows
+    that cut nothing or never reach it; shape (M,)."""
     level: float
+    """Of the quantile that each row's load keeps within the limit [1]; 0.5 for nominal values."""
     share: float
+    """Of draws in which any row passes the limit, in draws other than those of the feeds [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exceedance:
-    """Probability that a part passes its load limit.
-
-    Parameters
-    ----------
-    probability : float
-        Share of draws in which any row passes it [1].
-    interval_95 : tuple of float
-        Of Clopper and Pearson.
-    draws : int
-        How many.
-    peak_quantiles : dict of float to float
-        Of the part's peak load, by level [N].
-    """
+    """Probability that a part passes its load limit."""
 
     probability: float
+    """Share of draws in which any row passes it [1]."""
     interval_95: tuple[float, float]
+    """Of Clopper and Pearson."""
     draws: int
+    """How many."""
     peak_quantiles: dict[float, float]
+    """Of the part's peak load, by level [N]."""
 
 
 def chance_constrained_feeds(

@@ -25,10 +25,9 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.cache import keep, kept
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP
@@ -62,40 +61,27 @@ SKIN = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Critical:
-    """Q candidates in C classes.
-
-    Parameters
-    ----------
-    row : ndarray of intp, shape (Q,)
-        Whose candidate it is, never falling.
-    curve : ndarray, shape (Q, K + 1)
-        Peak load over the nodes of the table, never falling [N].
-    scale, exponent : ndarray, shape (Q,)
-        Of the nodes, as in :class:`pipeline.cutting.force.load_table.LoadTable`.
-    own_station : ndarray of intp, shape (Q,)
-        Of each candidate, the one with the greatest load at the middle of the table.
-    weight : ndarray, shape (Q,)
-        w [1].
-    group : ndarray of intp, shape (Q,)
-        Class of each.
-    station : ndarray of intp, shape (C,)
-        Representative of each class.
-    tool : ndarray of intp, shape (C,)
-        Its tool, an index.
-    rows : int
-        M, of the program.
-    """
+    """Q candidates in C classes."""
 
     row: Rows = field(repr=False)
+    """Whose candidate it is, never falling; shape (Q,)."""
     curve: Floats = field(repr=False)
+    """Peak load over the nodes of the table, never falling [N]; shape (Q, K + 1)."""
     scale: Floats = field(repr=False)
     exponent: Floats = field(repr=False)
+    """Of the nodes, as in :class:`pipeline.cutting.force.load_table.LoadTable`; shape (Q,)."""
     own_station: Rows = field(repr=False)
+    """Of each candidate, the one with the greatest load at the middle of the table; shape (Q,)."""
     weight: Floats = field(repr=False)
+    """w [1]; shape (Q,)."""
     group: Rows = field(repr=False)
+    """Class of each; shape (Q,)."""
     station: Rows = field(repr=False)
+    """Representative of each class; shape (C,)."""
     tool: Rows = field(repr=False)
+    """Its tool, an index; shape (C,)."""
     rows: int
+    """M, of the program."""
 
     def __len__(self) -> int:
         return len(self.row)
@@ -305,21 +291,14 @@ def _is_cube(content: bytes, many: int) -> bool:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Responses:
-    """Loads of the representatives of C classes, in D draws.
-
-    Parameters
-    ----------
-    f_z : ndarray, shape (C, K)
-        Feeds, rising [m].
-    expected : ndarray, shape (C, K)
-        Without uncertainty [N].
-    values : ndarray, shape (C, K, D)
-        In the draws [N].
-    """
+    """Loads of the representatives of C classes, in D draws."""
 
     f_z: Floats = field(repr=False)
+    """Feeds, rising [m]; shape (C, K)."""
     expected: Floats = field(repr=False)
+    """Without uncertainty [N]; shape (C, K)."""
     values: Floats = field(repr=False)
+    """In the draws [N]; shape (C, K, D)."""
 
 
 def nodes_between(least: Floats, most: Floats) -> Floats:
@@ -394,24 +373,16 @@ def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartLoads:
-    """Candidates of a part, their limit, and their loads in each draw.
-
-    Parameters
-    ----------
-    candidates : Critical
-        Q candidates in C classes.
-    limit : float
-        Of the load across the tool's axis [N].
-    most : ndarray, shape (Q,)
-        Greatest feed of each [m].
-    responses : Responses
-        Of the classes.
-    """
+    """Candidates of a part, their limit, and their loads in each draw."""
 
     candidates: Critical
+    """Q candidates in C classes."""
     limit: float
+    """Limit of the load across the tool's axis [N]."""
     most: Floats
+    """Greatest feed of each [m]; shape (Q,)."""
     responses: Responses
+    """Responses of the classes."""
 
     def feeds(self, loads: Floats) -> Floats:
         """Feeds up to which each stays within where classes have these loads, (C, K); (Q,)."""

@@ -56,59 +56,39 @@ FEEDS = 5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolUncertainty:
-    """Distribution of the coefficients and the runout of one tool.
-
-    Parameters
-    ----------
-    mean : ndarray, shape (6,)
-        Of the coefficients, SI.
-    own : ndarray, shape (6, 6)
-        L, root of their own covariance.
-    source : int
-        Which common scale they have, -1 for none.
-    common : float
-        s, its standard deviation [1].
-    runout, runout_sd : float
-        Size of the offset that is known of [m]; its angle is not.
-    mounting : float
-        Standard deviation of each component of what another mounting adds [m].
-    described : tuple of UncertainQuantity
-        In words.
-    """
+    """Distribution of the coefficients and the runout of one tool."""
 
     mean: Floats = field(repr=False)
+    """Mean of the coefficients, SI; shape (6,)."""
     own: Floats = field(repr=False)
+    """L, root of their own covariance; shape (6, 6)."""
     source: int = -1
+    """Which common scale they have, -1 for none."""
     common: float = 0.0
+    """s, its standard deviation [1]."""
     runout: float = 0.0
     runout_sd: float = 0.0
+    """Size of the offset that is known of [m]; its angle is not."""
     mounting: float = 0.0
+    """Standard deviation of each component of what another mounting adds [m]."""
     described: tuple[UncertainQuantity, ...] = ()
+    """In words."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:
-    """Distribution of all uncertain quantities of a part.
-
-    Parameters
-    ----------
-    tools : mapping of int to ToolUncertainty
-        By number.
-    sources : tuple of str
-        Of the common scales.
-    depth : float
-        Standard deviation of each tool's axial depth [m].
-    model : float
-        Of the model's peaks, common to the part [1].
-    described : tuple of UncertainQuantity
-        The last two in words.
-    """
+    """Distribution of all uncertain quantities of a part."""
 
     tools: Mapping[int, ToolUncertainty]
+    """By number."""
     sources: tuple[str, ...]
+    """Sources of the common scales."""
     depth: float
+    """Standard deviation of each tool's axial depth [m]."""
     model: float
+    """Of the model's peaks, common to the part [1]."""
     described: tuple[UncertainQuantity, ...] = ()
+    """The last two in words."""
 
     @property
     def quantities(self) -> tuple[UncertainQuantity, ...]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.text.modal_words import (
     LineRuns,
     ModalWords,
@@ -21,7 +21,7 @@ from pipeline.optimisation.text.modal_words import (
     reads_feed,
 )
 from pipeline.optimisation.text.words import NONE, OTHER, FeedText, ProgramWords
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.part import HeldRows
 
 Reasons = Sequence[tuple[str, Bools]]
@@ -74,34 +74,24 @@ def editable_blocks(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Where F and S are read along a program, and where they may be written.
-
-    Parameters
-    ----------
-    words : ProgramWords
-        Of the text.
-    line_runs : LineRuns
-        To its lines.
-    feed, speed : ModalWords
-        LineRuns that read F, and S.
-    feed_may, speed_may : ndarray of bool
-        Those whose line may be given a word, or another in its place.
-    feed_free, speed_free : ndarray of bool, shape (M,)
-        Rows whose F, S may be changed.
-    feed_reasons, speed_reasons : list of (str, ndarray of bool)
-        Why others may not, first reasons first.
-    """
+    """Where F and S are read along a program, and where they may be written."""
 
     words: ProgramWords
+    """Words of the text."""
     line_runs: LineRuns = field(repr=False)
+    """To its lines."""
     feed: ModalWords = field(repr=False)
     speed: ModalWords = field(repr=False)
+    """LineRuns that read F, and S."""
     feed_may: Bools = field(repr=False)
     speed_may: Bools = field(repr=False)
+    """Those whose line may be given a word, or another in its place."""
     feed_free: Bools = field(repr=False)
     speed_free: Bools = field(repr=False)
+    """Rows whose F, S may be changed; shape (M,)."""
     feed_reasons: Reasons = field(repr=False)
     speed_reasons: Reasons = field(repr=False)
+    """Why others may not, first reasons first."""
 
 
 def places_of(

@@ -11,8 +11,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.gcode.moves import FeedMode, Kind, Moves
-from pipeline.optimisation.text.words import NONE, OTHER, ProgramWords, Rows
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.optimisation.text.words import NONE, OTHER, ProgramWords
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 READS_F = (Kind.FEED, Kind.ARC, Kind.PROBE, Kind.THREAD)
 OTHER_MEANING = (4, 10, 25, 26, 50, 65, 66, 66.1, 92)
@@ -21,27 +21,18 @@ OTHER_MEANING = (4, 10, 25, 26, 50, 65, 66, 66.1, 92)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LineRuns:
-    """V runs of rows of one line, of M rows, in the order in which the control takes them.
-
-    Parameters
-    ----------
-    of : ndarray of intp, shape (M,)
-        Line run of each row.
-    line : ndarray of intp, shape (V,)
-        In the program's own file, 0 for those of other files.
-    first : ndarray of intp, shape (V,)
-        First row of each.
-    taps : ndarray of bool, shape (V,)
-        Whether the spindle turns back in it.
-    again : ndarray of bool, shape (V,)
-        Whether the line has other line_runs.
-    """
+    """V runs of rows of one line, of M rows, in the order in which the control takes them."""
 
     of: Rows = field(repr=False)
+    """Line run of each row; shape (M,)."""
     line: Rows = field(repr=False)
+    """In the program's own file, 0 for those of other files; shape (V,)."""
     first: Rows = field(repr=False)
+    """First row of each; shape (V,)."""
     taps: Bools = field(repr=False)
+    """Whether the spindle turns back in it; shape (V,)."""
     again: Bools = field(repr=False)
+    """Whether the line has other line_runs; shape (V,)."""
 
     @classmethod
     def among(cls, moves: Moves) -> "LineRuns":
@@ -109,46 +100,31 @@ def at_speed(moves: Moves) -> Bools:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModalWords:
-    """K line runs that read the register of one letter, in the order of the program.
-
-    Parameters
-    ----------
-    letter : str
-        ``"F"`` or ``"S"``.
-    run : ndarray of intp, shape (K,)
-        Which they are among all line_runs.
-    line : ndarray of intp, shape (K,)
-        0 in other files.
-    row : ndarray of intp, shape (K,)
-        First row that reads it.
-    sets : ndarray of bool, shape (K,)
-        Whether the line has a word of the letter.
-    may_be_empty : ndarray of bool, shape (K,)
-        Whether that word is no plain number and changes nothing: ``F#2`` without a value in #2
-        leaves the register as it is.
-    own : ndarray, shape (K,)
-        Value in the units of ``Moves``.
-    loose : ndarray of intp
-        Lines with a word of the letter and no such run, ascending.
-    uncertain : bool
-        Whether those may be executed between any two line_runs.
-    optional : ndarray of bool, shape (K,)
-        Whether the line begins with ``/``: it may be left out at the machine.
-    loose_optional : bool
-        Whether one of the loose lines does.
-    """
+    """K line runs that read the register of one letter, in the order of the program."""
 
     letter: str
+    """``"F"`` or ``"S"``."""
     run: Rows = field(repr=False)
+    """Which they are among all line_runs; shape (K,)."""
     line: Rows = field(repr=False)
+    """0 in other files; shape (K,)."""
     row: Rows = field(repr=False)
+    """First row that reads it; shape (K,)."""
     sets: Bools = field(repr=False)
+    """Whether the line has a word of the letter; shape (K,)."""
     may_be_empty: Bools = field(repr=False)
+    """Whether that word is no plain number and changes nothing: ``F#2`` without a value in #2
+    leaves the register as it is; shape (K,)."""
     own: Floats = field(repr=False)
+    """Value in the units of ``Moves``; shape (K,)."""
     loose: Rows = field(repr=False)
+    """Lines with a word of the letter and no such run, ascending."""
     uncertain: bool
+    """Whether those may be executed between any two line_runs."""
     optional: Bools = field(repr=False)
+    """Whether the line begins with ``/``: it may be left out at the machine; shape (K,)."""
     loose_optional: bool
+    """Whether one of the loose lines does."""
 
     @classmethod
     def along(

@@ -10,7 +10,7 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program, number_text
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.problem.arrays import Editable, Rows
+from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.proof.text import WordChange
 from pipeline.optimisation.text.editable_blocks import places_of
 from pipeline.optimisation.text.modal_words import LineRuns, ModalWords, at_speed, reads_feed
@@ -21,7 +21,7 @@ from pipeline.optimisation.text.words import (
     rounded_feeds,
     rounded_speeds,
 )
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 
 @dataclass(frozen=True, kw_only=True)

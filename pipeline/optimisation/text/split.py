@@ -8,11 +8,10 @@ import numpy as np
 from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
 from pipeline.gcode.program import Line, Program, Word
-from pipeline.optimisation.problem.arrays import Rows
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns, cuts_at_feed
 from pipeline.optimisation.text.words import FeedText, ProgramWords, digits
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Rows
 from pipeline.twin.cut import Cut
 
 SECONDS = 60.0

@@ -18,10 +18,8 @@ from pipeline.gcode.moves import INCH, FeedMode, Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.program import TokenKind as Token
 from pipeline.gcode.scanner import BLANKS
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
-Rows = NDArray[np.intp]
-"""Indices of tokens, lines or rows."""
 CLOSED_G = (
     4, 10, 11, 25, 26, 31, 33, 33.1, 34, 35, 38.2, 38.3, 38.4, 38.5, 50, 63, 65, 66, 66.1, 67, 74,
     76, 84, 92, 92.1, 92.2, 92.3, 93, 96, 961, 962, 331, 332,
@@ -44,15 +42,10 @@ _NUMBER = re.compile(rb"[+-]?[0-9.%b]*[0-9.]" % re.escape(BLANKS))
 
 @dataclass(frozen=True, eq=False)
 class ProgramWords:
-    """Words of a program by line; arrays have L + 1 places, that of line n is n.
-
-    Parameters
-    ----------
-    program : Program
-        Of L lines.
-    """
+    """Words of a program by line; arrays have L + 1 places, that of line n is n."""
 
     program: Program = field(repr=False)
+    """Of L lines."""
 
     @cached_property
     def line_of(self) -> Rows:
@@ -250,18 +243,12 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
 
 @dataclass(frozen=True, kw_only=True)
 class NumberStyle:
-    """Style in which a program writes the numbers of one letter.
-
-    Parameters
-    ----------
-    point : bool
-        Whether they have a decimal point even where nothing follows it.
-    least : int
-        Decimals that they have at least.
-    """
+    """Style in which a program writes the numbers of one letter."""
 
     point: bool = False
+    """Whether they have a decimal point even where nothing follows it."""
     least: int = 0
+    """Decimals that they have at least."""
 
     @classmethod
     def of(cls, numbers: list[bytes]) -> "NumberStyle":
@@ -322,21 +309,14 @@ def rounded_speeds(speeds: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeedText:
-    """Units and numbers in which the F of each row of a program is written.
-
-    Parameters
-    ----------
-    unit : ndarray, shape (M,)
-        Millimetres in the unit of length that F counts.
-    style : NumberStyle
-        In which the program writes its own F words.
-    own : mapping of float to bytes
-        Their values in the units of ``Moves`` -> their numbers as written.
-    """
+    """Units and numbers in which the F of each row of a program is written."""
 
     unit: Floats = field(repr=False)
+    """Millimetres in the unit of length that F counts; shape (M,)."""
     style: NumberStyle
+    """In which the program writes its own F words."""
     own: Mapping[float, bytes] = field(repr=False)
+    """Their values in the units of ``Moves`` -> their numbers as written."""
 
     @classmethod
     def of(cls, words: ProgramWords, moves: Moves) -> Self:

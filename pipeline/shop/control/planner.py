@@ -46,24 +46,16 @@ class Blocks(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """A path of N blocks from standstill to standstill.
-
-    Parameters
-    ----------
-    start : sequence of 3 floats
-        Programmed X Y Z before it [mm].
-    steps : tuple of Step
-        Its lines and arcs.
-    motion : Profile
-        Along the path.
-    ends : (N,) array
-        Path length at which each block ends [mm].
-    """
+    """A path of N blocks from standstill to standstill."""
 
     start: Sequence[float]
+    """Programmed X Y Z before it [mm]."""
     steps: tuple[Step, ...]
+    """Its lines and arcs."""
     motion: Profile
+    """Along the path."""
     ends: Floats
+    """Path length at which each block ends [mm]."""
 
     @property
     def lines(self) -> Ints:
@@ -213,25 +205,17 @@ class Ramp:
 
 @dataclass(frozen=True, kw_only=True)
 class Operator:
-    """Actions of the person at the machine during a run; lines are those of the program.
-
-    Parameters
-    ----------
-    feed_override : tuple of (line, percent)
-        In force from that line on; the first has line 0.
-    rapid_override : float
-        [percent].
-    holds, rapid_stops : mapping of line to seconds
-        Feed hold in a cut; rapid override turned to 0 before the first rapid of a line.
-    abort : int or None
-        Line in which the run is stopped.
-    """
+    """Actions of the person at the machine during a run; lines are those of the program."""
 
     feed_override: tuple[tuple[int, float], ...] = ((0, 100.0),)
+    """In force from that line on; the first has line 0."""
     rapid_override: float = 100.0
+    """Rapid override [percent]."""
     holds: Mapping[int, float] = field(default_factory=dict)
     rapid_stops: Mapping[int, float] = field(default_factory=dict)
+    """Feed hold in a cut; rapid override turned to 0 before the first rapid of a line."""
     abort: int | None = None
+    """Line in which the run is stopped."""
 
     def feed_at(self, line: int) -> float:
         """Feed override in ``line`` [percent]."""

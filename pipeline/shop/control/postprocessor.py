@@ -30,34 +30,23 @@ class Tool:
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """Motion or event of one line, or of a part of a canned cycle.
-
-    Parameters
-    ----------
-    kind : Kind
-        ``home`` goes to the reference position of Z.
-    line : int
-        Of the program's text, from 1.
-    end : tuple of 3 floats
-        Programmed X Y Z after it [mm]; an infinite Z is that of the reference position.
-    centre, turn : tuple of 2 floats, float
-        Of an arc in X and Y: centre [mm], angle swept anticlockwise [rad]; 0 for none.
-    feed : float
-        [mm/min].
-    number : int
-        Of the tool, of the M code, or the spindle's speed [rev/min].
-    seconds : float
-        Of a dwell.
-    """
+    """Motion or event of one line, or of a part of a canned cycle."""
 
     kind: Kind
+    """``home`` goes to the reference position of Z."""
     line: int
+    """Line of the program's text, from 1."""
     end: Point
+    """Programmed X Y Z after it [mm]; an infinite Z is that of the reference position."""
     centre: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
+    """Of an arc in X and Y: centre [mm], angle swept anticlockwise [rad]; 0 for none."""
     feed: float = 0.0
+    """Feed [mm/min]."""
     number: int = 0
+    """Number of the tool, of the M code, or the spindle's speed [rev/min]."""
     seconds: float = 0.0
+    """Seconds of a dwell."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -81,19 +81,6 @@ def _z() -> ChannelMode:
 class Series(Ranged, section="Series"):
     """Tests on the dynamometer: slots and half immersions at two speeds, two depths, several feeds.
 
-    Parameters
-    ----------
-    speeds, depths : tuple of 2 floats
-        [rev/min], [mm].
-    feeds : tuple of 4 floats
-        For each tooth [mm].
-    seconds : float
-        Length of a recording inside the material.
-    block : float
-        Length of a pass.
-    passes_between : float
-        Cuts between two tests, in passes of the test before: wear that nobody records.
-
     Raises
     ------
     ValueError
@@ -102,10 +89,15 @@ class Series(Ranged, section="Series"):
 
     speeds: tuple[float, ...] = (4000.0, 6000.0)
     depths: tuple[float, ...] = (2.0, 3.0)
+    """[rev/min], [mm]."""
     feeds: tuple[float, ...] = (0.03, 0.05, 0.08, 0.12)
+    """For each tooth [mm]."""
     seconds: Annotated[float, Range(least=0.1, most=60, unit="s")] = 0.8
+    """Length of a recording inside the material."""
     block: Annotated[float, Range(least=20, most=1000, unit="mm")] = 80.0
+    """Length of a pass."""
     passes_between: Annotated[float, Range(least=0, most=1000)] = 1.0
+    """Cuts between two tests, in passes of the test before: wear that nobody records."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -179,21 +171,6 @@ PASSES = (
 class SpindleTests(Ranged, section="SpindleTests"):
     """Passes with a cut, speeds without one, and the load meter that shows them.
 
-    Parameters
-    ----------
-    passes : tuple of Conditions
-        Of the program; shoulders that get deeper are cut in the reverse order.
-    block : float
-        Length of the blank.
-    speeds, hold : tuple of float, float
-        Of the warm-up [rev/min], and the time of each.
-    efficiency : float
-        From motor to tool, of the power of the cut.
-    oil_temperature : float
-        Of the bearings, after the warm-up.
-    lag, noise, step : float
-        Of the meter: time constant, standard deviation, resolution.
-
     Raises
     ------
     ValueError
@@ -201,14 +178,20 @@ class SpindleTests(Ranged, section="SpindleTests"):
     """
 
     passes: tuple[Conditions, ...] = PASSES
+    """Passes of the program; shoulders that get deeper are cut in the reverse order."""
     block: Annotated[float, Range(least=20, most=1000, unit="mm")] = 150.0
+    """Length of the blank."""
     speeds: tuple[float, ...] = SPEEDS
     hold: Annotated[float, Range(least=1, most=600, unit="s")] = 8.0
+    """Of the warm-up [rev/min], and the time of each."""
     efficiency: Annotated[float, Range(least=0.3, most=1)] = 0.94
+    """From motor to tool, of the power of the cut."""
     oil_temperature: Annotated[float, Range(least=0, most=100, unit="degC")] = 34.0
+    """Oil temperature of the bearings, after the warm-up."""
     lag: Annotated[float, Range(least=0.01, most=10, unit="s")] = 0.25
     noise: Annotated[float, Range(least=0, most=20, unit="percent")] = 0.15
     step: Annotated[float, Range(least=0.01, most=10, unit="percent")] = 0.1
+    """Of the meter: time constant, standard deviation, resolution."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -171,29 +171,21 @@ def followed(
 
 @dataclass(frozen=True, kw_only=True)
 class Followed:
-    """An axis at the ticks of its position loop; arrays of shape (T,) in SI.
-
-    Parameters
-    ----------
-    measured : (T,) array
-        Position that closes the loop [m].
-    current : (T,) array
-        That makes torque [A].
-    motor, motor_speed, carriage, speed : (T,) arrays
-        True positions [m] and speeds [m/s]; the motor's by the screw's lead.
-    friction, bristle, force : (T,) arrays
-        Of the guideways [N], deflection before sliding [m], of the motor [N].
-    """
+    """An axis at the ticks of its position loop; arrays of shape (T,) in SI."""
 
     measured: Floats
+    """Position that closes the loop [m]."""
     current: Floats
+    """That makes torque [A]."""
     motor: Floats
     motor_speed: Floats
     carriage: Floats
     speed: Floats
+    """True positions [m] and speeds [m/s]; the motor's by the screw's lead."""
     friction: Floats
     bristle: Floats
     force: Floats
+    """Of the guideways [N], deflection before sliding [m], of the motor [N]."""
 
 
 def follow(

@@ -99,152 +99,109 @@ class Body(Ranged, section="Body"):
 
 @dataclass(frozen=True, kw_only=True)
 class Expansion(Ranged, section="Expansion"):
-    """Expansion by temperature and by speed.
-
-    Parameters
-    ----------
-    steel, cast_iron : float
-        Expansion of shaft, rings, housing and stand; of head and column.
-    contact_angle : float
-        Of the locating bearings: a ring that grows by u pushes the shaft by u / tan.
-    ring_share : float
-        Part of that shift that the arrangement lets through: 0 where two bearings face each other
-        alike, 1 where a spring takes up all of it.
-    ring_radius : float
-        Mean radius of the inner ring.
-    """
+    """Expansion by temperature and by speed."""
 
     steel: Annotated[float, Range(least=5e-6, most=25e-6, unit="1/K")] = 11.7e-6
     cast_iron: Annotated[float, Range(least=5e-6, most=25e-6, unit="1/K")] = 10.4e-6
+    """Expansion of shaft, rings, housing and stand; of head and column."""
     contact_angle: Annotated[float, Range(least=10, most=45, unit="deg")] = 18.0
+    """Contact angle of the locating bearings: a ring that grows by u pushes the shaft by u /
+    tan."""
     ring_share: Annotated[float, Range(least=-1, most=1)] = 0.3
+    """Part of that shift that the arrangement lets through: 0 where two bearings face each other
+    alike, 1 where a spring takes up all of it."""
     ring_radius: Annotated[float, Range(least=0.01, most=0.2, unit="m")] = 0.038
+    """Mean radius of the inner ring."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class HeatPaths(Ranged, section="HeatPaths"):
-    """Conductances and film coefficients of the network.
-
-    Parameters
-    ----------
-    ring, ball, seat : float
-        Of one bearing: shaft to inner ring, ring to balls at rest, outer ring to housing.
-    mixing : float
-        By how much the lubricant adds to the balls' conductance at 12 000 rev/min, as n^0.5.
-    shrink_fit, stator_fit : float
-        Rotor on shaft, stator in housing.
-    air_gap : float
-        Rotor to stator at rest.
-    jacket, flow : float
-        Housing and stator to the jacket's liquid; its flow times specific heat.
-    bore, flange, carriage, foot : float
-        Housing in the head's bore; at the flange; carriages; column to bed.
-    natural, radiation : float
-        Of surfaces in air: natural convection at 10 K, as dT^1/4; radiation.
-    rotating : float
-        Film coefficient of the nose at 12 000 rev/min, as n^2/3.
-    holder : float
-        Heat capacity of the tool holder.
-    centrifugal_load : float
-        Part of the preload that centrifugal force adds at 12 000 rev/min, as n^2.
-    stand_lag : float
-        Time constant of the probe's stand in air.
-    """
+    """Conductances and film coefficients of the network."""
 
     ring: Annotated[float, Range(least=0.5, most=1e3, unit="W/K")] = 40.0
     ball: Annotated[float, Range(least=0.1, most=200, unit="W/K")] = 16.0
     seat: Annotated[float, Range(least=0.5, most=1e3, unit="W/K")] = 36.0
+    """Of one bearing: shaft to inner ring, ring to balls at rest, outer ring to housing."""
     mixing: Annotated[float, Range(least=0, most=10)] = 0.8
+    """By how much the lubricant adds to the balls' conductance at 12 000 rev/min, as n^0.5."""
     shrink_fit: Annotated[float, Range(least=10, most=1e5, unit="W/m2/K")] = 900.0
     stator_fit: Annotated[float, Range(least=10, most=1e5, unit="W/m2/K")] = 600.0
+    """Rotor on shaft, stator in housing."""
     air_gap: Annotated[float, Range(least=1, most=1e3, unit="W/m2/K")] = 45.0
+    """Rotor to stator at rest."""
     jacket: Annotated[float, Range(least=1, most=1e4, unit="W/m2/K")] = 850.0
     flow: Annotated[float, Range(least=1, most=1e4, unit="W/K")] = 250.0
+    """Housing and stator to the jacket's liquid; its flow times specific heat."""
     bore: Annotated[float, Range(least=1, most=1e4, unit="W/m2/K")] = 45.0
     flange: Annotated[float, Range(least=0.5, most=1e3, unit="W/K")] = 22.0
     carriage: Annotated[float, Range(least=0.1, most=1e3, unit="W/K")] = 14.0
     foot: Annotated[float, Range(least=0.1, most=1e3, unit="W/K")] = 30.0
+    """Housing in the head's bore; at the flange; carriages; column to bed."""
     natural: Annotated[float, Range(least=0.1, most=50, unit="W/m2/K")] = 4.0
     radiation: Annotated[float, Range(least=0, most=10, unit="W/m2/K")] = 4.5
+    """Of surfaces in air: natural convection at 10 K, as dT^1/4; radiation."""
     rotating: Annotated[float, Range(least=1, most=500, unit="W/m2/K")] = 110.0
+    """Film coefficient of the nose at 12 000 rev/min, as n^2/3."""
     holder: Annotated[float, Range(least=0, most=1e4, unit="J/K")] = 550.0
+    """Heat capacity of the tool holder."""
     centrifugal_load: Annotated[float, Range(least=0, most=5)] = 0.4
+    """Part of the preload that centrifugal force adds at 12 000 rev/min, as n^2."""
     stand_lag: Annotated[float, Range(least=10, most=1e5, unit="s")] = 2400.0
+    """Time constant of the probe's stand in air."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Season(Ranged, section="Season"):
-    """Air about the test stand over the year of the records, with the shop's door.
-
-    Parameters
-    ----------
-    mean, swing, scatter : float
-        Level over the year: mean, amplitude, standard deviation from record to record.
-    daily : float
-        Amplitude of the day's course, greatest at three in the afternoon.
-    wander : float
-        Standard deviation of what comes and goes within an hour.
-    doors, drop, recovery : float
-        Openings of the door an hour, mean fall of the air, time constant of its recovery.
-    """
+    """Air about the test stand over the year of the records, with the shop's door."""
 
     mean: Annotated[float, Range(least=-10, most=45, unit="degC")] = 21.0
     swing: Annotated[float, Range(least=0, most=20, unit="K")] = 3.5
     scatter: Annotated[float, Range(least=0, most=10, unit="K")] = 0.8
+    """Level over the year: mean, amplitude, standard deviation from record to record."""
     daily: Annotated[float, Range(least=0, most=20, unit="K")] = 1.6
+    """Amplitude of the day's course, greatest at three in the afternoon."""
     wander: Annotated[float, Range(least=0, most=5, unit="K")] = 0.2
+    """Standard deviation of what comes and goes within an hour."""
     doors: Annotated[float, Range(least=0, most=60, unit="1/h")] = 0.7
     drop: Annotated[float, Range(least=0, most=20, unit="K")] = 2.0
     recovery: Annotated[float, Range(least=0.5, most=300, unit="min")] = 12.0
+    """Openings of the door an hour, mean fall of the air, time constant of its recovery."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Instruments(Ranged, section="Instruments"):
-    """Logger with nine Pt100, a sensor of the air and a displacement probe, and its faults.
-
-    Parameters
-    ----------
-    decimal, encoding, blank : str
-        Of the files: a comma comes with semicolons; what stands where there is no value.
-    noise, resolution, lag : float
-        Of the Pt100: standard deviation, step, time constant in their bore.
-    tolerance : float
-        Part of class A within which their offsets lie.
-    stem : float
-        Part of the air in what a Pt100 on a surface reads.
-    probe_noise, probe_resolution : float
-        Of the displacement.
-    missing : float
-        Cells without a value in a record, on average.
-    torn : int
-        Number of the record that breaks off inside its last row, 0 for none.
-    drifting, drift_from, drift_after, drift_rate : int, int, float, float
-        Sensor that drifts, in which record it begins, after what time, how fast.
-    dead, dead_from, dead_after, dead_as : int, int, float, str
-        Sensor that dies, in which record, after what time; it then reads far out of range
-        (``open``), its last value (``held``), or nothing (``missing``).
-    """
+    """Logger with nine Pt100, a sensor of the air and a displacement probe, and its faults."""
 
     decimal: Literal[".", ","] = "."
     encoding: Literal["ascii", "cp1252"] = "ascii"
     blank: Literal["", "---"] = ""
+    """Of the files: a comma comes with semicolons; what stands where there is no value."""
     noise: Annotated[float, Range(least=0, most=2, unit="K")] = 0.06
     resolution: Annotated[float, Range(least=1e-3, most=1, unit="K")] = 0.1
     lag: Annotated[float, Range(least=0, most=600, unit="s")] = 30.0
+    """Of the Pt100: standard deviation, step, time constant in their bore."""
     tolerance: Annotated[float, Range(least=0, most=1)] = 0.8
+    """Part of class A within which their offsets lie."""
     stem: Annotated[float, Range(least=0, most=0.5)] = 0.05
+    """Part of the air in what a Pt100 on a surface reads."""
     probe_noise: Annotated[float, Range(least=0, most=10, unit="um")] = 0.3
     probe_resolution: Annotated[float, Range(least=1e-3, most=5, unit="um")] = 0.1
+    """Of the displacement."""
     missing: Annotated[float, Range(least=0, most=100)] = 3.0
+    """Cells without a value in a record, on average."""
     torn: Annotated[int, Range(least=0, most=PROFILES)] = 8
+    """Number of the record that breaks off inside its last row, 0 for none."""
     drifting: Annotated[int, Range(least=1, most=SENSORS)] = 3
     drift_from: Annotated[int, Range(least=1, most=PROFILES)] = 11
     drift_after: Annotated[float, Range(least=0, most=8, unit="h")] = 1.4
     drift_rate: Annotated[float, Range(least=-1, most=1, unit="K/h")] = 0.055
+    """Sensor that drifts, in which record it begins, after what time, how fast."""
     dead: Annotated[int, Range(least=1, most=SENSORS)] = 7
     dead_from: Annotated[int, Range(least=1, most=PROFILES)] = 13
     dead_after: Annotated[float, Range(least=0, most=8, unit="h")] = 2.2
     dead_as: Literal["open", "held", "missing"] = "open"
+    """Sensor that dies, in which record, after what time; it then reads far out of range
+    (``open``), its last value (``held``), or nothing (``missing``)."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -130,33 +130,22 @@ def _span(first: np.ndarray, row: int, a: int, b: int, path: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """Part of the blank that the tool has swept, in L layers of cells.
-
-    Parameters
-    ----------
-    blank : Box
-        [mm].
-    cell : float
-        [mm].
-    heights : (L + 1,) array
-        Between the layers, from below [mm].
-    first : (L, rows, columns) array
-        Path length of the tip at which each cell was first swept [mm]; infinite where never.
-    corner : tuple of 2 floats
-        x, y of the first cell's corner [mm].
-    path : (T,) array
-        Path length of the tip in each cycle [mm].
-    cuts : (T,) array of bool
-        Cycles in which the tool cuts.
-    """
+    """Part of the blank that the tool has swept, in L layers of cells."""
 
     blank: Box
+    """Blank [mm]."""
     cell: float
+    """Cell [mm]."""
     heights: Floats
+    """Between the layers, from below [mm]."""
     first: NDArray[np.float32]
+    """Path length of the tip at which each cell was first swept [mm]; infinite where never."""
     corner: tuple[float, float]
+    """x, y of the first cell's corner [mm]."""
     path: Floats
+    """Path length of the tip in each cycle [mm]."""
     cuts: Bools
+    """Cycles in which the tool cuts."""
 
 
 def swept(tip: Floats, tool: Ints, steps: tuple[Step, ...], job: TrialJob) -> Swept:

@@ -29,18 +29,35 @@ PLACES = ("measured", "carriage")
 def corrected_trials(
     table: Path, parameters: ShopParameters, seeds: Sequence[int]
 ) -> dict[str, Any]:
-    """Drive a table once for each seed.
+    """Drive the commands of a table and the corrected ones from standstill, once for each seed.
+
+    Parameters
+    ----------
+    table : Path
+        CSV with one line of names, N rows of numbers and lines of comment, which begin with ``#``:
+        ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and ``X_corrected``, the
+        commanded and the corrected position in the machine's frame [mm]; ``cutting``, 1 where the
+        program cuts, may be there.
+    parameters : ShopParameters
+        The machine.
+    seeds : sequence of int
+        Seeds of the noise, which is the same before and after.
 
     Returns
     -------
     dict
-        As :func:`drive_corrected`, each number with its mean, least and greatest value over the
-        seeds; ``seeds`` is their number.
+        ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
+        the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
+        ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
+        none; the same under ``cutting`` where the table tells cuts.  ``path``: the same of the
+        distance from the commanded path, of two axes and more.  Each number with its mean, least
+        and greatest value over the seeds; ``seeds`` is their number.
 
     Raises
     ------
     ValueError
-        As :func:`drive_corrected`, or without seeds.
+        Without seeds, when a column is missing or unknown, there are less than two rows, a value is
+        no finite number, or time is not even.
     """
     if not len(seeds):
         raise ValueError("corrected trials need one seed or more; got none")
@@ -59,54 +76,15 @@ def _spreads(found: Sequence[Any]) -> Any:
     return {f: round(float(getattr(np, f)(found)), 4) for f in ("mean", "min", "max")}
 
 
-def drive_corrected(table: Path, parameters: ShopParameters, seed: int) -> dict[str, Any]:
-    """Drive the commands of a table and the corrected ones, both from standstill.
-
-    Parameters
-    ----------
-    table : Path
-        CSV with one line of names, N rows of numbers and lines of comment, which begin with ``#``:
-        ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and ``X_corrected``, the
-        commanded and the corrected position in the machine's frame [mm]; ``cutting``, 1 where the
-        program cuts, may be there.
-    parameters : ShopParameters
-        The machine.
-    seed : int
-        Of the noise, which is the same before and after.
-
-    Returns
-    -------
-    dict
-        ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
-        the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
-        ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
-        none; the same under ``cutting`` where the table tells cuts.  ``path``: the same of the
-        distance from the commanded path, of two axes and more.
-
-    Raises
-    ------
-    ValueError
-        When a column is missing or unknown, there are less than two rows, a value is no finite
-        number, or time is not even.
-    """
-    return _driven(Commands.of(table, parameters), parameters, seed)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Commands:
-    """Commands of a table at the ticks of the position loop.
-
-    Parameters
-    ----------
-    asked, corrected : mapping of str to ndarray, shape (T,)
-        Commanded and corrected position of each axis [mm].
-    cut : ndarray of bool, shape (T,)
-        Whether the program cuts.
-    """
+    """Commands of a table at the ticks of the position loop."""
 
     asked: Mapping[str, Floats]
     corrected: Mapping[str, Floats]
+    """Commanded and corrected position of each axis [mm]; shape (T,)."""
     cut: Bools
+    """Whether the program cuts; shape (T,)."""
 
     @classmethod
     def of(cls, table: Path, parameters: ShopParameters) -> "Commands":

@@ -230,30 +230,20 @@ def _in_material(
 
 @dataclass(frozen=True, kw_only=True)
 class Chance:
-    """One part: its batch, the tools as mounted this time.
-
-    Parameters
-    ----------
-    workpiece : Workpiece
-        Of this batch.
-    tools : dict of int to EndMill
-        With this mounting's runout, tilt and teeth.
-    used : dict of int to float
-        Length of cut of a tooth of each before [m].
-    deeper : dict of int to float
-        Extra depth of each at the blank's top over the programmed one [mm].
-    speed_error : float
-        Of the spindle [1].
-    angle : float
-        Of the spindle when the run begins [rad].
-    """
+    """One part: its batch, the tools as mounted this time."""
 
     workpiece: Workpiece
+    """Workpiece of this batch."""
     tools: dict[int, EndMill]
+    """With this mounting's runout, tilt and teeth."""
     used: dict[int, float]
+    """Length of cut of a tooth of each before [m]."""
     deeper: dict[int, float]
+    """Extra depth of each at the blank's top over the programmed one [mm]."""
     speed_error: float
+    """Speed error of the spindle [1]."""
     angle: float
+    """Angle of the spindle when the run begins [rad]."""
 
 
 def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generator) -> Chance:
@@ -318,26 +308,6 @@ def cut(
         for line in np.unique(lines).tolist():
             peaks[line] = max(peaks.get(line, 0.0), float(load[lines == line].max()))
     return peaks
-
-
-def mean_forces(
-    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
-    random: np.random.Generator,
-) -> Floats:  # fmt: skip
-    """Force on the tool along X, Y, Z in each cycle of a track, its mean over it [N]; (T, 3)."""
-    total: Floats = np.zeros((track.line.size, 3))
-    for force, moment in _cuts(track, blank, part, parameters, random):
-        if moment.size < 2:
-            continue
-        first, last = int(moment[0] / track.cycle), int(moment[-1] / track.cycle) + 1
-        edges = np.arange(first, last + 1) * track.cycle
-        steps = np.diff(moment)[:, None] * (force[1:] + force[:-1]) / 2
-        impulse = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-        rows = slice(first, min(last, len(total)))
-        for axis in range(3):
-            gained = np.diff(np.interp(edges, moment, impulse[:, axis])) / track.cycle
-            total[rows, axis] += gained[: rows.stop - first]
-    return total
 
 
 def _cuts(

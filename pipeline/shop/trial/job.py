@@ -36,22 +36,6 @@ SHARPNESS = (1.0, 1.08, 0.94)
 class TrialJob(Ranged, section="TrialJob"):
     """A job as the shop's set-up sheet has it.
 
-    Parameters
-    ----------
-    blank : tuple of 6 floats
-        Box in the coordinates of the work offset: x, y, z from and to [mm].
-    limit_load_N : float
-        Limit that peaks of the load are compared with [N].
-    tools : mapping of int to EndMill
-        Those that cut, by the number that the program calls.  Runout and tilt are those of a usual
-        mounting: each seed mounts them anew.
-    workpiece : Workpiece
-        The material; each seed has a batch of its own.
-    lengths : mapping of int to float
-        Of the tools in their holders [mm].
-    dialect : {"fanuc", "linuxcnc", "siemens"}
-        That the program is written in.
-
     Raises
     ------
     ValueError
@@ -59,11 +43,18 @@ class TrialJob(Ranged, section="TrialJob"):
     """
 
     blank: Box
+    """Box in the coordinates of the work offset: x, y, z from and to [mm]."""
     limit_load_N: Annotated[float, Range(above=0.0, unit="N")]
+    """Limit that peaks of the load are compared with [N]."""
     tools: Mapping[int, EndMill]
+    """Those that cut, by the number that the program calls.  Runout and tilt are those of a usual
+    mounting: each seed mounts them anew."""
     workpiece: Workpiece = field(default_factory=Workpiece)
+    """The material; each seed has a batch of its own."""
     lengths: Mapping[int, float] = field(default_factory=dict)
+    """Lengths of the tools in their holders [mm]."""
     dialect: Literal["fanuc", "linuxcnc", "siemens"] = "fanuc"
+    """That the program is written in."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -33,21 +33,14 @@ class Prepared:
 
 @dataclass(frozen=True, kw_only=True)
 class Trial:
-    """Result of one cut.
-
-    Parameters
-    ----------
-    time_s : float
-        Of the program by the shop's control [s].
-    limit_load_N : float
-        Limit of the load [N].
-    peaks_N : dict of int to float
-        Peak load in each line of the program's text in which the tool moves [N].
-    """
+    """Result of one cut."""
 
     time_s: float
+    """Time of the program by the shop's control [s]."""
     limit_load_N: float
+    """Limit of the load [N]."""
     peaks_N: dict[int, float]
+    """Peak load in each line of the program's text in which the tool moves [N]."""
 
     @property
     def peak_load_N(self) -> float:

@@ -86,30 +86,20 @@ class PlannedCut(Ranged, section="PlannedCut"):
 
 @dataclass(frozen=True, kw_only=True)
 class PlannedLife(Ranged, section="PlannedLife"):
-    """One tool from new to worn: its type, its cuts by turns, its speed, how often it is recorded.
-
-    Parameters
-    ----------
-    tool : str
-        Name of this very tool.
-    cutter : str
-        Its type.
-    cuts : tuple of str
-        Cuts that it makes, one after another.
-    speed : float
-        Factor on the cutting speed of its cuts.
-    interval : float
-        Time in the cut between two records.
-    records : int or None
-        How many there are of a tool that is still in the spindle; None for a whole life.
-    """
+    """One tool from new to worn: its type, cuts by turns, speed, how often it is recorded."""
 
     tool: str
+    """Name of this very tool."""
     cutter: str
+    """Its type."""
     cuts: tuple[str, ...]
+    """Cuts that it makes, one after another."""
     records: Annotated[int, Range(least=1, most=500)] | None = None
+    """How many there are of a tool that is still in the spindle; None for a whole life."""
     speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
+    """Factor on the cutting speed of its cuts."""
     interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
+    """Time in the cut between two records."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,25 +261,17 @@ class Sensors(Ranged, section="Sensors"):
 
 @dataclass(frozen=True, kw_only=True)
 class Microscope(Ranged, section="Microscope"):
-    """Measurement of the land: mean of all teeth, after some cuts only.
-
-    Parameters
-    ----------
-    error, step : float
-        Standard deviation, and the unit in which it is written down.
-    every : int
-        Records from one measurement to the next; the first record is measured too.
-    forgotten : float
-        Share of them that nobody wrote down.
-    changed_at : float
-        Reading at which the tool is taken out.
-    """
+    """Measurement of the land: mean of all teeth, after some cuts only."""
 
     error: Annotated[float, Range(least=0, most=50, unit="um")] = 2.5
     step: Annotated[float, Range(least=0.01, most=50, unit="um")] = 1.0
+    """Standard deviation, and the unit in which it is written down."""
     every: Annotated[int, Range(least=1, most=100)] = 3
+    """Records from one measurement to the next; the first record is measured too."""
     forgotten: Annotated[float, Range(least=0, most=0.9)] = 0.06
+    """Share of them that nobody wrote down."""
     changed_at: Annotated[float, Range(least=20, most=2000, unit="um")] = 215.0
+    """Reading at which the tool is taken out."""
 
 
 CUTS = (

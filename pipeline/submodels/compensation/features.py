@@ -55,37 +55,26 @@ SLIGHT = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features:
-    """One axis in one recording, N samples of the grid of windows.
-
-    Parameters
-    ----------
-    recording : Recording
-        Signals by name, those of ``MEASURED`` among them.
-    group : str
-        Of the recording in splits.
-    time : ndarray, shape (N,)
-        Since the recording began [s].
-    measured, modelled : ndarray, shape (N,)
-        Following error [m]; zero where there is no model.
-    regime : ndarray of str, shape (N,)
-        Of each sample.
-    known : ndarray of bool, shape (N,)
-        Samples that were recorded, neither put in between nor beside such.
-    fuzzy : ndarray, shape (N,), or None
-        Following error of the drives' model with a fuzzy PI speed loop [m], where asked for.
-    step : float
-        Resolution of the measured position [m]; 0 where its values show none.
-    """
+    """One axis in one recording, N samples of the grid of windows."""
 
     recording: Recording
+    """Signals by name, those of ``MEASURED`` among them."""
     group: str
+    """Group of the recording in splits."""
     time: Floats
+    """Since the recording began [s]; shape (N,)."""
     measured: Floats
     modelled: Floats
+    """Following error [m]; zero where there is no model; shape (N,)."""
     regime: "np.ndarray[Any, np.dtype[np.str_]]"
+    """Regime of each sample; shape (N,)."""
     known: Bools
+    """Samples that were recorded, neither put in between nor beside such; shape (N,)."""
     fuzzy: Floats | None = None
+    """Following error of the drives' model with a fuzzy PI speed loop [m], where asked for;
+    shape (N,)."""
     step: float = 0.0
+    """Resolution of the measured position [m]; 0 where its values show none."""
 
 
 def every(period: float, step_s: float) -> int:

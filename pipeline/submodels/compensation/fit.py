@@ -40,21 +40,14 @@ LEFT_OUT = 500
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Sampled:
-    """All windows of one axis in one use, with what they are sampled and judged by.
-
-    Parameters
-    ----------
-    windows : Windows
-        Whose groups are those of splits.
-    regime : ndarray of str, shape (B,)
-        Of each window's last row.
-    time : ndarray, shape (B,)
-        Of that row in its recording [s].
-    """
+    """All windows of one axis in one use, with what they are sampled and judged by."""
 
     windows: Windows
+    """Whose groups are those of splits."""
     regime: Any
+    """Regime of each window's last row; shape (B,)."""
     time: Floats
+    """Of that row in its recording [s]; shape (B,)."""
 
     @property
     def groups(self) -> list[str]:

@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
-USES = (PREDICTION, ESTIMATION)
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
@@ -65,35 +64,6 @@ NAMES = {
 class CompensationFitSettings(Ranged, section="compensation_fit"):
     """How the networks are trained and compared.
 
-    Parameters
-    ----------
-    step_s : float
-        From row to row of a window [s]; the nearest whole number of samples.
-    length : int
-        Rows of a window.
-    horizon_s : float
-        Age of the youngest measurement that an estimation uses [s].
-    settle_s : float
-        Begin of each recording that is left out, in which the drives' model settles [s].
-    windows : int
-        Of one training; as many of each regime as there are, so that reversals weigh as much as
-        the long stretches at constant speed.
-    folds : int
-        Parts of the training recordings that are left out in turn.
-    kinds, estimators : tuple of str
-        Networks of the prediction, and of the estimation.
-    units, filters : int
-        Of the LSTMs; of the convolutions.
-    pool : int
-        Rows of a convolution of which the greatest enters the LSTM behind it; 1 as published.
-    ridges : tuple of float
-        Of the linear model, as shares of the variance of its output; the one with the least error
-        on the recordings that stop the trainings of the others is taken.
-    training : WindowTraining
-        Of each network.
-    searched : str
-        Kind whose learning rate, units and penalty are searched on the first axis; "" for none.
-
     Raises
     ------
     ValueError
@@ -101,19 +71,33 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
     """
 
     step_s: Positive = 0.002
+    """From row to row of a window [s]; the nearest whole number of samples."""
     length: Count = 48
+    """Rows of a window."""
     horizon_s: Annotated[float, Range(least=0.001)] = 0.02
+    """Age of the youngest measurement that an estimation uses [s]."""
     settle_s: NotNegative = 0.3
+    """Begin of each recording that is left out, in which the drives' model settles [s]."""
     windows: Count = 1500
+    """Of one training; as many of each regime as there are, so that reversals weigh as much as the
+    long stretches at constant speed."""
     folds: Annotated[int, Range(least=2, most=20)] = 3
+    """Parts of the training recordings that are left out in turn."""
     kinds: tuple[str, ...] = tuple(KINDS)
     estimators: tuple[str, ...] = ("arx", "cnn_lstm_attention")
+    """Networks of the prediction, and of the estimation."""
     units: Count = 50
     filters: Count = 16
+    """Of the LSTMs; of the convolutions."""
     pool: Count = 1
+    """Rows of a convolution of which the greatest enters the LSTM behind it; 1 as published."""
     ridges: tuple[Positive, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
+    """Of the linear model, as shares of the variance of its output; the one with the least error on
+    the recordings that stop the trainings of the others is taken."""
     training: WindowTraining = field(default_factory=WindowTraining)
+    """Of each network."""
     searched: str = "cnn_lstm_attention"
+    """Kind whose learning rate, units and penalty are searched on the first axis; "" for none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -148,132 +132,89 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class KindScore:
-    """A kind on training recordings left out.
-
-    Parameters
-    ----------
-    rmse_um, max_um : float
-        Over all samples left out [um].
-    spread_um : float
-        Standard deviation over the networks of the folds of the RMSE of what each left out [um].
-    """
+    """A kind on training recordings left out."""
 
     rmse_um: float
     max_um: float
+    """Over all samples left out [um]."""
     spread_um: float = 0.0
+    """Standard deviation over the networks of the folds of the RMSE of what each left out [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UseModel:
-    """One use on one axis.
-
-    Parameters
-    ----------
-    champion : str
-        Kind with the least RMSE on training recordings left out, or the baseline where none is
-        better.
-    scores : mapping of str to KindScore
-        By kind, and of the baseline.
-    bands : mapping of str to Band
-        Half widths of the 90 % interval by regime [um].
-    inputs : tuple of WindowInput
-        Of the networks.
-    by_time : bool
-        Whether folds are stretches of time of the recordings, of which there are too few to leave
-        whole ones out.
-    """
+    """One use on one axis."""
 
     champion: str
+    """Kind with the least RMSE on training recordings left out, or the baseline where none is
+    better."""
     scores: Mapping[str, KindScore]
+    """By kind, and of the baseline."""
     bands: Mapping[str, Band]
+    """Half widths of the 90 % interval by regime [um]."""
     inputs: tuple[WindowInput, ...]
+    """Inputs of the networks."""
     by_time: bool = False
+    """Whether folds are stretches of time of the recordings, of which there are too few to leave
+    whole ones out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchFacts:
-    """What a search of the settings found.
-
-    Parameters
-    ----------
-    kind, axis, method : str
-        Network and axis that it was made on; the search.
-    candidates, pruned : int
-        Trained; stopped early as worse than half of the others.
-    history_um : tuple of float
-        Least validation RMSE after each generation [um].
-    chosen : mapping of str to float
-        Settings that it found.
-    bounds_hit : mapping of str to str
-        Settings whose best value lies on a bound, and which.
-    """
+    """What a search of the settings found."""
 
     kind: str
     axis: str
     method: str
+    """Network and axis that it was made on; the search."""
     candidates: int
     pruned: int
+    """Trained; stopped early as worse than half of the others."""
     history_um: tuple[float, ...]
+    """Least validation RMSE after each generation [um]."""
     chosen: Mapping[str, float]
+    """Settings that it found."""
     bounds_hit: Mapping[str, str] = field(default_factory=dict)
+    """Settings whose best value lies on a bound, and which."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeakShown:
-    """What the published inputs would seem to gain: they hold the measured position.
-
-    Parameters
-    ----------
-    axis, kind : str
-        On which it is shown.
-    inputs : tuple of str
-        That could not be known yet.
-    rmse_um, honest_um : float
-        RMSE on training recordings left out, with them and without [um].
-    max_um, honest_max_um : float
-        Greatest errors there [um].
-    """
+    """What the published inputs would seem to gain: they hold the measured position."""
 
     axis: str
     kind: str
+    """On which it is shown."""
     inputs: tuple[str, ...]
+    """That could not be known yet."""
     rmse_um: float
     honest_um: float
+    """RMSE on training recordings left out, with them and without [um]."""
     max_um: float
     honest_max_um: float
+    """Greatest errors there [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationModel(Model):
-    """``model.json``; the networks stand in ``networks.json`` beside it.
-
-    Parameters
-    ----------
-    axes : mapping of str to mapping of str to UseModel
-        By letter and use.
-    step_s, horizon_s, settle_s : float
-        As in the settings [s].
-    length : int
-        As in the settings.
-    lead_mm : mapping of str to float
-        Of the screws whose turn is an input [mm].
-    with_drive : bool
-        Whether there is a model of the drives; else the error itself is learnt.
-    search : SearchFacts or None
-        Of the settings.
-    leak : LeakShown or None
-        For comparison; nothing else uses it.
-    """
+    """``model.json``; the networks stand in ``networks.json`` beside it."""
 
     axes: Mapping[str, Mapping[str, UseModel]]
+    """By letter and use."""
     step_s: float
     horizon_s: float
     settle_s: float
+    """As in the settings [s]."""
     length: int
+    """As in the settings."""
     lead_mm: Mapping[str, float] = field(default_factory=dict)
+    """Lead of the screws whose turn is an input [mm]."""
     with_drive: bool = True
+    """Whether there is a model of the drives; else the error itself is learnt."""
     search: SearchFacts | None = None
+    """Search of the settings."""
     leak: LeakShown | None = None
+    """For comparison; nothing else uses it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -64,29 +64,21 @@ def short(case: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Traced:
-    """One recording of one axis, N samples; errors in um, NaN where they are not known.
-
-    Parameters
-    ----------
-    axis, use, case : str
-        Of what.
-    seconds : ndarray, shape (N,)
-        Since the recording began [s].
-    before, after : ndarray, shape (N,)
-        What the drives' model (of an estimation: the last measured error) leaves over, and what
-        the one that serves leaves.
-    low, high : ndarray, shape (N,)
-        90 % interval of ``before``, as it was predicted.
-    """
+    """One recording of one axis, N samples; errors in um, NaN where they are not known."""
 
     axis: str
     use: str
     case: str
+    """Of what."""
     seconds: np.ndarray
+    """Since the recording began [s]; shape (N,)."""
     before: np.ndarray
     after: np.ndarray
+    """What the drives' model (of an estimation: the last measured error) leaves over, and what the
+    one that serves leaves; shape (N,)."""
     low: np.ndarray
     high: np.ndarray
+    """90 % interval of ``before``, as it was predicted; shape (N,)."""
 
     @property
     def worst(self) -> int:
@@ -96,18 +88,12 @@ class Traced:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Attended:
-    """Mean attention of a network over its window, K rows.
-
-    Parameters
-    ----------
-    ms : ndarray, shape (K,)
-        Before the time that is predicted [ms], the oldest first.
-    weights : mapping of str to ndarray, each shape (K,)
-        By regime [1]; those of a regime add up to 1.
-    """
+    """Mean attention of a network over its window, K rows."""
 
     ms: np.ndarray
+    """Before the time that is predicted [ms], the oldest first; shape (K,)."""
     weights: Mapping[str, np.ndarray]
+    """By regime [1]; those of a regime add up to 1; shape (K,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

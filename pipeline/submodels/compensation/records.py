@@ -28,18 +28,6 @@ MOTION = ("reference", "position", "error")
 class ErrorChannels(Ranged, section="compensation_records.axes"):
     """Channels of one axis.
 
-    Parameters
-    ----------
-    reference, position : Channel or None
-        Commanded and measured position, of the same frame.
-    error : Channel or None
-        Commanded less measured position, where the control records it itself.
-    command : Channel or None
-        Torque command or current of the drive: a measurement, which only estimation may use.
-    lead_mm : float or None
-        Of the screw [mm], where errors that return with each turn are to be learnt; positions are
-        then those of the machine's frame.
-
     Raises
     ------
     ValueError
@@ -48,9 +36,14 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
     reference: Channel | None = None
     position: Channel | None = None
+    """Commanded and measured position, of the same frame."""
     error: Channel | None = None
+    """Commanded less measured position, where the control records it itself."""
     command: Channel | None = None
+    """Torque command or current of the drive: a measurement, which only estimation may use."""
     lead_mm: Positive | None = None
+    """Of the screw [mm], where errors that return with each turn are to be learnt; positions are
+    then those of the machine's frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -76,21 +69,6 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 class CompensationRecords(Ranged, section="compensation_records"):
     """Recordings that show following errors.
 
-    Parameters
-    ----------
-    recordings : tuple of str
-        Patterns of raw files below the machine's folder.
-    axes : mapping of str to ErrorChannels
-        By the axis' letter.
-    parts : tuple of str
-        Columns whose values tell the parts of a table apart; each part is a recording of its own,
-        called ``<file>#<column>=<value>,…`` in section ``roles``.
-    group : str
-        One of ``parts`` by which recordings belong together in splits, such as the tool.
-    last_share : float
-        Share of each training recording, its end, that is held out [1]: for a machine of which
-        one recording exists.
-
     Raises
     ------
     ValueError
@@ -98,10 +76,17 @@ class CompensationRecords(Ranged, section="compensation_records"):
     """
 
     recordings: tuple[str, ...]
+    """Patterns of raw files below the machine's folder."""
     axes: Mapping[str, ErrorChannels]
+    """By the axis' letter."""
     parts: tuple[str, ...] = ()
+    """Columns whose values tell the parts of a table apart; each part is a recording of its own,
+    called ``<file>#<column>=<value>,…`` in section ``roles``."""
     group: str = ""
+    """One of ``parts`` by which recordings belong together in splits, such as the tool."""
     last_share: Annotated[float, Range(least=0.0, below=1.0)] = 0.0
+    """Share of each training recording, its end, that is held out [1]: for a machine of which one
+    recording exists."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -116,24 +101,16 @@ class CompensationRecords(Ranged, section="compensation_records"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRun:
-    """One axis in one recording, T even samples in SI.
-
-    Parameters
-    ----------
-    error : ndarray, shape (T,)
-        Measured following error, commanded less measured position [m].
-    reference : ndarray, shape (T,), or None
-        Commanded position [m].
-    command : ndarray, shape (T,), or None
-        Torque command, in the recording's unit.
-    filled : ndarray of bool, shape (T,)
-        Samples that were not recorded, but put between their neighbours.
-    """
+    """One axis in one recording, T even samples in SI."""
 
     error: Floats
+    """Measured following error, commanded less measured position [m]; shape (T,)."""
     reference: Floats | None = None
+    """Commanded position [m]; shape (T,)."""
     command: Floats | None = None
+    """Torque command, in the recording's unit; shape (T,)."""
     filled: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    """Samples that were not recorded, but put between their neighbours; shape (T,)."""
 
     @property
     def step(self) -> float:
@@ -153,37 +130,25 @@ class AxisRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """One recording, or a part of one.
-
-    Parameters
-    ----------
-    name, file : str
-        Its name, and the raw file that it is of.
-    group : str
-        What belongs together in splits.
-    sha256 : str
-        Of the raw bytes; of the samples where it is a part of a file.
-    period : float
-        Between samples [s].
-    axes : mapping of str to AxisRun
-        Axes that it shows, by letter.
-    lacking : mapping of str to str
-        Axes that it does not show, with the reason.
-    start : float
-        Of its first sample in the recording [s].
-    last : bool
-        Whether it is the end of a training recording, held out by time.
-    """
+    """One recording, or a part of one."""
 
     name: str
     file: str
+    """Its name, and the raw file that it is of."""
     group: str
+    """What belongs together in splits."""
     sha256: str
+    """Of the raw bytes; of the samples where it is a part of a file."""
     period: float = float("nan")
+    """Between samples [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
+    """Axes that it shows, by letter."""
     lacking: Mapping[str, str] = field(default_factory=dict)
+    """Axes that it does not show, with the reason."""
     start: float = 0.0
+    """Of its first sample in the recording [s]."""
     last: bool = False
+    """Whether it is the end of a training recording, held out by time."""
 
     @property
     def samples(self) -> int:

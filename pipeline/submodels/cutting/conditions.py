@@ -24,27 +24,20 @@ UNITS: Mapping[str, str | None] = {
 
 @dataclass(frozen=True, kw_only=True)
 class StatedConditions:
-    """Cutting conditions as a person states them; None for what is not stated.
-
-    Parameters
-    ----------
-    speed_rpm, feed_mm_min, feed_per_tooth_mm, axial_depth_mm, radial_depth_mm : float, optional
-        Spindle speed [1/min], feed rate [mm/min], feed per tooth and depths of cut [mm].
-    immersion : {"slot", "up", "down"}, optional
-        Side of the tool that cuts.
-    entry_deg, exit_deg : float, optional
-        Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in
-        place of immersion and radial depth.
-    """
+    """Cutting conditions as a person states them; None for what is not stated."""
 
     speed_rpm: float | None = None
     feed_mm_min: float | None = None
     feed_per_tooth_mm: float | None = None
     axial_depth_mm: float | None = None
     radial_depth_mm: float | None = None
+    """Spindle speed [1/min], feed rate [mm/min], feed per tooth and depths of cut [mm]."""
     immersion: Immersion | None = None
+    """Side of the tool that cuts."""
     entry_deg: float | None = None
     exit_deg: float | None = None
+    """Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in
+    place of immersion and radial depth."""
 
 
 def condition_sources(

@@ -53,25 +53,17 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """One possible fault, as what would undo it.
-
-    Parameters
-    ----------
-    words : str
-        The fault as a clause.
-    channels : ndarray, shape (3, 3)
-        Channels as they should be from those recorded.
-    speed, feed : float
-        Factors on the stated spindle speed and feed per tooth [1].
-    moderate : bool
-        Whether a model that extrapolates could imitate it.
-    """
+    """One possible fault, as what would undo it."""
 
     words: str
+    """The fault as a clause."""
     channels: NDArray[np.float64]
+    """Channels as they should be from those recorded; shape (3, 3)."""
     speed: float = 1.0
     feed: float = 1.0
+    """Factors on the stated spindle speed and feed per tooth [1]."""
     moderate: bool = False
+    """Whether a model that extrapolates could imitate it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,10 +10,9 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.search.genetic import GeneticSettings, minimise
 from pipeline.submodels.cutting.waveform import (
     COEFFICIENTS,
@@ -24,9 +23,6 @@ from pipeline.submodels.cutting.waveform import (
     phase_shift,
     rotated,
 )
-
-Complexes = NDArray[np.complex128]
-
 
 ROUNDS = 4
 """Alternations between weights and fit, at most."""
@@ -56,24 +52,16 @@ FREE = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fit:
-    """Optimum of a waveform problem.
-
-    Parameters
-    ----------
-    problem : Problem
-        With its last weights.
-    x : ndarray, shape (P,)
-        Nonlinear unknowns.
-    solved : Solved
-        Coefficients and residuals there.
-    evaluations : int
-        Evaluations of the cost.
-    """
+    """Optimum of a waveform problem."""
 
     problem: Problem
+    """With its last weights."""
     x: Floats
+    """Nonlinear unknowns; shape (P,)."""
     solved: Solved
+    """Coefficients and residuals there."""
     evaluations: int
+    """Evaluations of the cost."""
 
     @property
     def values(self) -> Floats:

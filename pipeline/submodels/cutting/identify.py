@@ -56,51 +56,34 @@ from pipeline.submodels.cutting.waveform import CutHarmonics
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingIdentification:
-    """Result of the identification.
-
-    Parameters
-    ----------
-    recordings : sequence of CuttingRecording
-        All of the machine.
-    cuts : sequence of CutHarmonics
-        The training recordings, in their order.
-    selection : Selection, optional
-        Selected terms; None without a training recording.
-    fit : Fit, optional
-        Optimum by the chosen method.
-    uncertainty : FitUncertainty, optional
-        Of its unknowns.
-    not_sharp : RoundedFit, optional
-        Fit whose edges are not sharp, each tooth with its own, of the other terms of ``fit``.
-    mean_force : sequence of Estimate
-        Coefficients by regression of the mean forces.
-    mean_values : ndarray, shape (6,), optional
-        The same in SI.
-    methods : sequence of MethodTried
-        Error and evaluations of each method tried.
-    serving : Fit, optional
-        The one that predicts: ``fit``, or that whose edges are not sharp.
-    model : CutModel, optional
-        Its model, with what the intervals of its forces are made of.
-    folds : sequence of CutModel
-        Its models of the selection's folds, with their own spreads.
-    reason : str
-        Why there is no fit.
-    """
+    """Result of the identification."""
 
     recordings: Sequence[CuttingRecording]
+    """All of the machine."""
     cuts: Sequence[CutHarmonics] = ()
+    """The training recordings, in their order."""
     selection: Selection | None = None
+    """Selected terms; None without a training recording."""
     fit: Fit | None = None
+    """Optimum by the chosen method."""
     uncertainty: FitUncertainty | None = None
+    """Uncertainty of its unknowns."""
     not_sharp: RoundedFit | None = None
+    """Fit whose edges are not sharp, each tooth with its own, of the other terms of ``fit``."""
     mean_force: Sequence[Estimate] = ()
+    """Coefficients by regression of the mean forces."""
     mean_values: Floats | None = None
+    """The same in SI; shape (6,)."""
     methods: Sequence[MethodTried] = ()
+    """Error and evaluations of each method tried."""
     serving: Fit | None = None
+    """The one that predicts: ``fit``, or that whose edges are not sharp."""
     model: CutModel | None = None
+    """Its model, with what the intervals of its forces are made of."""
     folds: Sequence[CutModel] = ()
+    """Its models of the selection's folds, with their own spreads."""
     reason: str = ""
+    """Why there is no fit."""
 
     @property
     def references(self) -> dict[str, Reference]:

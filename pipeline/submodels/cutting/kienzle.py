@@ -21,7 +21,6 @@ NAMES = ("kienzle.k_c11", "kienzle.m_c")
 UNITS = ("N/mm^2", "1")
 """Their units."""
 MM = 1e-3
-N_MM2 = 1e6
 NODES = 48
 """Gauss nodes over an arc."""
 TYPICAL = 0.25
@@ -34,53 +33,21 @@ ITERATIONS = 30
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kienzle:
-    """Kienzle's constants of a set of cuts.
-
-    Parameters
-    ----------
-    k_c11 : float
-        [N/mm^2].
-    m_c : float
-        [1].
-    k_c11_interval, m_c_interval : tuple of float
-        95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm.
-    correlation : float
-        Of ln k_c1.1 and m_c.
-    scatter : float
-        Scatter of the forces about Kienzle's equation, as a share [1].
-    cuts : int
-        Number of cuts.
-    """
+    """Kienzle's constants of a set of cuts."""
 
     k_c11: float
+    """[N/mm^2]."""
     m_c: float
+    """[1]."""
     k_c11_interval: tuple[float, float]
     m_c_interval: tuple[float, float]
+    """95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm."""
     correlation: float
+    """Of ln k_c1.1 and m_c."""
     scatter: float
+    """Scatter of the forces about Kienzle's equation, as a share [1]."""
     cuts: int
-
-
-def kienzle_by_thickness(h: ArrayLike, k_c: ArrayLike, deviation: ArrayLike = 0.0) -> Kienzle:
-    """Constants from specific forces, one a cut: ln k_c = ln k_c1.1 - m_c ln h.
-
-    Parameters
-    ----------
-    h : array_like, shape (L,)
-        Chip thickness [m].
-    k_c : array_like, shape (L,)
-        Tangential force over the chip's section [N/m^2].
-    deviation : array_like, shape (L,) or ()
-        Standard deviation of each, as a share [1].
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than three cuts, a value is not positive, or chips are too alike.
-    """
-    thickness, specific = _cuts(h, k_c, deviation, "specific force")
-    design = np.stack([np.ones_like(thickness), -np.log(thickness / MM)], axis=1)
-    return _kienzle(_fit(design, np.log(specific / N_MM2), deviation))
+    """Number of cuts."""
 
 
 def kienzle_by_force(
@@ -105,7 +72,7 @@ def kienzle_by_force(
     Raises
     ------
     ValueError
-        As :func:`kienzle_by_thickness`.
+        When there are fewer than three cuts, a value is not positive, or chips are too alike.
     """
     feed, mean = _cuts(f_z, force, deviation, "mean tangential force")
     arc = [np.broadcast_to(np.asarray(v, dtype=np.float64), feed.shape) for v in (phi_st, phi_ex)]

@@ -37,9 +37,9 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from pipeline.cutting.force.chip_law import design, feeds, local_lines
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
-from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, Complexes, CutHarmonics
+from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, CutHarmonics
 
 EXPONENTS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)
 """Exponents m of the size effect beside an edge force [1]: those of Kienzle's law alone, which hold
@@ -76,26 +76,18 @@ TRIED, KEPT = 4096, 1024
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LawDraws:
-    """D draws of a law.
-
-    Parameters
-    ----------
-    exponent : ndarray, shape (D, 3)
-        m of each direction [1].
-    growth : ndarray, shape (D,)
-        h_0 [m].
-    values : ndarray, shape (D, 6)
-        C [N/m^2], E [N/m].
-    understated, gain, wear : float
-        Root mean squares of s, g, w over the draws [1].
-    """
+    """D draws of a law."""
 
     exponent: Floats
+    """m of each direction [1]; shape (D, 3)."""
     growth: Floats
+    """h_0 [m]; shape (D,)."""
     values: Floats
+    """C [N/m^2], E [N/m]; shape (D, 6)."""
     understated: float
     gain: float
     wear: float
+    """Root mean squares of s, g, w over the draws [1]."""
 
     def laws(self, count: int) -> tuple[ChipLaw, ...]:
         """So many of them, evenly taken, as they are stored."""
@@ -138,31 +130,22 @@ def _forms(many: bool) -> tuple[Floats, Floats, Floats]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FittedLine:
-    """Constants of a fit's law that the harmonics of the waveforms give without the mean forces.
-
-    Parameters
-    ----------
-    values : ndarray, shape (6,)
-        [N/m^2], [N/m].
-    covariance : ndarray, shape (6, 6)
-        Of them.
-    gain : ndarray, shape (6, R)
-        Their change by the gain of each recording.
-    edges : ndarray, shape (6, R, 3)
-        Their change by the edge force of each recording, tangential, radial, axial.
-    crosstalk : ndarray, shape (6, 6)
-        Their change by the share of each of ``PAIRS``.
-    reading : callable
-        For a shape of the law what the fit reads as its own constants for each constant of the law,
-        shape (6, 6): a part of another bend is taken for runout.
-    """
+    """Constants of a fit's law that the harmonics of the waveforms give without the mean forces."""
 
     values: Floats
+    """Values [N/m^2], [N/m]; shape (6,)."""
     covariance: Floats
+    """Of them; shape (6, 6)."""
     gain: Floats
+    """Their change by the gain of each recording; shape (6, R)."""
     edges: Floats
+    """Their change by the edge force of each recording, tangential, radial, axial;
+    shape (6, R, 3)."""
     crosstalk: Floats
+    """Their change by the share of each of ``PAIRS``; shape (6, 6)."""
     reading: Callable[[ChipShape], Floats]
+    """For a shape of the law what the fit reads as its own constants for each constant of the law,
+    shape (6, 6): a part of another bend is taken for runout."""
 
     def tables(self, exponents: Floats, growths: Floats) -> Floats:
         """Readings of L laws of exponents (L, 3) and growths (L,); shape (L, 6, 6)."""
@@ -176,18 +159,12 @@ class FittedLine:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class KnownShape:
-    """Shape of the law that the waveforms show (:mod:`.runout`).
-
-    Parameters
-    ----------
-    chip : ChipShape
-        h_0 [m] and m [1], the same m for all directions.
-    covariance : ndarray, shape (2, 2)
-        Of h_0 and m.
-    """
+    """Shape of the law that the waveforms show (:mod:`.runout`)."""
 
     chip: ChipShape
+    """h_0 [m] and m [1], the same m for all directions."""
     covariance: Floats
+    """Of h_0 and m; shape (2, 2)."""
 
     def likely(self, exponents: Floats, growths: Floats) -> Floats:
         """Logarithm of the likelihood of laws of exponents (L, 3) and growths (L,); shape (L,).

@@ -11,10 +11,9 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import (
     CutConditions,
     ForceSpread,
@@ -36,9 +35,6 @@ from pipeline.submodels.cutting.waveform import (
     transfer,
 )
 
-Complexes = NDArray[np.complex128]
-
-
 SPEED = 0.01
 """Share by which equal speeds differ at most [1]: their harmonics meet the same modes."""
 ALIKE = 0.01
@@ -55,22 +51,15 @@ FURTHER = 0.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WaveformResidual:
-    """Residual of the mechanics under one set of conditions.
-
-    Parameters
-    ----------
-    conditions : CutConditions
-        Of the first of its recordings.
-    feeds : tuple of float
-        Feeds per tooth f_z of its recordings [m].
-    constant, slope : ndarray of complex, shape (H + 1, 3)
-        Harmonics B [N] and A [N/m], the first tooth at the angle 0.
-    """
+    """Residual of the mechanics under one set of conditions."""
 
     conditions: CutConditions
+    """Of the first of its recordings."""
     feeds: tuple[float, ...]
+    """Feeds per tooth f_z of its recordings [m]."""
     constant: Complexes
     slope: Complexes
+    """Harmonics B [N] and A [N/m], the first tooth at the angle 0; shape (H + 1, 3)."""
 
     def covers(self, other: CutConditions) -> bool:
         """Whether it holds for ``other`` conditions."""
@@ -161,41 +150,29 @@ def _residual_of(cuts: Sequence[CutHarmonics], residuals: Sequence[Complexes]) -
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutModel:
-    """Cutting-force model of a tool in a material.
-
-    Parameters
-    ----------
-    tool : Tool
-        Shape of the tool.
-    geometry : ToolGeometry
-        Its runout and helix.
-    values : ndarray, shape (D,)
-        Six constants of the law [N/m^2], [N/m], and edge forces of single teeth, as
-        :func:`pipeline.submodels.cutting.waveform.columns` has them.
-    natural, damping : ndarray, shape (3,), optional
-        Of the modes of the channels that show feed, normal and axis [Hz], [1].
-    left_out : ndarray, shape (3,)
-        Variance of the model error of each direction's harmonics [N^2].
-    residuals : sequence of WaveformResidual
-        Residuals under trained conditions; none where they were not kept.
-    spread : ForceSpread, optional
-        Laws of the chip that the records allow, and what intervals are made of; none without.
-    chip : ChipShape
-        Of the law.
-    line : ndarray, shape (6,), optional
-        Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default.
-    """
+    """Cutting-force model of a tool in a material."""
 
     tool: Tool
+    """Shape of the tool."""
     geometry: ToolGeometry
+    """Its runout and helix."""
     values: Floats
+    """Six constants of the law [N/m^2], [N/m], and edge forces of single teeth, as
+    :func:`pipeline.submodels.cutting.waveform.columns` has them; shape (D,)."""
     natural: Floats | None
     damping: Floats | None
+    """Of the modes of the channels that show feed, normal and axis [Hz], [1]; shape (3,)."""
     left_out: Floats
+    """Variance of the model error of each direction's harmonics [N^2]; shape (3,)."""
     residuals: Sequence[WaveformResidual] = ()
+    """Residuals under trained conditions; none where they were not kept."""
     spread: ForceSpread | None = None
+    """Laws of the chip that the records allow, and what intervals are made of; none without."""
     chip: ChipShape = STRAIGHT
+    """Of the law."""
     line: Floats | None = None
+    """Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default;
+    shape (6,)."""
     _departures: dict[tuple[CutConditions, int], Complexes] = field(
         default_factory=dict, repr=False
     )

@@ -10,7 +10,6 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
@@ -42,8 +41,6 @@ from pipeline.submodels.cutting.settings import (
 )
 from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
 from pipeline.submodels.cutting.spread import force_levels, half_widths, wave_half_widths
-
-Complexes = NDArray[np.complex128]
 
 ANGLES = 720
 """Angles of a revolution at which waveforms are compared."""

@@ -42,37 +42,26 @@ class UnusableRecording(ValueError):  # noqa: N818 - a state of a recording, not
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingRecording:
-    """One recording of a cut.
-
-    Parameters
-    ----------
-    name, sha256 : str
-        Of the raw file.
-    role : Role
-        What it is for.
-    conditions : CutConditions, optional
-        Conditions of the cut, at the set speed.
-    revolution : Revolution, optional
-        Its mean revolution, forces on the tool along feed, normal, axis; None when it is left out.
-    zero_measured : bool
-        Whether the zero of its channels was measured in air.
-    reason : str
-        Why it is left out.
-    notes : tuple of str
-        Changes made to its rows.
-    file : Recording, optional
-        As the ingest wrote it.
-    """
+    """One recording of a cut."""
 
     name: str
     sha256: str
+    """Of the raw file."""
     role: Role
+    """What it is for."""
     conditions: CutConditions | None = None
+    """Conditions of the cut, at the set speed."""
     revolution: Revolution | None = None
+    """Its mean revolution, forces on the tool along feed, normal, axis; None when it is left
+    out."""
     zero_measured: bool = False
+    """Whether the zero of its channels was measured in air."""
     reason: str = ""
+    """Why it is left out."""
     notes: tuple[str, ...] = ()
+    """Changes made to its rows."""
     file: Recording | None = None
+    """As the ingest wrote it."""
 
     @property
     def is_training(self) -> bool:

@@ -20,30 +20,20 @@ TINY = 1e-9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regression:
-    """D parameters of a linear model.
-
-    Parameters
-    ----------
-    values : ndarray, shape (D,)
-        Estimates.
-    covariance : ndarray, shape (D, D)
-        Of them.
-    half_width : ndarray, shape (D,)
-        Half of the 95 % interval; infinite without more readings than parameters.
-    quantile : float
-        Half widths over standard deviations [1].
-    freedom : int
-        Readings less parameters.
-    share : float
-        tau, scatter of the readings beyond their uncertainty, as a share of them [1].
-    """
+    """D parameters of a linear model."""
 
     values: Floats
+    """Estimates; shape (D,)."""
     covariance: Floats
+    """Of them; shape (D, D)."""
     half_width: Floats
+    """Half of the 95 % interval; infinite without more readings than parameters; shape (D,)."""
     quantile: float
+    """Half widths over standard deviations [1]."""
     freedom: int
+    """Readings less parameters."""
     share: float
+    """tau, scatter of the readings beyond their uncertainty, as a share of them [1]."""
 
     @property
     def correlation(self) -> Floats:

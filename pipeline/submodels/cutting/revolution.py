@@ -12,10 +12,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Bools, Floats
-
-Complexes = NDArray[np.complex128]
-
+from pipeline.schema.arrays import Bools, Complexes, Floats
 
 AIR = 0.12
 """Share of the cut's fluctuation below which a revolution is one in air [1]."""
@@ -29,22 +26,15 @@ FEWEST_IN_AIR = 3
 
 @dataclass(frozen=True, kw_only=True)
 class Steady:
-    """Steady samples of a recording, and the zero of its channels.
-
-    Parameters
-    ----------
-    first, last : int
-        Samples from ``first`` up to and without ``last``.
-    zero : ndarray, shape (T, 3)
-        Reading of the channels without force [N].
-    zero_measured : bool
-        Whether the recording shows air cutting, from which the zero is taken.
-    """
+    """Steady samples of a recording, and the zero of its channels."""
 
     first: int
     last: int
+    """Samples from ``first`` up to and without ``last``."""
     zero: Floats
+    """Reading of the channels without force [N]; shape (T, 3)."""
     zero_measured: bool
+    """Whether the recording shows air cutting, from which the zero is taken."""
 
 
 def steady_part(force: Floats, revolution: float, entry_length: float) -> Steady:
@@ -161,32 +151,22 @@ GRID = 128
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Revolution:
-    """Mean revolution of C channels in H harmonics.
-
-    Parameters
-    ----------
-    speed : float
-        Mean speed [rev/s].
-    lines : ndarray of complex, shape (H + 1, C)
-        [N].
-    scatter : ndarray, shape (H + 1, C)
-        Variance of ``lines`` from noise and from revolution to revolution, of real and imaginary
-        part each [N^2].
-    low, high : ndarray, shape (GRID, C)
-        Bounds of 95 % of the revolutions over the angle [N].
-    count : int
-        Revolutions.
-    coherent : ndarray, shape (C,)
-        Share of each channel's fluctuation that repeats with the revolution [1].
-    """
+    """Mean revolution of C channels in H harmonics."""
 
     speed: float
+    """Mean speed [rev/s]."""
     lines: Complexes
+    """[N]; shape (H + 1, C)."""
     scatter: Floats
+    """Variance of ``lines`` from noise and from revolution to revolution, of real and imaginary
+    part each [N^2]; shape (H + 1, C)."""
     low: Floats
     high: Floats
+    """Bounds of 95 % of the revolutions over the angle [N]; shape (GRID, C)."""
     count: int
+    """Revolutions."""
     coherent: Floats
+    """Share of each channel's fluctuation that repeats with the revolution [1]; shape (C,)."""
 
 
 def mean_revolution(

@@ -50,43 +50,29 @@ METHOD = "weighted least squares on the harmonics, with an edge force that grows
 
 @dataclass(frozen=True, kw_only=True)
 class _Offset:
-    """Offset of a fit's tool, the halves of its 95 % interval outward and across it.
-
-    Parameters
-    ----------
-    size, angle, half, half_across : float
-        [m], [rad], [m], [m].
-    """
+    """Offset of a fit's tool, the halves of its 95 % interval outward and across it."""
 
     size: float
     angle: float
     half: float
     half_across: float
+    """[m], [rad], [m], [m]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoundedFit:
-    """Fit in which the edge's force grows with the chip and the cutting force has a size effect.
-
-    Parameters
-    ----------
-    fit : Fit
-        To all recordings.
-    uncertainty : FitUncertainty
-        Of it.
-    folds : sequence of Fold
-        Fits without some of the recordings, in the order of the selection's.
-    factor : ndarray, shape (6,)
-        Of the deviations of its law's constants over those of the fit alone [1].
-    alike : Fit or None
-        Of teeth with edges alike, where recordings left out do not tell that from ``fit``.
-    """
+    """Fit in which the edge's force grows with the chip and the cutting force has a size effect."""
 
     fit: Fit
+    """To all recordings."""
     uncertainty: FitUncertainty
+    """Of it."""
     folds: Sequence[Fold]
+    """Fits without some of the recordings, in the order of the selection's."""
     factor: Floats
+    """Of the deviations of its law's constants over those of the fit alone [1]; shape (6,)."""
     alike: Fit | None = None
+    """Of teeth with edges alike, where recordings left out do not tell that from ``fit``."""
 
     @property
     def coefficients(self) -> Floats:

@@ -20,7 +20,7 @@ import numpy as np
 from pipeline.cutting.force.chip_law import local_lines
 from pipeline.cutting.force.mean_force import COEFFICIENTS
 from pipeline.cutting.tool import Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread, TermsTried
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import PAIRS, FittedLine, mixed
@@ -28,7 +28,6 @@ from pipeline.submodels.cutting.model import CutModel, waveform_residuals
 from pipeline.submodels.cutting.waveform import (
     STRAIGHT,
     ChipShape,
-    Complexes,
     CutHarmonics,
     Terms,
     rotated,
@@ -43,43 +42,28 @@ very strong)."""
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fold:
-    """A fit without some of the recordings.
-
-    Parameters
-    ----------
-    left_out : tuple of int
-        Positions of the recordings left out.
-    fit : Fit
-        To the others.
-    """
+    """A fit without some of the recordings."""
 
     left_out: tuple[int, ...]
+    """Positions of the recordings left out."""
     fit: Fit
+    """To the others."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Selection:
-    """Fit to all recordings with the selected terms, and the comparison behind it.
-
-    Parameters
-    ----------
-    fit : Fit
-        With the terms that were selected.
-    with_residual : bool
-        Whether the waveform residual is part of the model.
-    folds : sequence of Fold
-        Fits of these terms to a part of the recordings.
-    rivals : sequence of Fit
-        Fits of other terms that are not much worse.
-    tried : sequence of TermsTried
-        Terms, error on recordings left out [1] or criterion, and which were kept.
-    """
+    """Fit to all recordings with the selected terms, and the comparison behind it."""
 
     fit: Fit
+    """With the terms that were selected."""
     with_residual: bool
+    """Whether the waveform residual is part of the model."""
     folds: Sequence[Fold]
+    """Fits of these terms to a part of the recordings."""
     rivals: Sequence[Fit]
+    """Fits of other terms that are not much worse."""
     tried: Sequence[TermsTried]
+    """Terms, error on recordings left out [1] or criterion, and which were kept."""
 
 
 def select_model(
@@ -263,27 +247,18 @@ LOOSE = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FitUncertainty:
-    """Covariance of a fit's unknowns.
-
-    Parameters
-    ----------
-    names : list of str
-        Nonlinear unknowns, then the six coefficients, then edge forces of single teeth.
-    covariance : ndarray, shape (P + D, P + D)
-        Of the unknowns in SI.
-    quantile : float
-        Half of a 95 % interval over the standard deviation [1].
-    condition : float
-        Condition number of the Jacobian with columns scaled to length one [1].
-    factor : ndarray, shape (6,)
-        Of the six coefficients' standard deviations over those of the fit alone [1].
-    """
+    """Covariance of a fit's unknowns."""
 
     names: list[str]
+    """Nonlinear unknowns, then the six coefficients, then edge forces of single teeth."""
     covariance: Floats
+    """Covariance of the unknowns in SI; shape (P + D, P + D)."""
     quantile: float
+    """Half of a 95 % interval over the standard deviation [1]."""
     condition: float
+    """Condition number of the Jacobian with columns scaled to length one [1]."""
     factor: Floats
+    """Of the six coefficients' standard deviations over those of the fit alone [1]; shape (6,)."""
 
     def half_width(self, slope: Floats) -> float:
         """Half of the 95 % interval of a quantity with this gradient by the unknowns."""

@@ -20,26 +20,6 @@ from pipeline.submodels.cutting.spindle_load.records import SpindleLoadRecords
 class CuttingFitSettings(Ranged, section="cutting_fit"):
     """Settings of the identification of cutting coefficients from forces.
 
-    Parameters
-    ----------
-    method : {"least_squares", "genetic"}
-        Which optimum of the waveform's terms is taken.
-    compare : bool
-        Whether the other method is run too, for the report.
-    harmonics : int
-        Highest harmonic of the spindle's revolution that is used; those above 0.45 of the sampling
-        rate are not.
-    zero_N : float
-        Standard deviation of a recording's zero [N] where the recording shows no air cutting.
-    widest : float
-        Half of a 95 % interval, as a share of the value, beyond which it is undetermined [1].
-    gain : float
-        Share of the cross-validation error that a term must save to be kept [1].
-    folds : int
-        Folds of the cross-validation, at most; one or more recordings are left out at a time.
-    genetic : GeneticSettings
-        Of the genetic algorithm.
-
     Raises
     ------
     ValueError
@@ -47,15 +27,24 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     """
 
     method: Literal["least_squares", "genetic"] = "least_squares"
+    """Which optimum of the waveform's terms is taken."""
     compare: bool = True
+    """Whether the other method is run too, for the report."""
     harmonics: Annotated[int, Range(least=1, most=64)] = 48
+    """Highest harmonic of the spindle's revolution that is used; those above 0.45 of the sampling
+    rate are not."""
     zero_N: Annotated[float, Range(above=0.0, unit="N")] = 1.0
+    """Standard deviation of a recording's zero [N] where the recording shows no air cutting."""
     widest: Positive = 0.5
+    """Half of a 95 % interval, as a share of the value, beyond which it is undetermined [1]."""
     gain: Positive = 0.02
+    """Share of the cross-validation error that a term must save to be kept [1]."""
     folds: Annotated[int, Range(least=2)] = 6
+    """Folds of the cross-validation, at most; one or more recordings are left out at a time."""
     genetic: GeneticSettings = field(
         default_factory=lambda: GeneticSettings(population=16, generations=10, stall=5)
     )
+    """Of the genetic algorithm."""
 
 
 DIRECTIONS = ("feed", "normal", "axial")
@@ -67,18 +56,6 @@ DIRECTIONS = ("feed", "normal", "axial")
 class Dynamometer:
     """Channel of each component of the force on the tool; a minus before the name reverses it.
 
-    Parameters
-    ----------
-    feed : str
-        Channel of the force on the tool along the feed, F_x of
-        :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the
-        opposite force: ``-x`` when its x points along the feed.
-    normal : str
-        Of the force on the tool to the left of the feed, F_y; with M4, to the right of it.
-    axial : str
-        Of the force with which the edge lifts the workpiece, F_z: ``z`` of a dynamometer under
-        the workpiece that points upwards.
-
     Raises
     ------
     ValueError
@@ -86,8 +63,14 @@ class Dynamometer:
     """
 
     feed: str = "-x"
+    """Channel of the force on the tool along the feed, F_x of
+    :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the opposite
+    force: ``-x`` when its x points along the feed."""
     normal: str = "-y"
+    """Of the force on the tool to the left of the feed, F_y; with M4, to the right of it."""
     axial: str = "z"
+    """Of the force with which the edge lifts the workpiece, F_z: ``z`` of a dynamometer under the
+    workpiece that points upwards."""
 
     def __post_init__(self) -> None:
         channels = [getattr(self, one) for one in DIRECTIONS]
@@ -113,18 +96,6 @@ class Dynamometer:
 class CuttingSetup:
     """Tool, workpiece and dynamometer of a machine's cutting recordings.
 
-    Parameters
-    ----------
-    tool : Tool
-        That cut; what ``sought`` names of it is identified.
-    material : str
-        Of the workpiece.
-    dynamometer : Dynamometer
-        Orientation of its channels.
-    sought : tuple of {"runout", "helix"}
-        Unknowns of the tool that are identified; a helix angle that is given is the start of the
-        search.
-
     Raises
     ------
     ValueError
@@ -132,9 +103,14 @@ class CuttingSetup:
     """
 
     tool: Tool
+    """That cut; what ``sought`` names of it is identified."""
     material: str = ""
+    """Of the workpiece."""
     dynamometer: Dynamometer = field(default_factory=Dynamometer)
+    """Orientation of its channels."""
     sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
+    """Unknowns of the tool that are identified; a helix angle that is given is the start of the
+    search."""
 
     def __post_init__(self) -> None:
         if self.tool.kind == "drill":
@@ -146,41 +122,18 @@ class CuttingSetup:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingLimits(Ranged, section="cutting_limits"):
-    """Limits on the error of predicted cutting forces.
-
-    Parameters
-    ----------
-    peak_percent, mean_percent : float
-        Of the peak and the mean of the force in the plane over a mean revolution [%].
-    rms_percent : float
-        Of the RMS error of the waveform in the plane, over the RMS force [%].
-    """
+    """Limits on the error of predicted cutting forces."""
 
     peak_percent: Positive = 10.0
     mean_percent: Positive = 10.0
+    """Of the peak and the mean of the force in the plane over a mean revolution [%]."""
     rms_percent: Positive = 20.0
+    """Of the RMS error of the waveform in the plane, over the RMS force [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingRecords:
     """Recordings of a machine's cutting forces and of its spindle's load.
-
-    Parameters
-    ----------
-    recordings : str
-        Pattern of their names below the machine's folder; "" where there is no dynamometer.
-    channels : mapping of str to str
-        x, y and z of the dynamometer by their names in the recordings.
-    name : str, optional
-        Regular expression whose named groups are conditions in a recording's name.
-    conditions : StatedConditions
-        Common to all recordings.
-    by_pattern : mapping of str to StatedConditions
-        Of the recordings whose names match a pattern.
-    left_out : mapping of str to str
-        Patterns of recordings that are not used, with the reason.
-    spindle : SpindleLoadRecords, optional
-        Logs of the spindle's load.
 
     Raises
     ------
@@ -189,14 +142,21 @@ class CuttingRecords:
     """
 
     recordings: str = ""
+    """Pattern of their names below the machine's folder; "" where there is no dynamometer."""
     channels: Mapping[str, str] = field(
         default_factory=lambda: {"x": "force_x", "y": "force_y", "z": "force_z"}
     )
+    """x, y and z of the dynamometer by their names in the recordings."""
     name: str | None = None
+    """Regular expression whose named groups are conditions in a recording's name."""
     conditions: StatedConditions = field(default_factory=StatedConditions)
+    """Common to all recordings."""
     by_pattern: Mapping[str, StatedConditions] = field(default_factory=dict)
+    """Of the recordings whose names match a pattern."""
     left_out: Mapping[str, str] = field(default_factory=dict)
+    """Patterns of recordings that are not used, with the reason."""
     spindle: SpindleLoadRecords | None = None
+    """Logs of the spindle's load."""
 
     def __post_init__(self) -> None:
         if sorted(self.channels) != list(CHANNELS):

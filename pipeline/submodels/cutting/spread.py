@@ -13,10 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.force.chip_law import laws_lines, outside_share
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import FRICTION, FittedLine, KnownShape, law_draws
@@ -25,7 +24,6 @@ from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.selection import own_line
 from pipeline.submodels.cutting.waveform import COEFFICIENTS, CutHarmonics, phase_shift
 
-Complexes = NDArray[np.complex128]
 PRIOR = 4
 """Degrees of freedom for which the expected error counts beside recordings left out."""
 ANGLES = 720
@@ -44,24 +42,17 @@ class ForceLevel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ForceWave:
-    """Force on the tool over a revolution, and the error that is expected of it.
-
-    Parameters
-    ----------
-    force : ndarray, shape (ANGLES, 3)
-        Along the feed, to its left, along the axis [N].
-    draws : ndarray, shape (D, ANGLES, 3)
-        By each law [N].
-    shaped : ndarray, shape (3,)
-        Variance by the model error of all harmonics [N^2].
-    recording : ndarray, shape (K, ANGLES, 3)
-        One standard deviation by each cause that differs from recording to recording [N].
-    """
+    """Force on the tool over a revolution, and the error that is expected of it."""
 
     force: Floats
+    """Along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
     draws: Floats
+    """By each law [N]; shape (D, ANGLES, 3)."""
     shaped: Floats
+    """Variance by the model error of all harmonics [N^2]; shape (3,)."""
     recording: Floats
+    """One standard deviation by each cause that differs from recording to recording [N];
+    shape (K, ANGLES, 3)."""
 
     @property
     def deviation(self) -> Floats:

@@ -18,16 +18,12 @@ from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.force.chip_law import REFERENCE
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import DEGREE, UM, Tool
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ToolGeometry
-
-Complexes = NDArray[np.complex128]
-
 
 COEFFICIENTS = 6
 """Cutting-force coefficients of the linear-edge model."""
@@ -195,41 +191,28 @@ EdgeGrowth = Literal["at once", "exponential", "ramp"]
 
 @dataclass(frozen=True, kw_only=True)
 class Terms:
-    """Terms of the model beyond the six coefficients.
-
-    Parameters
-    ----------
-    runout, helix, modes, teeth : bool
-        Runout and helix of the tool, modes of the channels, edges of single teeth.
-    edge : {"at once", "exponential", "ramp"}
-        How the edge's force grows with the chip; where it does, the cutting force has a size
-        effect, too.
-    """
+    """Terms of the model beyond the six coefficients."""
 
     runout: bool = True
     helix: bool = False
     modes: bool = False
     teeth: bool = False
+    """Runout and helix of the tool, modes of the channels, edges of single teeth."""
     edge: EdgeGrowth = "at once"
+    """How the edge's force grows with the chip; where it does, the cutting force has a size effect,
+    too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CutHarmonics:
-    """Harmonics of one recording's mean revolution, with their variance.
-
-    Parameters
-    ----------
-    conditions : CutConditions
-        With the measured spindle speed.
-    lines : ndarray of complex, shape (H + 1, 3)
-        Harmonics of the force on the tool along feed, normal, axis [N].
-    variance : ndarray, shape (H + 1, 3)
-        Of their real and imaginary parts each, scatter and zero [N^2].
-    """
+    """Harmonics of one recording's mean revolution, with their variance."""
 
     conditions: CutConditions
+    """With the measured spindle speed."""
     lines: Complexes
+    """Harmonics of the force on the tool along feed, normal, axis [N]; shape (H + 1, 3)."""
     variance: Floats
+    """Of their real and imaginary parts each, scatter and zero [N^2]; shape (H + 1, 3)."""
 
     @property
     def harmonics(self) -> int:
@@ -239,27 +222,18 @@ class CutHarmonics:
 
 @dataclass(eq=False)
 class Problem:
-    """Residuals of R recordings under some terms.
-
-    Parameters
-    ----------
-    tool : Tool
-        Shape of the tool, and its helix where that is given.
-    cuts : sequence of CutHarmonics
-        The recordings.
-    terms : Terms
-        Of the model.
-    left_out : ndarray, shape (3,)
-        Variance of the model error of each direction's harmonics [N^2].
-    zero : float
-        Variance of the zeros beyond that stated with the recordings [N^2].
-    """
+    """Residuals of R recordings under some terms."""
 
     tool: Tool
+    """Shape of the tool, and its helix where that is given."""
     cuts: Sequence[CutHarmonics]
+    """The recordings."""
     terms: Terms
+    """Terms of the model."""
     left_out: Floats
+    """Variance of the model error of each direction's harmonics [N^2]; shape (3,)."""
     zero: float = 0.0
+    """Variance of the zeros beyond that stated with the recordings [N^2]."""
     _spectra: dict[tuple[float, ...], list[Complexes]] = field(default_factory=dict)
     _teeth: dict[tuple[float, ...], list[Complexes]] = field(default_factory=dict)
 
@@ -432,22 +406,15 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Solved:
-    """Linear unknowns at given nonlinear ones.
-
-    Parameters
-    ----------
-    values : ndarray, shape (D,)
-        Coefficients [N/m^2], [N/m].
-    residuals : ndarray, shape (N + D,)
-        Measured less modelled, weighted; the last D belong to the prior.
-    base, table : ndarray, shape (N + D, D)
-        Orthonormal base of the columns, and the columns.
-    """
+    """Linear unknowns at given nonlinear ones."""
 
     values: Floats
+    """Coefficients [N/m^2], [N/m]; shape (D,)."""
     residuals: Floats
+    """Measured less modelled, weighted; the last D belong to the prior; shape (N + D,)."""
     base: Floats
     table: Floats
+    """Orthonormal base of the columns, and the columns; shape (N + D, D)."""
 
     @property
     def cost(self) -> float:

@@ -27,24 +27,16 @@ from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How the model that is to be calibrated was made of its days.
-
-    Parameters
-    ----------
-    records : SpindleRecords
-        Signals that it looks at.
-    network : SpindleFitSettings
-        Of the network's fit.
-    forest : ForestSettings
-        Of the forest.
-    whole : SpindleThermalParameters
-        The network of all days, from which those of fewer days start.
-    """
+    """How the model that is to be calibrated was made of its days."""
 
     records: SpindleRecords
+    """Signals that it looks at."""
     network: SpindleFitSettings
+    """Of the network's fit."""
     forest: ForestSettings
+    """Of the forest."""
     whole: SpindleThermalParameters
+    """The network of all days, from which those of fewer days start."""
 
     def model_of(self, pieces: Sequence[StateSegment]) -> SpindleModel:
         """The model of some stretches, with the nodes and sources of the whole one."""

@@ -42,60 +42,41 @@ START_S = 3600.0
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleLimits(Ranged, section="spindle_limits"):
-    """Limits on the errors of a spindle's temperature (Twin2026).
-
-    Parameters
-    ----------
-    window_s : float
-        Length of the windows that start from a measured temperature [s].
-    mae_K, rmse_K : float
-        Limits on every working day, in windows [K].
-    coverage_least, coverage_most : float
-        Limits on the share of samples inside the 90 % interval, over all days together [1].
-    working_day_s : float
-        A day is a working day when this much of it is known [s].
-    bridge_s : float
-        In windows, unknown inputs are held this long [s].
-    rest_s : float
-        A spindle that turns after this long at rest, or for the first time of a day, starts [s].
-    pause_s : float
-        A spindle that has stood this long cools [s].
-    """
+    """Limits on the errors of a spindle's temperature (Twin2026)."""
 
     window_s: Positive = 3600.0
+    """Length of the windows that start from a measured temperature [s]."""
     mae_K: Positive = 2.0
     rmse_K: Positive = 3.0
+    """Limits on every working day, in windows [K]."""
     coverage_least: Share = 0.8
     coverage_most: Share = 1.0
+    """Limits on the share of samples inside the 90 % interval, over all days together [1]."""
     working_day_s: Positive = 3600.0
+    """A day is a working day when this much of it is known [s]."""
     bridge_s: NotNegative = 600.0
+    """In windows, unknown inputs are held this long [s]."""
     rest_s: Positive = 3600.0
+    """A spindle that turns after this long at rest, or for the first time of a day, starts [s]."""
     pause_s: Positive = 600.0
+    """A spindle that has stood this long cools [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """Predictions of one day in one regime, (T,) each, in steps; NaN where nothing is known.
-
-    Parameters
-    ----------
-    index : DatetimeIndex
-        Time of each step, in the plant's zone.
-    measured, predicted, physics, persistence : ndarray
-        Temperatures [degC]: measured, of the whole model, of the network alone, as it was given.
-    regime : ndarray of str
-        Of the prediction interval.
-    again : ndarray, shape (K, T)
-        Of the whole model with other seeds of its training.
-    """
+    """Predictions of one day in one regime, (T,) each, in steps; NaN where nothing is known."""
 
     index: pd.DatetimeIndex
+    """Time of each step, in the plant's zone."""
     measured: Floats
     predicted: Floats
     physics: Floats
     persistence: Floats
+    """Temperatures [degC]: measured, of the whole model, of the network alone, as it was given."""
     regime: Labels
+    """Regime of the prediction interval."""
     again: Floats
+    """Of the whole model with other seeds of its training; shape (K, T)."""
 
     @property
     def seconds(self) -> Floats:

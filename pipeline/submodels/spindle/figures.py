@@ -47,27 +47,18 @@ def binned(values: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """Axes that all golden days share, so that days compare by eye.
-
-    Parameters
-    ----------
-    hours : (int, int)
-        First and last hour of the day that is drawn.
-    span : (float, float)
-        Temperatures [°C].
-    error : float
-        Half height of the band of errors [K].
-    limit : float or None
-        Limit of the mean error [K].
-    top_speed : float
-        Upper end of the speed band [rev/min].
-    """
+    """Axes that all golden days share, so that days compare by eye."""
 
     hours: tuple[int, int]
+    """First and last hour of the day that is drawn."""
     span: tuple[float, float]
+    """Temperatures [°C]."""
     error: float
+    """Half height of the band of errors [K]."""
     limit: float | None
+    """Limit of the mean error [K]."""
     top_speed: float
+    """Upper end of the speed band [rev/min]."""
 
     @property
     def minutes(self) -> int:

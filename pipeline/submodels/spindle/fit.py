@@ -42,37 +42,25 @@ LOGARITHMIC = (
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFitSettings(Ranged, section="spindle_fit"):
-    """Settings of the fit of the thermal network.
-
-    Parameters
-    ----------
-    step_s : float
-        Step of the simulation [s].
-    bridge_s : float
-        Unknown inputs are held this long [s]; a longer gap ends a stretch.
-    shortest_s : float
-        Stretches and working days shorter than this are not used [s].
-    window_s : float
-        Length of the windows that days left out are judged on, and of the blocks within which
-        residuals hang together [s].
-    outlier_K : float
-        Residuals beyond this count less (soft L1).
-    nodes : tuple of int
-        Numbers of nodes to try.
-    time_constants_s : tuple of float
-        Time constants from which the fit starts; the best end is kept.
-    compute : {"serial", "threads", "processes"}
-        Where networks and the models of days left out are fitted.
-    """
+    """Settings of the fit of the thermal network."""
 
     step_s: Positive = 10.0
+    """Step of the simulation [s]."""
     bridge_s: NotNegative = 600.0
+    """Unknown inputs are held this long [s]; a longer gap ends a stretch."""
     shortest_s: Positive = 3600.0
+    """Stretches and working days shorter than this are not used [s]."""
     window_s: Positive = 3600.0
+    """Length of the windows that days left out are judged on, and of the blocks within which
+    residuals hang together [s]."""
     outlier_K: Positive = 1.0
+    """Residuals beyond this count less (soft L1)."""
     nodes: tuple[Annotated[int, Range(least=1, most=2)], ...] = (1, 2)
+    """Numbers of nodes to try."""
     time_constants_s: tuple[Positive, ...] = (300.0, 1500.0, 7200.0)
+    """Time constants from which the fit starts; the best end is kept."""
     compute: Compute = "processes"
+    """Where networks and the models of days left out are fitted."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -83,22 +71,15 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class Structure:
-    """A network to fit: its nodes, what the bearings heat, and which limit it is of two nodes.
-
-    Parameters
-    ----------
-    nodes : int
-        1 or 2.
-    friction_in_body : bool
-        Whether the bearings heat the body rather than the measured node.
-    massless : bool
-        Whether the measured node is nearly massless, so that it does not warm the body: a body that
-        stays as warm as it was, or is warmed by the bearings alone.
-    """
+    """A network to fit: its nodes, what the bearings heat, and which limit it is of two nodes."""
 
     nodes: int = 1
+    """1 or 2."""
     friction_in_body: bool = False
+    """Whether the bearings heat the body rather than the measured node."""
     massless: bool = False
+    """Whether the measured node is nearly massless, so that it does not warm the body: a body that
+    stays as warm as it was, or is warmed by the bearings alone."""
 
     @property
     def name(self) -> str:

@@ -18,28 +18,20 @@ from pipeline.twin.spindle import TARGET, SpindleIntervals
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSettings(Ranged, section="spindle_interval"):
-    """How prediction intervals are calibrated.
-
-    Parameters
-    ----------
-    folds : int
-        Groups of training days that are left out in turn, at most one group a day.
-    trend_s, steady_K_h : float
-        Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
-        ``steady_K_h`` [K/h].
-    windows_horizons_s, free_run_horizons_s : tuple of float
-        Times since the last measured temperature that part the regimes, rising [s].
-    steps : tuple of float
-        Steps with which the width may follow earlier errors of a day; training days left out
-        choose, 0 for not at all.
-    """
+    """How prediction intervals are calibrated."""
 
     folds: Annotated[int, Range(least=2)] = 5
+    """Groups of training days that are left out in turn, at most one group a day."""
     trend_s: Positive = 600.0
     steady_K_h: NotNegative = 1.0
+    """Warming and cooling are a change of the network's free run over ``trend_s`` [s] faster than
+    ``steady_K_h`` [K/h]."""
     windows_horizons_s: tuple[Positive, ...] = (600.0, 1800.0)
     free_run_horizons_s: tuple[Positive, ...] = (3600.0, 14400.0)
+    """Times since the last measured temperature that part the regimes, rising [s]."""
     steps: tuple[Share, ...] = (0.0, 0.003, 0.01, 0.03)
+    """Steps with which the width may follow earlier errors of a day; training days left out choose,
+    0 for not at all."""
 
 
 def state_words(physics: Floats, step: float, how: SpindleIntervals) -> Labels:

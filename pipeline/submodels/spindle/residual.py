@@ -19,29 +19,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForestSettings(Ranged, section="residual_forest"):
-    """How the forest is trained (Twin2026: 300 trees, depth 14, leaf 5).
-
-    Parameters
-    ----------
-    trees, depth, leaf : int
-        Size of the forest.
-    window_s : float
-        Length of the windows that start from a measured temperature [s].
-    every_s : float
-        A window starts this often [s].
-    sample_s : float
-        Time between the samples taken of a window [s].
-    seed : int
-        Of the forest.
-    """
+    """How the forest is trained (Twin2026: 300 trees, depth 14, leaf 5)."""
 
     trees: Count = 300
     depth: Count = 14
     leaf: Count = 5
+    """Size of the forest."""
     window_s: Positive = 3600.0
+    """Length of the windows that start from a measured temperature [s]."""
     every_s: Positive = 600.0
+    """A window starts this often [s]."""
     sample_s: Positive = 60.0
+    """Time between the samples taken of a window [s]."""
     seed: Annotated[int, Range(least=0)] = 0
+    """Of the forest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -47,21 +47,15 @@ METHODS = ("pooled", "own", "golden")
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSettings(Ranged, section="spindle_transfer"):
-    """How parameters are pooled, and over which records that is shown.
-
-    Parameters
-    ----------
-    minutes : tuple of float
-        Lengths of the sibling's record, from its first start [min].
-    between_machines : float
-        Standard deviation of the logarithm of a rate or coefficient between machines of a type [1].
-    between_machines_K : float
-        Standard deviation of the surround's temperature between machines [K].
-    """
+    """How parameters are pooled, and over which records that is shown."""
 
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
+    """Lengths of the sibling's record, from its first start [min]."""
     between_machines: Positive = 0.3
+    """Standard deviation of the logarithm of a rate or coefficient between machines of a type
+    [1]."""
     between_machines_K: Positive = 2.0
+    """Standard deviation of the surround's temperature between machines [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,35 +73,26 @@ class TransferPoint:
 
 @dataclass(frozen=True, kw_only=True)
 class Transfer:
-    """The curve of minutes of warm-up against error, as it is stored.
-
-    Parameters
-    ----------
-    machine, golden, origin : str
-        The sibling, the machine that the prior is of, and of which kind the sibling's records are.
-    days_judged : tuple of str
-        Days of the sibling that no parameter saw.
-    resolution_K : float
-        Step of the sibling's temperature sensor [K].
-    points : tuple of TransferPoint
-        By rising length of the record.
-    pooled : mapping of str to float
-        Parameters from both machines with the longest record, by name, in the model's units.
-    not_transferred : tuple of str
-        Heat sources of the sibling that the golden machine does not have: nothing of them is known.
-    sentence : str
-        Which parameters lead, where they lead.
-    """
+    """The curve of minutes of warm-up against error, as it is stored."""
 
     machine: str
     golden: str
     origin: str
+    """The sibling, the machine that the prior is of, and of which kind the sibling's records
+    are."""
     days_judged: tuple[str, ...]
+    """Days of the sibling that no parameter saw."""
     resolution_K: float
+    """Step of the sibling's temperature sensor [K]."""
     points: tuple[TransferPoint, ...]
+    """By rising length of the record."""
     pooled: Mapping[str, float]
+    """Parameters from both machines with the longest record, by name, in the model's units."""
     not_transferred: tuple[str, ...]
+    """Heat sources of the sibling that the golden machine does not have: nothing of them is
+    known."""
     sentence: str
+    """Which parameters lead, where they lead."""
 
 
 def transfer(

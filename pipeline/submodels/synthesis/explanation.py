@@ -23,22 +23,15 @@ AS_GOOD = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """What the generator says of recorded windows.
-
-    Parameters
-    ----------
-    windows : tuple of Explained
-        Each of them.
-    wear, distance : ndarray, shape (V,)
-        Wears, and the mean over the windows of the least distance at each [1].
-    unit : str
-        Of the wear.
-    """
+    """What the generator says of recorded windows."""
 
     windows: tuple[Explained, ...]
+    """Each of them."""
     wear: Floats
     distance: Floats
+    """Wears, and the mean over the windows of the least distance at each [1]; shape (V,)."""
     unit: str
+    """Unit of the wear."""
 
     @property
     def best(self) -> float:

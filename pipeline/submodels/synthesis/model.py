@@ -34,108 +34,74 @@ SYNTHETIC = "synthetic"
 
 @dataclass(frozen=True, kw_only=True)
 class WearCurve:
-    """What a judge reads from generated windows over the wear that was asked for.
-
-    Parameters
-    ----------
-    asked, mean, low, high : tuple of float
-        Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit.
-    mae, mse : float
-        Of the mean against what was asked for, in the unit and its square.
-    slope : float
-        Of a straight line through the means [1]; 1 for a sound generator.
-    rank_correlation : float
-        Spearman's, of single windows [1].
-    rank_of_means : float
-        Spearman's, of the mean reading at each wear [1].
-    false_intervals : tuple of (float, float)
-        Thirds of the range of wear in which the reading falls while the wear grows.
-    """
+    """What a judge reads from generated windows over the wear that was asked for."""
 
     asked: tuple[float, ...]
     mean: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    """Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit."""
     mae: float
     mse: float
+    """Of the mean against what was asked for, in the unit and its square."""
     slope: float
+    """Slope of a straight line through the means [1]; 1 for a sound generator."""
     rank_correlation: float
+    """Spearman's, of single windows [1]."""
     rank_of_means: float = 0.0
+    """Spearman's, of the mean reading at each wear [1]."""
     false_intervals: tuple[tuple[float, float], ...] = ()
+    """Thirds of the range of wear in which the reading falls while the wear grows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How far the first judge followed the generator at a step of its training.
-
-    Parameters
-    ----------
-    step : int
-        Of the training.
-    mae : float
-        Mean error of the wear that is read over the range of wear, in its unit.
-    slope : float
-        Of a straight line through the means [1].
-    """
+    """How far the first judge followed the generator at a step of its training."""
 
     step: int
+    """Step of the training."""
     mae: float
+    """Mean error of the wear that is read over the range of wear, in its unit."""
     slope: float
+    """Slope of a straight line through the means [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SynthesisModel(Model):
-    """``model.json`` of the synthesis of signals.
-
-    Parameters
-    ----------
-    channels, units : tuple of str
-        Of a window.
-    rate_Hz : float
-        Of its samples [Hz].
-    length : int
-        Its samples.
-    wear_unit : str
-        ``"um"``, or ``"1"`` where wear is a class.
-    windows : int
-        That were trained on.
-    steps : int
-        Of the training.
-    curves : mapping of str to WearCurve
-        By name of the judge.
-    looks : tuple of Look
-        Of the first judge, from early in the training to its end.
-    judges : tuple of str
-        Their names, the one whose figures go first before the others.
-    within, between : float
-        Distance of generated windows at the same conditions, and over all, by that of training
-        windows [1].
-    faults : tuple of str
-        What is wrong with the training: collapse, a loss that vanished.
-    clipped : float
-        Share of training samples that are cut to the range of the generator's output [1].
-    judged, neighbours, trees, seed : int
-        As in the settings.
-    """
+    """``model.json`` of the synthesis of signals."""
 
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    """Of a window."""
     rate_Hz: float
+    """Rate of its samples [Hz]."""
     length: int
+    """Its samples."""
     wear_unit: str
+    """``"um"``, or ``"1"`` where wear is a class."""
     windows: int
+    """That were trained on."""
     steps: int
+    """Steps of the training."""
     curves: Mapping[str, WearCurve]
+    """By name of the judge."""
     judges: tuple[str, ...]
+    """Their names, the one whose figures go first before the others."""
     within: float
     between: float
+    """Distance of generated windows at the same conditions, and over all, by that of training
+    windows [1]."""
     looks: tuple[Look, ...] = ()
+    """Of the first judge, from early in the training to its end."""
     faults: tuple[str, ...] = ()
+    """What is wrong with the training: collapse, a loss that vanished."""
     clipped: float = 0.0
+    """Share of training samples that are cut to the range of the generator's output [1]."""
     judged: int = 200
     neighbours: int = 5
     trees: int = 100
     seed: int = 0
+    """As in the settings."""
 
     @property
     def is_class(self) -> bool:
@@ -168,29 +134,21 @@ class Life:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reference:
-    """Training windows, and generated ones at the same conditions.
-
-    Parameters
-    ----------
-    recorded, generated : ndarray, shape (N, K)
-        Features.
-    conditions : ndarray, shape (N, D)
-        Encoded, without the wear and the tool.
-    wear : ndarray, shape (N,)
-        In the wear's unit.
-    shown, like : ndarray, shape (S, C, L)
-        A few recorded windows over the wear, and generated ones at their conditions.
-    shown_wear : ndarray, shape (S,)
-        Of both.
-    """
+    """Training windows, and generated ones at the same conditions."""
 
     recorded: Floats
     generated: Floats
+    """Features; shape (N, K)."""
     conditions: Floats
+    """Encoded, without the wear and the tool; shape (N, D)."""
     wear: Floats
+    """In the wear's unit; shape (N,)."""
     shown: Floats
     like: Floats
+    """A few recorded windows over the wear, and generated ones at their conditions;
+    shape (S, C, L)."""
     shown_wear: Floats
+    """Of both; shape (S,)."""
 
 
 Judge = Callable[[Floats, Mapping[str, Any]], Floats]

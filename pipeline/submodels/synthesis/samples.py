@@ -25,24 +25,16 @@ WINDOW, SAMPLE, TIME = "window", "sample", "time"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Generated:
-    """Windows at one set of conditions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (N, C, L)
-        In the units of the channels.
-    conditions : mapping of str to object
-        That all of them have; the empty word is one that is not known.
-    seed : int
-        Of the noise.
-    served : Synthesis
-        The generator.
-    """
+    """Windows at one set of conditions."""
 
     values: Floats
+    """In the units of the channels; shape (N, C, L)."""
     conditions: Mapping[str, Any]
+    """That all of them have; the empty word is one that is not known."""
     seed: int
+    """Seed of the noise."""
     served: Synthesis
+    """The generator."""
 
     @property
     def head(self) -> dict[str, Any]:

@@ -45,21 +45,14 @@ def left_names(rests_on: str) -> tuple[str, str, str]:
 
 @dataclass(frozen=True, kw_only=True)
 class Lasting:
-    """Life and forces of worn tools, as stored; None with the reason where records do not tell.
-
-    Parameters
-    ----------
-    life : LifeLaw or None
-        Until the criterion.
-    edges : EdgeGrowth or None
-        Of the edge forces.
-    reasons : tuple of str
-        Why one of them is not there; empty where nobody asked for it.
-    """
+    """Life and forces of worn tools, as stored; None with the reason where records do not tell."""
 
     life: LifeLaw | None = None
+    """Until the criterion."""
     edges: EdgeGrowth | None = None
+    """Of the edge forces."""
     reasons: tuple[str, ...] = ()
+    """Why one of them is not there; empty where nobody asked for it."""
 
 
 def fit_lasting(windows: WearWindows, settings: WearLifeSettings) -> Lasting:

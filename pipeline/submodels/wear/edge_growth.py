@@ -38,69 +38,36 @@ FEWEST = 3
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeGrowth:
-    """What wear adds to the edge coefficients, as stored.
-
-    Parameters
-    ----------
-    parameters : mapping of str to Parameter
-        By ``NAMES``.
-    tools, recordings : int
-        That they were fitted on.
-    wear_um : (float, float)
-        Least and greatest wear of those.
-    error_percent : float
-        Median of the relative error of the mean force after the fit.
-    material : str
-        Of conf/material/, that was cut; empty where nobody said it.
-    """
+    """What wear adds to the edge coefficients, as stored."""
 
     parameters: Mapping[str, Parameter]
+    """By ``NAMES``."""
     tools: int
     recordings: int
+    """That they were fitted on."""
     wear_um: tuple[float, float]
+    """Least and greatest wear of those."""
     error_percent: float
+    """Median of the relative error of the mean force after the fit."""
     material: str = ""
-
-    def added(self, wear_um: float) -> tuple[float, float]:
-        """What wear [um] adds to K_te and K_re [N/mm].
-
-        Raises
-        ------
-        ValueError
-            When the records did not determine it.
-        """
-        found = []
-        for name in NAMES:
-            one = self.parameters[name]
-            if one.value is None:
-                raise ValueError(f"{name} is not determined, {one.method}: {one.remedy}")
-            found.append(one.value * wear_um * 1e-3)
-        return found[0], found[1]
+    """Of conf/material/, that was cut; empty where nobody said it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MeanForces:
-    """Mean forces of M recordings with the tool all in the material.
-
-    Parameters
-    ----------
-    force : ndarray, shape (M, 2)
-        On the tool along the feed and to the left of it [N].
-    land : ndarray, shape (M, 2, 2)
-        Of it for each of ``NAMES`` [m^2]: design of the edge coefficients times the wear.
-    wear : ndarray, shape (M,)
-        [um].
-    tool : ndarray of str, shape (M,)
-        Which one.
-    cut : ndarray of int, shape (M,)
-        Number of the tool and its cut: one sharp force each.
-    """
+    """Mean forces of M recordings with the tool all in the material."""
 
     force: Floats
+    """On the tool along the feed and to the left of it [N]; shape (M, 2)."""
     land: Floats
+    """Of it for each of ``NAMES`` [m^2]: design of the edge coefficients times the wear;
+    shape (M, 2, 2)."""
     wear: Floats
+    """Wear [um]; shape (M,)."""
     tool: np.ndarray
+    """Which one; shape (M,)."""
     cut: Ints
+    """Number of the tool and its cut: one sharp force each; shape (M,)."""
 
     def of(self, rows: Bools) -> "MeanForces":
         """Some of the recordings."""

@@ -25,18 +25,12 @@ REACH = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class KnownConditions:
-    """Conditions that predictions look at, as they were in training.
-
-    Parameters
-    ----------
-    numbers : tuple of str
-        Names of the continuous ones.
-    words : mapping of str to tuple of str
-        Discrete ones -> their values in training.
-    """
+    """Conditions that predictions look at, as they were in training."""
 
     numbers: tuple[str, ...] = ()
+    """Names of the continuous ones."""
     words: Mapping[str, tuple[str, ...]]
+    """Discrete ones -> their values in training."""
 
     @staticmethod
     def of(windows: WearWindows, progress: str) -> "KnownConditions":

@@ -19,28 +19,20 @@ MARK_PX = 5.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Life:
-    """One tool that was held out, K readings in the order of its use.
-
-    Parameters
-    ----------
-    use : ndarray, shape (K,)
-        Of the tool, in ``unit``.
-    unit : str
-        Of the use, as it is printed.
-    measured, predicted, low, high, guess : ndarray, shape (K,)
-        Wear; NaN where there is none.
-    scored : ndarray of bool, shape (K,)
-        Whether the wear was measured, not interpolated.
-    """
+    """One tool that was held out, K readings in the order of its use."""
 
     use: Floats
+    """Use of the tool, in ``unit``; shape (K,)."""
     unit: str
+    """Unit of the use, as it is printed."""
     measured: Floats
     predicted: Floats
     low: Floats
     high: Floats
     guess: Floats
+    """Wear; NaN where there is none; shape (K,)."""
     scored: Bools
+    """Whether the wear was measured, not interpolated; shape (K,)."""
 
 
 def life_figure(one: Life, head: str, label: str) -> Markup:

@@ -49,68 +49,49 @@ class CutterShape(Ranged, section="wear_life.cutters"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearLifeSettings(Ranged, section="wear_life"):
-    """When a tool counts as worn, which tools are in use, and where their cuts are described.
-
-    Parameters
-    ----------
-    criterion_um : float or None
-        Flank wear VB at which a tool is changed [um]; None where no lives are asked for.
-    reading_error_um : float
-        Standard deviation of a measured VB [um].
-    in_use : tuple of str
-        Tools that are in the machine now.
-    kind : str
-        Condition that names a tool's type; empty where there is one only.
-    cutters : mapping of str to CutterShape
-        By type.
-    speed, feed, depth, width : str
-        Conditions of a recording: spindle speed, feed, axial and radial depth.
-    cut, up : str, tuple of str
-        Condition that names the cut, and its words where teeth enter without a chip (up-milling).
-    forces : mapping of {"feed", "normal"} to str
-        Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
-        where it points the other way, as that on the workpiece does; empty without forces.
-    material : str
-        Of conf/material/, that the tools cut; the growth of forces holds for it.
-    taylor : Taylor or None
-        What a catalogue says of these tools in this material.
-    """
+    """When a tool counts as worn, which tools are in use, and where their cuts are described."""
 
     criterion_um: Positive | None = None
+    """Flank wear VB at which a tool is changed [um]; None where no lives are asked for."""
     reading_error_um: NotNegative = 3.0
+    """Standard deviation of a measured VB [um]."""
     in_use: tuple[str, ...] = ()
+    """Tools that are in the machine now."""
     kind: str = ""
+    """Condition that names a tool's type; empty where there is one only."""
     cutters: Mapping[str, CutterShape] = field(default_factory=dict)
+    """By type."""
     speed: str = "spindle_speed"
     feed: str = "feed"
     depth: str = "axial_depth"
     width: str = "radial_depth"
+    """Conditions of a recording: spindle speed, feed, axial and radial depth."""
     cut: str = "cut_type"
     up: tuple[str, ...] = ()
+    """Condition that names the cut, and its words where teeth enter without a chip (up-milling)."""
     forces: Mapping[Literal["feed", "normal"], str] = field(default_factory=dict)
+    """Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
+    where it points the other way, as that on the workpiece does; empty without forces."""
     material: str = ""
+    """Of conf/material/, that the tools cut; the growth of forces holds for it."""
     taylor: Taylor | None = None
+    """What a catalogue says of these tools in this material."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Engaged:
-    """Geometry of the cuts of N windows, by their conditions.
-
-    Parameters
-    ----------
-    kind : ndarray of str, shape (N,)
-        Type of tool.
-    flutes, v_c, f_z, a_p, phi_st, phi_ex : ndarray, shape (N,)
-        Teeth [1], cutting speed [m/min], feed per tooth [m], axial depth [m], arc of a tooth [rad].
-    """
+    """Geometry of the cuts of N windows, by their conditions."""
 
     kind: np.ndarray
+    """Type of tool; shape (N,)."""
     flutes: Floats
     v_c: Floats
     f_z: Floats
     a_p: Floats
     phi_st: Floats
     phi_ex: Floats
+    """Teeth [1], cutting speed [m/min], feed per tooth [m], axial depth [m], arc of a tooth [rad];
+    shape (N,)."""
 
     @property
     def rubbing(self) -> Floats:
@@ -166,26 +147,18 @@ def _words(windows: WearWindows, name: str) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolUse:
-    """Use of one tool over K recordings.
-
-    Parameters
-    ----------
-    tool, kind : str
-        Its name and its type.
-    time : ndarray, shape (K,)
-        In the cut since new [min].
-    read : ndarray, shape (K,)
-        Measured wear [um], NaN where nobody measured it.
-    v_c, rubbing : float
-        Mean cutting speed, mean length of rubbing for each minute [m/min].
-    """
+    """Use of one tool over K recordings."""
 
     tool: str
     kind: str
+    """Its name and its type."""
     time: Floats
+    """In the cut since new [min]; shape (K,)."""
     read: Floats
+    """Measured wear [um], NaN where nobody measured it; shape (K,)."""
     v_c: float
     rubbing: float
+    """Mean cutting speed, mean length of rubbing for each minute [m/min]."""
 
 
 def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
@@ -235,39 +208,27 @@ class WornTool:
 
 @dataclass(frozen=True, kw_only=True)
 class LifeLaw:
-    """Life of tools of one machine and material, as stored.
-
-    Parameters
-    ----------
-    criterion_um, reading_error_um : float
-        Of the settings.
-    worn : tuple of WornTool
-        Tools that it was fitted on.
-    kinds : tuple of str
-        Types, in the order of their offsets.
-    v_ref_m_min : float
-        Cutting speed at which the offsets hold.
-    mean : tuple of float
-        Of log length [log m]: intercept, offset of each type, slope over log v_c.
-    covariance : tuple of tuple of float
-        Of ``mean``, against ``scale`` squared.
-    scale, dof : float
-        Of the t distribution of tools about the line [1], its degrees of freedom.
-    share_mean, share_sd : tuple of float
-        Of the logarithm of the share of the length spent at each of ``LEVELS`` [1].
-    """
+    """Life of tools of one machine and material, as stored."""
 
     criterion_um: float
     reading_error_um: float
+    """Of the settings."""
     worn: tuple[WornTool, ...]
+    """Tools that it was fitted on."""
     kinds: tuple[str, ...]
+    """Types, in the order of their offsets."""
     v_ref_m_min: float
+    """Cutting speed at which the offsets hold."""
     mean: tuple[float, ...]
+    """Of log length [log m]: intercept, offset of each type, slope over log v_c."""
     covariance: tuple[tuple[float, ...], ...]
+    """Of ``mean``, against ``scale`` squared."""
     scale: float
     dof: float
+    """Of the t distribution of tools about the line [1], its degrees of freedom."""
     share_mean: tuple[float, ...]
     share_sd: tuple[float, ...]
+    """Of the logarithm of the share of the length spent at each of ``LEVELS`` [1]."""
 
     def log_length(self, kind: str, v_c: float) -> tuple[float, float]:
         """Centre and scale of a further tool's log length until the criterion [log m]."""

@@ -24,19 +24,13 @@ PENALTIES = tuple(float(x) for x in np.geomspace(1e-3, 1e3, 13))
 
 @dataclass(frozen=True, kw_only=True)
 class ForestSettings(Ranged, section="wear_fit.forest"):
-    """Size of the forest on features.
-
-    Parameters
-    ----------
-    trees, leaf : int
-        Trees, and windows in the smallest leaf.
-    features : float
-        Share of the features that a split is chosen among [1].
-    """
+    """Size of the forest on features."""
 
     trees: Count = 100
     leaf: Count = 3
+    """Trees, and windows in the smallest leaf."""
     features: Annotated[float, Range(above=0.0, most=1.0)] = 0.3
+    """Share of the features that a split is chosen among [1]."""
 
 
 def tool_weights(tool: np.ndarray) -> Floats:

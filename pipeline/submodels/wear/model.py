@@ -43,23 +43,6 @@ NAMES = {
 class WearFitSettings(Ranged, section="wear_fit"):
     """How methods are fitted and compared.
 
-    Parameters
-    ----------
-    folds : int
-        Parts of the training tools that are left out in turn, at most one a tool.
-    methods : tuple of str
-        Of :data:`METHODS`, those that are fitted.
-    forest : ForestSettings
-        Size of the forest.
-    network : ResNetSettings
-        Of the residual network.
-    training : WindowTraining
-        Its budget on each fold; what serves is the mean of the folds' networks.
-    windows : int
-        Of one training of the network at most, evenly spread over each tool.
-    seed : int
-        Of the forest; the network's is in ``training``.
-
     Raises
     ------
     ValueError
@@ -67,12 +50,19 @@ class WearFitSettings(Ranged, section="wear_fit"):
     """
 
     folds: Annotated[int, Range(least=2, most=50)] = 5
+    """Parts of the training tools that are left out in turn, at most one a tool."""
     methods: tuple[str, ...] = METHODS
+    """Of :data:`METHODS`, those that are fitted."""
     forest: ForestSettings = field(default_factory=ForestSettings)
+    """Size of the forest."""
     network: ResNetSettings = field(default_factory=ResNetSettings)
+    """Of the residual network."""
     training: WindowTraining = field(default_factory=WindowTraining)
+    """Its budget on each fold; what serves is the mean of the folds' networks."""
     windows: Count = 2000
+    """Of one training of the network at most, evenly spread over each tool."""
     seed: Annotated[int, Range(least=0)] = 0
+    """Of the forest; the network's is in ``training``."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -85,86 +75,59 @@ class WearFitSettings(Ranged, section="wear_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class MethodScore:
-    """A method on training tools left out, each of the same weight.
-
-    Parameters
-    ----------
-    rmse, mae : float
-        In the unit of wear.
-    worst : float
-        RMSE of the tool that it errs on most.
-    balanced_accuracy : float or None
-        Mean share of windows of either class that it tells right [1]; None for a number.
-    auc : float or None
-        Area under the ROC curve: chance that a worn tool gets the greater probability of two [1].
-    """
+    """A method on training tools left out, each of the same weight."""
 
     rmse: float
     mae: float
+    """In the unit of wear."""
     worst: float
+    """RMSE of the tool that it errs on most."""
     balanced_accuracy: float | None = None
+    """Mean share of windows of either class that it tells right [1]; None for a number."""
     auc: float | None = None
+    """Area under the ROC curve: chance that a worn tool gets the greater probability of two [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class WearModel(Model):
-    """Content of ``model.json`` of tool wear.
-
-    Parameters
-    ----------
-    wear_unit : str
-        ``"um"``, or ``"1"`` for a class.
-    learnt : (float, float)
-        Least and greatest wear of training windows.
-    channels, units : tuple of str
-        Of a window.
-    rate_Hz, length : float, int
-        Of its samples [Hz], and their number.
-    scaling : ChannelScaling
-        Of the channels, from training windows.
-    known : KnownConditions
-        That predictions look at.
-    condition_units : mapping of str to str
-        Of the conditions that are numbers.
-    progress, progress_unit : str
-        Use of the tool that the guess looks at; the name is empty where it is the recording's time
-        or number.
-    per_recording : bool
-        Whether a recording has one wear, the mean of its windows; else each window has one.
-    champion : str
-        Method that serves: the blend where the guess has a share in it, unless ``alone`` is
-        significantly better on training tools left out.
-    alone : str
-        The one that needs no use of the tool: the median, or a single method that is significantly
-        better on training tools left out.
-    scores : mapping of str to MethodScore
-        Of every method.
-    weights : mapping of str to float
-        Of the median and the guess in the blend; empty where there is no guess.
-    bands : mapping of str to mapping of str to Band
-        Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class.
-    lasting : Lasting
-        Life of tools, and what their wear adds to edge forces.
-    """
+    """Content of ``model.json`` of tool wear."""
 
     wear_unit: str
+    """``"um"``, or ``"1"`` for a class."""
     learnt: tuple[float, float]
+    """Least and greatest wear of training windows."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    """Of a window."""
     rate_Hz: float
     length: int
+    """Of its samples [Hz], and their number."""
     scaling: ChannelScaling
+    """Scaling of the channels, from training windows."""
     known: KnownConditions
+    """That predictions look at."""
     condition_units: Mapping[str, str]
+    """Of the conditions that are numbers."""
     progress: str
     progress_unit: str
+    """Use of the tool that the guess looks at; the name is empty where it is the recording's time
+    or number."""
     per_recording: bool
+    """Whether a recording has one wear, the mean of its windows; else each window has one."""
     champion: str
+    """Method that serves: the blend where the guess has a share in it, unless ``alone`` is
+    significantly better on training tools left out."""
     alone: str
+    """The one that needs no use of the tool: the median, or a single method that is significantly
+    better on training tools left out."""
     scores: Mapping[str, MethodScore]
+    """Scores of every method."""
     weights: Mapping[str, float]
+    """Weights of the median and the guess in the blend; empty where there is no guess."""
     bands: Mapping[str, Bands]
+    """Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class."""
     lasting: Lasting = field(default_factory=Lasting)
+    """Life of tools, and what their wear adds to edge forces."""
 
     @property
     def is_class(self) -> bool:
@@ -179,34 +142,23 @@ class WearModel(Model):
 
 @dataclass(frozen=True, kw_only=True)
 class MethodsFile:
-    """Content of ``methods.json``: what the methods learnt from all training tools.
-
-    Parameters
-    ----------
-    scaling : FeatureScaling
-        Of the features.
-    ridge : Ridge or None
-        On features.
-    forest : mapping or None
-        Document of the forest.
-    networks : tuple of mapping
-        Documents of the folds' networks (:func:`pipeline.nets.wear.restore_judge`).
-    guess : Curve or None
-        Wear over the use of the tool; None for a class.
-    by_conditions : Ridge or None
-        Share of worn tools by their conditions; None for a number, and without conditions, where
-        the guess is the mean.
-    mean : float
-        Wear of the training tools.
-    """
+    """Content of ``methods.json``: what the methods learnt from all training tools."""
 
     scaling: FeatureScaling
+    """Scaling of the features."""
     ridge: Ridge | None
+    """On features."""
     forest: Mapping[str, Any] | None
+    """Document of the forest."""
     networks: tuple[Mapping[str, Any], ...]
+    """Documents of the folds' networks (:func:`pipeline.nets.wear.restore_judge`)."""
     guess: Curve | None
+    """Wear over the use of the tool; None for a class."""
     by_conditions: Ridge | None
+    """Share of worn tools by their conditions; None for a number, and without conditions, where the
+    guess is the mean."""
     mean: float
+    """Wear of the training tools."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -268,18 +220,12 @@ class Fitted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """K values of wear that are told: one a window, or one a recording.
-
-    Parameters
-    ----------
-    of : ndarray of int, shape (N,)
-        Reading that each window belongs to.
-    first : ndarray of int, shape (K,)
-        First window of each.
-    """
+    """K values of wear that are told: one a window, or one a recording."""
 
     of: Ints
+    """Reading that each window belongs to; shape (N,)."""
     first: Ints
+    """First window of each; shape (K,)."""
 
     @staticmethod
     def among(windows: WearWindows, *, per_recording: bool) -> "Readings":

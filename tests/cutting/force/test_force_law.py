@@ -6,16 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from pipeline.cutting.force import chip
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.mean_force import cutting_arcs
 from tests.cutting.closed_forms import (
     chip_of_motion,
     edge_forces,
+    immersion,
     in_plane_forces,
     kienzle_force,
     mean_kienzle_force,
     mean_thickness,
     slot_peak_load,
+    swept_angle,
     thickness,
     width,
 )
@@ -23,28 +25,18 @@ from tests.cutting.closed_forms import (
 D = 0.01
 
 
-def test_immersions_of_half_the_diameter() -> None:
-    quarter = np.pi / 2
-    assert np.allclose(chip.immersion(D / 2, D, "up"), [0, quarter], atol=1e-15)
-    assert np.allclose(chip.immersion(D / 2, D, "down"), [quarter, np.pi], atol=1e-15)
-    assert np.allclose(chip.immersion(D, D, "slot"), [0, np.pi], atol=1e-15)
-    assert np.allclose(
-        chip.immersion(D / 2, D, "centred"), np.pi / 2 + np.array([-1, 1]) * np.pi / 6
-    )
-
-
 @given(st.floats(0.0, 1.0))
 def test_tooth_sweeps_the_radial_depth(share: float) -> None:
     """Between the angles of entry and exit the edge's distance across the feed changes by a_e."""
-    for side in ("up", "down", "centred"):
-        phi_st, phi_ex = chip.immersion(share * D, D, side)
+    for side in ("up", "down"):
+        phi_st, phi_ex = immersion(share * D, D, side)
         across = D / 2 * (np.cos(phi_st) - np.cos(phi_ex))
         assert across == pytest.approx(share * D, abs=1e-12)  # of acos near its ends
 
 
 @given(st.floats(1e-6, 1.0))
 def test_mean_thickness_is_the_mean_over_the_arc(share: float) -> None:
-    phi_st, phi_ex = chip.immersion(share * D, D, "up")
+    phi_st, phi_ex = immersion(share * D, D, "up")
     whole, _ = quad(lambda phi: float(thickness(1e-4, phi)), float(phi_st), float(phi_ex))
     mean = mean_thickness(1e-4, share * D, D)
     assert mean == pytest.approx(whole / float(phi_ex - phi_st), rel=1e-6)  # of 1 - cos at 1e-6
@@ -53,7 +45,7 @@ def test_mean_thickness_is_the_mean_over_the_arc(share: float) -> None:
 def test_chips_of_a_period_have_the_volume_that_is_fed() -> None:
     """Sum of b h R d phi over the arc is a_p a_e f_z: material is neither lost nor cut twice."""
     a_e, a_p, f_z, kappa = 0.3 * D, 2e-3, 1e-4, 1.0
-    phi = np.linspace(*chip.immersion(a_e, D, "down"), 100_001)
+    phi = np.linspace(*immersion(a_e, D, "down"), 100_001)
     area = width(a_p, kappa=kappa) * thickness(f_z, phi, kappa=kappa)
     assert np.trapezoid(area, phi) * D / 2 == pytest.approx(a_p * a_e * f_z, rel=1e-9)
 
@@ -66,7 +58,7 @@ def test_misprint_overstates_a_slot_and_understates_a_shallow_cut(share, thick) 
     force = kienzle_force(700.0, 0.25, 1e-3, share) / kienzle_force(
         700.0, 0.25, 1e-3, mean_thickness(1.0, share * D, D)
     )
-    assert force == pytest.approx((chip.swept_angle(share * D, D) / 2) ** 0.75, rel=1e-12)
+    assert force == pytest.approx((swept_angle(share * D, D) / 2) ** 0.75, rel=1e-12)
     if share != 0.1:  # the ends of what the docstring says
         assert round(float(force), 2) == {0.05: 0.33, 1.0: 1.4}[share]
 
@@ -74,7 +66,7 @@ def test_misprint_overstates_a_slot_and_understates_a_shallow_cut(share, thick) 
 @given(st.floats(-20.0, 20.0), st.floats(0.0, 2 * np.pi))
 def test_cutting_arcs_hold_what_of_an_arc_has_a_chip(phi_st: float, apart: float) -> None:
     """The chip over the arcs is that over the whole, wherever in the turns it lies."""
-    begin, end = chip.cutting_arcs(phi_st, phi_st + apart)
+    begin, end = cutting_arcs(phi_st, phi_st + apart)
     phi = phi_st + (np.arange(4000) + 0.5) * (apart / 4000)
     whole = np.maximum(np.sin(phi), 0).sum() * apart / 4000
     # the middle rule errs by a step squared where the chip begins
@@ -85,25 +77,6 @@ def test_cutting_arcs_hold_what_of_an_arc_has_a_chip(phi_st: float, apart: float
 def test_no_depth_has_no_chip() -> None:
     assert mean_thickness(1e-4, 0.0, D) == 0.0
     assert thickness(1e-4, -0.5) == 0.0
-
-
-def test_impossible_depths_are_named() -> None:
-    with pytest.raises(ValueError, match=r"a_e = 1\.2 D"):
-        chip.immersion(1.2 * D, D, "up")
-    with pytest.raises(ValueError, match=r"as wide as the tool, but a_e = 0\.5 D"):
-        chip.immersion(0.5 * D, D, "slot")
-    for wrong, words in [
-        (-2.0, "D = -2 m"),
-        (0.0, "D = 0 m"),
-        (np.inf, "D = inf"),
-        (np.nan, "nan"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            chip.swept_angle([0.0, -1.0], [D, wrong])
-    with pytest.raises(ValueError, match=r"a_e = -0\.1 D"):
-        chip.swept_angle(-0.1 * D, D)
-    with pytest.raises(ValueError, match="'left' is none of"):
-        chip.immersion(0.5 * D, D, "left")
 
 
 def test_units_of_tables() -> None:
@@ -216,7 +189,7 @@ def test_mirrored_engagement_mirrors_the_force(width: float, place: float) -> No
 @pytest.mark.parametrize("m_c", [0.15, 0.25, 0.35])
 def test_kienzle_with_the_mean_chip(share: float, m_c: float) -> None:
     """Never below the mean of the forces (the power is concave), and above by 8 to 18 % of m_c."""
-    phi_s = float(chip.swept_angle(share * SIX_MM, SIX_MM))
+    phi_s = float(swept_angle(share * SIX_MM, SIX_MM))
     true, _ = quad(lambda phi: float(kienzle_force(700.0, m_c, 1e-3, 1e-4 * np.sin(phi))), 0, phi_s)
     mean = mean_kienzle_force(
         k_c11=700.0, m_c=m_c, flutes=3, f_z=1e-4, a_p=1e-3, a_e=share * SIX_MM, D=SIX_MM

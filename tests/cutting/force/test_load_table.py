@@ -10,12 +10,11 @@ from hypothesis import strategies as st
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage
 from pipeline.cutting.engagement.height_map import height_map
 from pipeline.cutting.engagement.stock import Box
-from pipeline.cutting.force.chip import immersion
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, load_table
-from pipeline.cutting.force.waveform import profile_waveform, waveform
+from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
-from tests.cutting.closed_forms import mean_forces, mean_torque, slot_peak_load
+from tests.cutting.closed_forms import immersion, mean_forces, mean_torque, slot_peak_load, waveform
 from tests.cutting.stations import arc, random_profile, stations
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)

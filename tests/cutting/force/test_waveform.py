@@ -8,9 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.waveform import basis, torque_basis, waveform
+from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import Tool
-from tests.cutting.closed_forms import in_plane_forces, mean_forces, mean_torque
+from tests.cutting.closed_forms import (
+    in_plane_forces,
+    mean_forces,
+    mean_torque,
+    torque_basis,
+    waveform,
+)
 from tests.cutting.plain_forces import plain_forces
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)

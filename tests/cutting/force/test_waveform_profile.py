@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.waveform import basis, profile_basis, profile_waveform, torque_basis
+from pipeline.cutting.force.waveform import basis, profile_basis, profile_waveform
 from pipeline.cutting.tool import Tool
+from tests.cutting.closed_forms import torque_basis
 from tests.cutting.plain_forces import plain_forces
 from tests.cutting.stations import BINS, arc, random_profile
 

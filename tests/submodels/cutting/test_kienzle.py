@@ -2,19 +2,22 @@
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.submodels.cutting.kienzle import (
-    kienzle_by_force,
-    kienzle_by_thickness,
-    kienzle_parameters,
-)
+from pipeline.submodels.cutting.kienzle import Kienzle, kienzle_by_force, kienzle_parameters
 from tests.cutting.closed_forms import edge_forces
 
 K, M = 1675.0, 0.24
 FEEDS = np.array([0.03, 0.05, 0.08, 0.12, 0.18]) * 1e-3
 SEEDS = 100
+
+
+def by_slots(force: ArrayLike, feeds: ArrayLike = FEEDS, **options: float) -> Kienzle:
+    return kienzle_by_force(
+        force, flutes=3, f_z=feeds, a_p=2e-3, phi_st=0.0, phi_ex=np.pi, **options
+    )
 
 
 def mean_force(
@@ -26,14 +29,6 @@ def mean_force(
         lambda phi: edge_forces(law, f_z * np.sin(phi))[0], entry, leave, epsabs=0, epsrel=1e-11
     )
     return float(flutes * a_p / (2 * np.pi) * area[0])
-
-
-def test_specific_forces_on_the_law_give_the_law() -> None:
-    """The straight line in logarithms, exact but for rounding."""
-    found = kienzle_by_thickness(FEEDS, K * 1e6 * (FEEDS / 1e-3) ** -M)
-    assert found.k_c11 == pytest.approx(K, rel=1e-9)
-    assert found.m_c == pytest.approx(M, abs=1e-9)
-    assert found.correlation < -0.9  # chips thinner than 1 mm know little but ln k_c1.1 + 2.5 m_c
 
 
 @pytest.mark.parametrize("arc", [(0.0, np.pi), (0.0, 1.1), (2.0, np.pi), (0.7, 2.1)])
@@ -76,9 +71,9 @@ def test_the_truth_is_within_the_intervals(scatter: float) -> None:
 
 def test_intervals_are_never_narrower_than_what_is_known_of_the_forces() -> None:
     """With forces that happen to lie on the law, but are only good to 10 %."""
-    exact = K * 1e6 * (FEEDS / 1e-3) ** -M
-    lucky = kienzle_by_thickness(FEEDS, exact)
-    honest = kienzle_by_thickness(FEEDS, exact, deviation=0.1)
+    exact = [mean_force(f, 2e-3, 3, 0.0, np.pi) for f in FEEDS]
+    lucky, honest = by_slots(exact), by_slots(exact, deviation=0.1)
+    # in a slot the arc changes the level alone, by as much at all feeds
     design = np.stack([np.ones(5), -np.log(FEEDS / 1e-3)], axis=1)
     expected = 1.96 * 0.1 * np.sqrt(np.linalg.inv(design.T @ design)[1, 1])
     half = (honest.m_c_interval[1] - honest.m_c_interval[0]) / 2
@@ -97,7 +92,7 @@ def test_intervals_are_never_narrower_than_what_is_known_of_the_forces() -> None
 )
 def test_cuts_that_do_not_tell_are_refused(feeds: list[float], words: str) -> None:
     with pytest.raises(ValueError, match=words):
-        kienzle_by_thickness(feeds, np.full(len(feeds), 2e9))
+        by_slots(np.full(len(feeds), 10.0), feeds)
 
 
 def test_forces_and_arcs_that_are_none_are_refused() -> None:
@@ -106,15 +101,15 @@ def test_forces_and_arcs_that_are_none_are_refused() -> None:
     with pytest.raises(ValueError, match="phi_ex must be greater than phi_st"):
         kienzle_by_force([1.0, 1.5, 2.0], flutes=2, f_z=FEEDS[:3], a_p=1e-3, phi_st=1, phi_ex=1)
     with pytest.raises(ValueError, match="3 feeds and 2 forces"):
-        kienzle_by_thickness(FEEDS[:3], [1e9, 2e9])
+        by_slots([1.0, 2.0], FEEDS[:3])
 
 
 def test_constants_have_intervals_or_the_reason_why_not() -> None:
     """1 % of scatter over five feeds determines both; 30 % neither."""
-    exact = K * 1e6 * (FEEDS / 1e-3) ** -M
+    exact = np.array([mean_force(f, 2e-3, 3, 0.0, np.pi) for f in FEEDS])
     sign = np.array([1.0, -1.0, 1.0, -1.0, 1.0])
-    sure = kienzle_parameters(kienzle_by_thickness(FEEDS, exact * (1 + 0.01 * sign)), 0.5)
-    loose = kienzle_parameters(kienzle_by_thickness(FEEDS, exact * (1 + 0.3 * sign)), 0.5)
+    sure = kienzle_parameters(by_slots(exact * (1 + 0.01 * sign)), 0.5)
+    loose = kienzle_parameters(by_slots(exact * (1 + 0.3 * sign)), 0.5)
     for rows, determined in ((sure, True), (loose, False)):
         assert set(rows) == {"kienzle.k_c11", "kienzle.m_c"}
         for one in rows.values():

@@ -43,9 +43,10 @@ from pipeline.submodels.drive.submodel import (
     drive_case,
 )
 from pipeline.submodels.judge import Judged, judge
-from pipeline.twin.drive import DriveParameters, IdentifiedDrive, identified_drive
+from pipeline.twin.drive import IdentifiedDrive, identified_drive
 from tests.machine.plain_drive import simulate_drive
 from tests.submodels.drive.servo_rig import Rig, recording, strokes
+from tests.twin.axes import DriveParameters
 
 IDENTITY = MachineIdentity(name="mill", origin="simulated")
 SETTINGS = DriveFitSettings(compare=False)

@@ -12,8 +12,8 @@ from pipeline.machine.axis.servo import ServoParameters
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo import presliding
 from pipeline.submodels.drive.servo.presliding import identify_presliding
-from pipeline.twin.drive import DriveParameters
 from tests.machine.plain_drive import simulate_drive
+from tests.twin.axes import DriveParameters
 
 SIDE = DirectionFriction(coulomb=300.0, static=400.0, stribeck_velocity=0.006, viscous=900.0)
 SCREW = FeedDriveParameters(

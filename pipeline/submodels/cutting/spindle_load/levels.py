@@ -27,31 +27,21 @@ REACH = 4.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Levels:
-    """L levels of constant speed and cut.
-
-    Parameters
-    ----------
-    speed : ndarray, shape (L,)
-        n [rev/s].
-    power : ndarray, shape (L,)
-        Mean at the spindle's nose, no-load losses included [W].
-    deviation : ndarray, shape (L,)
-        Standard deviation of ``power`` from noise and rounding [W].
-    removal : ndarray, shape (L,)
-        Material removed [m^3/s]; 0 where the spindle turns free.
-    edge : ndarray, shape (L,)
-        Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
-        the power K_te times this.
-    samples : ndarray of int, shape (L,)
-        How many readings each holds.
-    """
+    """L levels of constant speed and cut."""
 
     speed: Floats
+    """n [rev/s]; shape (L,)."""
     power: Floats
+    """Mean at the spindle's nose, no-load losses included [W]; shape (L,)."""
     deviation: Floats
+    """Standard deviation of ``power`` from noise and rounding [W]; shape (L,)."""
     removal: Floats
+    """Material removed [m^3/s]; 0 where the spindle turns free; shape (L,)."""
     edge: Floats
+    """Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
+    the power K_te times this; shape (L,)."""
     samples: Ints
+    """How many readings each holds; shape (L,)."""
 
     def __len__(self) -> int:
         return len(self.speed)
@@ -262,17 +252,6 @@ def _carried(values: Floats, variance: float, step: float) -> float:
 class LoadScale(Ranged, section="load_scale"):
     """Conversion from load in percent to power; a premise that all results scale with.
 
-    Parameters
-    ----------
-    rated_power_kW : float
-        At the motor's shaft [kW].
-    base_speed_rpm : float
-        From which it gives that power [rpm].
-    efficiency : float
-        Mechanical, from the motor's shaft to the tool [1].
-    of : {"available", "rated"}
-        Meaning of 100 % load, see :func:`shown_power`.
-
     Raises
     ------
     ValueError
@@ -280,9 +259,13 @@ class LoadScale(Ranged, section="load_scale"):
     """
 
     rated_power_kW: Annotated[float, Range(above=0.0, most=1e4, unit="kW")]
+    """At the motor's shaft [kW]."""
     base_speed_rpm: Annotated[float, Range(above=0.0, most=1e6, unit="rpm")]
+    """From which it gives that power [rpm]."""
     efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    """Mechanical, from the motor's shaft to the tool [1]."""
     of: Literal["available", "rated"] = "available"
+    """Meaning of 100 % load, see :func:`shown_power`."""
 
     def power(self, load_percent: Floats | float, speed: Floats) -> Floats:
         """Power at the tool [W], of loads [%] at speeds [rev/s]."""
@@ -305,19 +288,6 @@ class LoadScale(Ranged, section="load_scale"):
 class LoadLog:
     """Log of a spindle's speed and load, with the cut of each of its T rows.
 
-    Parameters
-    ----------
-    times : ndarray, shape (T,)
-        Rising [s].
-    speed : ndarray, shape (T,)
-        Of the spindle [rev/s].
-    load : ndarray, shape (T,)
-        [%]; NaN where it is missing.
-    cut : ndarray of int, shape (T,), optional
-        Number of the cut of each row, negative for none; without it the spindle ran without load.
-    removal, edge : ndarray, shape (T,), optional
-        Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air.
-
     Raises
     ------
     ValueError
@@ -325,11 +295,17 @@ class LoadLog:
     """
 
     times: Floats
+    """Rising [s]; shape (T,)."""
     speed: Floats
+    """Speed of the spindle [rev/s]; shape (T,)."""
     load: Floats
+    """Load [%]; NaN where it is missing; shape (T,)."""
     cut: NDArray[np.int64] | None = None
+    """Number of the cut of each row, negative for none; without it the spindle ran without load;
+    shape (T,)."""
     removal: Floats | None = None
     edge: Floats | None = None
+    """Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air; shape (T,)."""
 
     def __post_init__(self) -> None:
         columns = (self.speed, self.load, self.cut, self.removal, self.edge)

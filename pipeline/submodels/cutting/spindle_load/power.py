@@ -22,22 +22,15 @@ TERMS = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoLoad:
-    """No-load power of a spindle.
-
-    Parameters
-    ----------
-    fit : Regression
-        Of p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds determine.
-    lowest, highest : float
-        Speeds between which it holds [rev/s].
-    levels : Levels
-        Levels that it was identified from.
-    """
+    """No-load power of a spindle."""
 
     fit: Regression
+    """Of p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds determine."""
     lowest: float
     highest: float
+    """Speeds between which it holds [rev/s]."""
     levels: Levels
+    """Levels that it was identified from."""
 
     @property
     def coefficients(self) -> tuple[float, ...]:
@@ -99,24 +92,17 @@ NORMAL = 1.959963984540054
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpecificForce:
-    """Cutting energy per volume removed.
-
-    Parameters
-    ----------
-    value, half_width : float
-        Power of these cuts over the rates at which they remove material, edges and all
-        [N/m^2 = J/m^3], summed over levels, each for the same time; and half of its 95 % interval:
-        by how much cuts of the same kind differ is counted where there is more than one level.
-    fit : Regression
-        Of K_tc [N/m^2], then of K_te [N/m] where the cuts were to determine it.
-    cuts : int
-        Number of levels.
-    """
+    """Cutting energy per volume removed."""
 
     value: float
     half_width: float
+    """Power of these cuts over the rates at which they remove material, edges and all
+    [N/m^2 = J/m^3], summed over levels, each for the same time; and half of its 95 % interval: by
+    how much cuts of the same kind differ is counted where there is more than one level."""
     fit: Regression
+    """Of K_tc [N/m^2], then of K_te [N/m] where the cuts were to determine it."""
     cuts: int
+    """Number of levels."""
 
 
 def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:

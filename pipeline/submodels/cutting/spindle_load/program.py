@@ -34,45 +34,30 @@ LEVEL = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class Stretch:
-    """Part of a line's path with constant engagement.
-
-    Parameters
-    ----------
-    begin, end : float
-        Along the path of the line [m].
-    area : float
-        Volume removed per path length [m^2].
-    edge : float
-        Edge rate over the spindle's speed, all teeth in cut [m^2].
-    """
+    """Part of a line's path with constant engagement."""
 
     begin: float
     end: float
+    """Along the path of the line [m]."""
     area: float
+    """Volume removed per path length [m^2]."""
     edge: float
+    """Edge rate over the spindle's speed, all teeth in cut [m^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Lines:
-    """Path length, rapids and cuts of a program's lines.
-
-    Parameters
-    ----------
-    length : ndarray, shape (L,)
-        Path length of each line, rapids included [m]; index 0 is no line.
-    rapid : ndarray of bool, shape (L,)
-        Whether a line has a rapid, whose speed not every control shows.
-    cuts : ndarray of bool, shape (L,)
-        Whether anything is in the material in a line.
-    stretches : mapping of int to tuple of Stretch
-        Stretches of each line that are as long as the tool's radius; shorter ones are entries and
-        exits.
-    """
+    """Path length, rapids and cuts of a program's lines."""
 
     length: Floats = field(repr=False)
+    """Path length of each line, rapids included [m]; index 0 is no line; shape (L,)."""
     rapid: NDArray[np.bool_] = field(repr=False)
+    """Whether a line has a rapid, whose speed not every control shows; shape (L,)."""
     cuts: NDArray[np.bool_] = field(repr=False)
+    """Whether anything is in the material in a line; shape (L,)."""
     stretches: Mapping[int, tuple[Stretch, ...]] = field(repr=False)
+    """Stretches of each line that are as long as the tool's radius; shorter ones are entries and
+    exits."""
 
 
 def program_lines(raw: Path, cut: LoadCut, setup: Setup) -> Lines:

@@ -31,30 +31,20 @@ MOST = 2_000_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """Log at even times, T samples.
-
-    Parameters
-    ----------
-    period : float
-        Sampling interval, about that of the log's polls [s].
-    times : ndarray, shape (T,)
-        Since the log's start [s].
-    line : ndarray of int, shape (T,)
-        Of the program, -1 where missing.
-    speed : ndarray, shape (T,)
-        Of the spindle [rev/s]; NaN where missing, as the others.
-    load : ndarray, shape (T,)
-        [%].
-    feed : ndarray, shape (T,)
-        Speed along the path [m/s].
-    """
+    """Log at even times, T samples."""
 
     period: float
+    """Sampling interval, about that of the log's polls [s]."""
     times: Floats
+    """Since the log's start [s]; shape (T,)."""
     line: Ints
+    """Line of the program, -1 where missing; shape (T,)."""
     speed: Floats
+    """Speed of the spindle [rev/s]; NaN where missing, as the others; shape (T,)."""
     load: Floats
+    """Load [%]; shape (T,)."""
     feed: Floats
+    """Speed along the path [m/s]; shape (T,)."""
 
 
 def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings:
@@ -143,28 +133,19 @@ STEADY = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _LineRuns:
-    """V runs of readings in one line each, of T readings.
-
-    Parameters
-    ----------
-    first : ndarray of int, shape (V + 1,)
-        First reading of each run, and T.
-    line : ndarray of int, shape (V,)
-        Line; 0 outside of the program.
-    programmed, travelled : ndarray, shape (V,)
-        Path length of the line by the program and by the log [m].
-    per_period : ndarray, shape (V,)
-        Path length of one period at the highest speed [m].
-    fed : ndarray of bool, shape (V,)
-        Whether it is a line of the program without rapids.
-    """
+    """V runs of readings in one line each, of T readings."""
 
     first: Ints
+    """First reading of each run, and T; shape (V + 1,)."""
     line: Ints
+    """Line; 0 outside of the program; shape (V,)."""
     programmed: Floats
     travelled: Floats
+    """Path length of the line by the program and by the log [m]; shape (V,)."""
     per_period: Floats
+    """Path length of one period at the highest speed [m]; shape (V,)."""
     fed: Bools
+    """Whether it is a line of the program without rapids; shape (V,)."""
 
     @property
     def matching(self) -> Bools:

@@ -14,44 +14,21 @@ from pipeline.submodels.cutting.spindle_load.levels import LoadScale
 
 @dataclass(frozen=True, kw_only=True)
 class LoadItems:
-    """Data items of the logs.
-
-    Parameters
-    ----------
-    line : str
-        Line of the program's text that is executed, counting from 1.
-    speed : str
-        Of the spindle [rev/min].
-    load : str
-        Of the spindle [%].
-    feed : str
-        Actual speed along the path [mm/s].
-    """
+    """Data items of the logs."""
 
     line: str
+    """Line of the program's text that is executed, counting from 1."""
     speed: str
+    """Of the spindle [rev/min]."""
     load: str
+    """Of the spindle [%]."""
     feed: str
+    """Actual speed along the path [mm/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     """Logs of one program that cut a blank.
-
-    Parameters
-    ----------
-    log : str
-        Pattern of their names below the machine's folder.
-    program : str
-        Path of the program there.
-    stock : str
-        Blank in the program's work coordinates, as
-        :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
-        below the machine's folder.
-    tools : mapping of int to Tool
-        Those that cut, by their number in the program.
-    resolution_mm : float
-        Of the blank [mm].
 
     Raises
     ------
@@ -61,10 +38,17 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     """
 
     log: str
+    """Pattern of their names below the machine's folder."""
     program: str
+    """Path of the program there."""
     stock: str
+    """Blank in the program's work coordinates, as
+    :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
+    below the machine's folder."""
     tools: Mapping[int, Tool]
+    """Those that cut, by their number in the program."""
     resolution_mm: Annotated[float, Range(least=0.01, most=10.0, unit="mm")] = 0.5
+    """Of the blank [mm]."""
 
     def __post_init__(self) -> None:
         stock_of(self.stock)
@@ -82,28 +66,6 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
 class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """Logs from which no-load power and specific cutting force are identified.
 
-    Parameters
-    ----------
-    items : LoadItems
-        What the logs call line, speed, load and feed.
-    drive : SpindleDrive
-        Rated power, base speed and efficiency that turn load into power; levels below its least
-        speed do not count.
-    no_load : tuple of str
-        Patterns of logs in which the spindle turns free throughout.
-    cuts : tuple of LoadCut
-        Logs of programs that cut.
-    of : {"available", "rated"}
-        Meaning of 100 % load: the power available at that speed, or the rated power.
-    scale_error : float
-        Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
-        share: rated power, efficiency and meter together [1].
-    settle_s : float
-        How long speed and cut must have been the same before a reading counts: five times the lag
-        of the meter [s].
-    setup : Setup
-        Of the control, for the programs.
-
     Raises
     ------
     ValueError
@@ -111,13 +73,24 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """
 
     items: LoadItems
+    """What the logs call line, speed, load and feed."""
     drive: SpindleDrive
+    """Rated power, base speed and efficiency that turn load into power; levels below its least
+    speed do not count."""
     no_load: tuple[str, ...] = ()
+    """Patterns of logs in which the spindle turns free throughout."""
     cuts: tuple[LoadCut, ...] = ()
+    """Logs of programs that cut."""
     of: Literal["available", "rated"] = "available"
+    """Meaning of 100 % load: the power available at that speed, or the rated power."""
     scale_error: Share = 0.1
+    """Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
+    share: rated power, efficiency and meter together [1]."""
     settle_s: Annotated[float, Range(least=0.1, most=60.0, unit="s")] = 1.5
+    """How long speed and cut must have been the same before a reading counts: five times the lag of
+    the meter [s]."""
     setup: Setup = field(default_factory=Setup)
+    """Of the control, for the programs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
