@@ -68,7 +68,7 @@ class Target:
         [1]; None where no interval is asked for.
     most_percent : float
         Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
-        none is asked for.  Asked for together with ``coverage``.
+        none is asked for.
     least_auc : float
         Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0
         where none is asked for.

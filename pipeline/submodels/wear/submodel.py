@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.units import conversion
@@ -35,10 +35,6 @@ from pipeline.submodels.wear.model import (
 )
 from pipeline.submodels.wear.table import windows_of_table
 
-LEAST_AUC = 0.7
-"""Least area under the ROC curve of worn tools held out [1]; "acceptable" discrimination (Hosmer,
-Lemeshow and Sturdivant 2013, Applied Logistic Regression, 5.2.4), a coin has 0.5."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class WearLimits(Ranged, section="wear_limits"):
@@ -51,6 +47,10 @@ class WearLimits(Ranged, section="wear_limits"):
         8688-2).
     rmse_class : float
         RMSE of the probability of a worn tool [1]; 0.5 is what a coin has.
+    least_auc : float
+        Least area under the ROC curve of worn tools over all that were held out [1]; 0.7 is
+        "acceptable" discrimination (Hosmer, Lemeshow and Sturdivant 2013, Applied Logistic
+        Regression, 5.2.4), a coin has 0.5.
     coverage : (float, float)
         Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
         from ``MANY_GROUPS`` training tools on: with fewer the width is that of the worst of them.
@@ -58,7 +58,8 @@ class WearLimits(Ranged, section="wear_limits"):
 
     rmse_um: Positive = 30.0
     rmse_class: Positive = 0.5
-    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.8, 0.98)
+    least_auc: Share = 0.7
+    coverage: tuple[Share, ...] = (0.8, 0.98)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,7 +120,8 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             return (
                 Target(
                     quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten, least_auc=LEAST_AUC,
+                    limits={"rmse": limits.rmse_class}, must_beat=beaten,
+                    least_auc=limits.least_auc,
                 ),
             )  # fmt: skip
         least, most = limits.coverage
