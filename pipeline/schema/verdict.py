@@ -76,6 +76,8 @@ class Score(Figures):
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
         Each limit that is passed or not decided, with value and limit; or why it was not judged.
+    unknown_interval : str
+        Why the 90 % interval is no use and is not said, in a sentence; empty where it is said.
     alone : bool
         Whether it is the only one of its target that failed and is left out of the score over all
         groups, since a single record does not decide.
@@ -96,6 +98,7 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+    unknown_interval: str = ""
     alone: bool = False
 
     @property
@@ -225,6 +228,13 @@ class Verdict:
         """Score of a quantity over all groups that decided, or over those of ``role``."""
         found = self.of(quantity, group="all", role=role or self.judged_role)
         return found[0] if found else None
+
+    @property
+    def unknown_intervals(self) -> Mapping[tuple[str, str], str]:
+        """Why the interval is not known, by quantity and regime, where it is not."""
+        return {
+            (s.quantity, s.regime): s.unknown_interval for s in self.scores if s.unknown_interval
+        }
 
     @property
     def set_aside(self) -> tuple[str, ...]:

@@ -107,7 +107,12 @@ def judge(
     own = {target.quantity for target in targets if target.widens}
     frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
-    scores = [score for target in targets for score in _scores(frame, target, deciding)]
+    beyond = {one.case for one in outside}
+    scores = [
+        _with_use(score, frame, target, beyond, len(model.trained_on))
+        if (score.group, score.role) == (ALL, deciding) else score
+        for target in targets for score in _scores(frame, target, deciding)
+    ]  # fmt: skip
     decisive = [s for s in scores if s.status != "not judged" and not s.alone]
     broken = [
         *set_reasons(model, sets, files),
@@ -259,6 +264,20 @@ def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: R
         return score
     score = replace(score, spread=_spread(rows))
     return _over_all(rows, score, target) if group == ALL else _held_against(score, target)
+
+
+def _with_use(
+    score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
+) -> Score:
+    """A score over all groups with whether its interval is of use.
+
+    Inside of the learnt conditions, where there are groups enough: beyond them it has to be wide.
+    """
+    rows = _scored_rows(frame, target)
+    rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
+    many = rows["group"].nunique() >= FEWEST_GROUPS
+    inside = _score(rows, target, ALL, score.role) if many else score
+    return replace(score, unknown_interval=target.unknown_interval(inside, trained))
 
 
 def _lone(scores: Sequence[Score], target: Target) -> str | None:
@@ -692,7 +711,9 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "rmse": score.rmse,
             "relative_percent": score.relative_percent,
             "coverage_90": score.coverage_90,
-            "half_width_over_rmse": rounded(score.half_width_over_rmse or np.nan),
+            "half_width_over_rmse": "not known" if score.unknown_interval
+            else rounded(score.half_width_over_rmse or np.nan),
+            "interval_90": score.unknown_interval or ("known" if score.half_width else None),
             "spread_mae": score.spread.get("mae"),
             "spread_rmse": score.spread.get("rmse"),
             "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),

@@ -34,7 +34,7 @@ from pipeline.submodels.compensation.model import (
 )
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.statistics import drawn_again
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
@@ -137,6 +137,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         Input(name="following error", unit="m", older_than_s=0.001),
         Input(name="torque command", unit="1", older_than_s=0.001),
     )
+    ends: ClassVar[Ends] = {(QUANTITIES[PREDICTION], ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: CompensationModel) -> tuple[Target, ...]:
         """Following error of each axis, predicted and estimated.

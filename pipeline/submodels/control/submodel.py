@@ -18,7 +18,7 @@ from pipeline.schema.ranges import NotNegative, Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import read_matches, read_programs
 from pipeline.submodels.control.segments import observe
@@ -110,6 +110,7 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         Input(name="feed_override", unit="%"),
         Input(name="rapid_override", unit="%"),
     )
+    ends: ClassVar[Ends] = {(TIME, WHOLE): ("program_time_low", "program_time_high")}
 
     def targets(self, settings: Judging, model: ControlModelFile) -> tuple[Target, ...]:
         """Time of whole runs, which is judged, and of their types of rows, which is shown."""

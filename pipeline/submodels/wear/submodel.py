@@ -20,7 +20,7 @@ from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.wear.cases import life_cases, windows_of
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
@@ -28,6 +28,7 @@ from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
+    WEAR,
     Wear,
     WearFitSettings,
     WearModel,
@@ -110,6 +111,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         Input(name="conditions of the cut", unit="of the recording"),
         Input(name="use of the tool", unit="of the recording"),
     )
+    ends: ClassVar[Ends] = {(WEAR, ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: WearModel) -> tuple[Target, ...]:
         """Wear of tools that were held out, beside a guess without sensors."""
