@@ -10,7 +10,9 @@ absolute residuals, times one factor for all regimes: the 90 % quantile of the r
 group over the half widths that the *other* groups give it.  Groups that are alike make that factor
 1, few groups that differ make it as large as they show; the interval then holds 90 % of a new
 group's samples in the mean over groups (hierarchical conformal prediction, Lee, Barber and Willett
-2023, with the normalised scores of Lei et al. 2018), not more than 90 % of each.
+2023, with the normalised scores of Lei et al. 2018).  Where a single group must not be much worse,
+the factor is what nine of ten groups need instead, the ceil(0.9 (K + 1))-th smallest of K, the
+greatest where there are fewer than nine (Dunn, Wasserman and Ramdas 2023): wider than 90 %.
 
 Adaptive over time: a factor on the half width rises when a measured value that has become known lay
 outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
@@ -112,11 +114,18 @@ def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[
         )
 
 
-def bands(residuals: Residuals) -> dict[str, Band]:
+def bands(residuals: Residuals, *, each: bool = False) -> dict[str, Band]:
     """Calibrated half widths by regime, and over all regimes under :data:`ALL_REGIMES`.
 
     A regime that has residuals of fewer groups than half of all, or of one, has no band of its own
     unless it is the only one: the band over all regimes serves it.
+
+    Parameters
+    ----------
+    residuals : Residuals
+        Of groups left out.
+    each : bool
+        Whether 90 % of the samples of nine of ten new groups shall lie inside, not 90 % of all.
 
     Raises
     ------
@@ -133,8 +142,8 @@ def bands(residuals: Residuals) -> dict[str, Band]:
     groups, group = np.unique(known.group, return_inverse=True)
     size = np.abs(known.error)
     half, counts = _quantiles(size, regime, group, len(names))
-    factor = _factor(size, regime, group, len(names)) if len(groups) > 1 else 1.0
-    wide = factor * half
+    factor = _factor(size, regime, group, len(names), each) if len(groups) > 1 else 1.0
+    wide = (factor * half).tolist()
     found = {ALL_REGIMES: Band(lower=wide[-1], upper=wide[-1], n=len(size), groups=len(groups))}
     for k, name in enumerate(names.tolist()):
         if name != ALL_REGIMES and counts[k] >= _fewest(len(groups)):
@@ -162,17 +171,20 @@ def _quantiles(size: Floats, regime: Ints, group: Ints, regimes: int) -> tuple[F
     return found, counts
 
 
-def _factor(size: Floats, regime: Ints, group: Ints, regimes: int) -> float:
+def _factor(size: Floats, regime: Ints, group: Ints, regimes: int, each: bool) -> float:
     """How much wider than the quantiles of the other groups a group of them needs its interval [1].
 
     At least 1, also where the others have no error at all.
     """
-    over = np.empty(len(size))
-    for k in range(int(group.max()) + 1):
+    over, count = np.empty(len(size)), int(group.max()) + 1
+    for k in range(count):
         own = group == k
         half = _quantiles(size[~own], regime[~own], group[~own], regimes)[0][regime[own]]
         over[own] = _size(size[own], half, half)
     found = _quantile(over, group)
+    if each:
+        needed = np.sort([float(np.quantile(over[group == k], LEVEL)) for k in range(count)])
+        found = float(needed[min(int(np.ceil(LEVEL * (count + 1) - 1e-9)), count) - 1])
     return max(found, 1.0) if np.isfinite(found) else 1.0
 
 

@@ -56,6 +56,19 @@ def test_exchangeable_groups_are_covered_and_no_wider_than_they_need(
     assert np.median(widths) < 1.645 * {4: 1.5, 10: 1.25, 30: 1.1}[count]
 
 
+@pytest.mark.parametrize("count", [4, 12])
+def test_each_group_holds_its_share_where_that_is_asked(count: int) -> None:
+    """Nine of ten new groups, K / (K + 1) of them where there are fewer than nine, hold 90 %."""
+    generator = np.random.default_rng(2)
+    held = []
+    for _ in range(200):
+        new = days(generator, 5, between=0.5, samples=40).error.reshape(5, -1)
+        band = bands(days(generator, count, between=0.5, samples=40), each=True)[""]
+        held.append(np.mean(np.mean(np.abs(new) <= band.upper, axis=1) >= 0.9))
+    least = 0.9 if count > 8 else count / (count + 1)
+    assert np.mean(held) >= least - 3 * np.std(held) / np.sqrt(len(held)) - 0.02
+
+
 def test_the_half_width_of_a_regime_is_its_own_and_the_factor_is_shared() -> None:
     """Ten alike groups: rough hours get ten times the width of calm ones, not the worst of each."""
     generator = np.random.default_rng(5)

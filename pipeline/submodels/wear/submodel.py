@@ -54,7 +54,7 @@ class WearLimits(Ranged, section="wear_limits"):
         Regression, 5.2.4), a coin has 0.5.
     coverage : (float, float)
         Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
-        from ``MANY_GROUPS`` training tools on: with fewer the width is that of the worst of them.
+        from ``MANY_GROUPS`` training tools on: fewer may differ more than those to come.
     """
 
     rmse_um: Positive = 30.0
