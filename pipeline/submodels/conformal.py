@@ -5,21 +5,25 @@ that the predicting model was not fitted on.  Cross-conformal: each training gro
 model of the others, so that no group is spent on calibration alone (Vovk 2015).
 
 Samples of a group hang together, and a new group is what the interval has to hold for, so groups
-count as whole, each of the same weight.  The half width of a regime is the 90 % quantile of its
-absolute residuals, times one factor for all regimes: the 90 % quantile of the residuals of each
-group over the half widths that the *other* groups give it.  Groups that are alike make that factor
-1, few groups that differ make it as large as they show; the interval then holds 90 % of a new
-group's samples in the mean over groups (hierarchical conformal prediction, Lee, Barber and Willett
-2023, with the normalised scores of Lei et al. 2018).  Where a single group must not be much worse,
-the factor is what nine of ten groups need instead, the ceil(0.9 (K + 1))-th smallest of K, the
-greatest where there are fewer than nine (Dunn, Wasserman and Ramdas 2023): wider than 90 %.
+count as whole.  Where they are alike, as days and tools are, the half width of a regime is the 90 %
+quantile of its absolute residuals, each group of the same weight, times one factor for all regimes:
+the 90 % quantile of the residuals of each group over the half widths that the *other* groups give
+it.  Groups that differ widen it by as much as they show, and it holds 90 % of a new group's samples
+in the mean over groups (hierarchical conformal prediction, Lee, Barber and Willett 2023, with the
+normalised scores of Lei et al. 2018).
+
+Where groups are of kinds of their own, as recordings made for different ends, their mean says
+nothing of the next.  Below :data:`MANY_GROUPS` of them, K say, the half width is then the ceil(0.9
+(K + 1))-th smallest of the groups' own 90 % quantiles, the greatest where there are fewer than
+nine: it holds 90 % of a new group's samples with a probability of 0.9, with fewer than nine groups
+of K / (K + 1), if the new one is of any of these kinds (Dunn, Wasserman and Ramdas 2023).
 
 Adaptive over time: a factor on the half width rises when a measured value that has become known lay
 outside and falls when it lay inside (quantile tracking, Angelopoulos, Candes and Tibshirani 2023;
 Gibbs and Candes 2021), so that the share inside comes back to 90 % when conditions drift.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -114,7 +118,7 @@ def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[
         )
 
 
-def bands(residuals: Residuals, *, each: bool = False) -> dict[str, Band]:
+def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
     """Calibrated half widths by regime, and over all regimes under :data:`ALL_REGIMES`.
 
     A regime that has residuals of fewer groups than half of all, or of one, has no band of its own
@@ -124,8 +128,8 @@ def bands(residuals: Residuals, *, each: bool = False) -> dict[str, Band]:
     ----------
     residuals : Residuals
         Of groups left out.
-    each : bool
-        Whether 90 % of the samples of nine of ten new groups shall lie inside, not 90 % of all.
+    alike : bool
+        Whether groups are drawn alike, as days and tools are, and no kinds of their own.
 
     Raises
     ------
@@ -141,8 +145,9 @@ def bands(residuals: Residuals, *, each: bool = False) -> dict[str, Band]:
     names, regime = np.unique(known.regime, return_inverse=True)
     groups, group = np.unique(known.group, return_inverse=True)
     size = np.abs(known.error)
-    half, counts = _quantiles(size, regime, group, len(names))
-    factor = _factor(size, regime, group, len(names), each) if len(groups) > 1 else 1.0
+    few = not alike and len(groups) < MANY_GROUPS
+    half, counts = _quantiles(size, regime, group, len(names), _widest if few else _quantile)
+    factor = 1.0 if few or len(groups) < 2 else _factor(size, regime, group, len(names))
     wide = (factor * half).tolist()
     found = {ALL_REGIMES: Band(lower=wide[-1], upper=wide[-1], n=len(size), groups=len(groups))}
     for k, name in enumerate(names.tolist()):
@@ -157,34 +162,34 @@ def _fewest(groups: int) -> float:
     return max(2, groups / 2)
 
 
-def _quantiles(size: Floats, regime: Ints, group: Ints, regimes: int) -> tuple[Floats, Ints]:
+def _quantiles(
+    size: Floats, regime: Ints, group: Ints, regimes: int,
+    quantile: Callable[[Floats, Ints], float],
+) -> tuple[Floats, Ints]:  # fmt: skip
     """90 % quantiles of sizes, shape (regimes + 1,), by regime and of all; groups of each regime.
 
     Where a regime is of too few groups it has the quantile of all.
     """
-    found = np.full(regimes + 1, _quantile(size, group))
+    found = np.full(regimes + 1, quantile(size, group))
     counts = np.array([len(np.unique(group[regime == k])) for k in range(regimes)], np.int64)
     fewest = _fewest(len(np.unique(group)))
     for k in np.flatnonzero(counts >= fewest).tolist():
         own = regime == k
-        found[k] = _quantile(size[own], group[own])
+        found[k] = quantile(size[own], group[own])
     return found, counts
 
 
-def _factor(size: Floats, regime: Ints, group: Ints, regimes: int, each: bool) -> float:
+def _factor(size: Floats, regime: Ints, group: Ints, regimes: int) -> float:
     """How much wider than the quantiles of the other groups a group of them needs its interval [1].
 
     At least 1, also where the others have no error at all.
     """
-    over, count = np.empty(len(size)), int(group.max()) + 1
-    for k in range(count):
+    over = np.empty(len(size))
+    for k in range(int(group.max()) + 1):
         own = group == k
-        half = _quantiles(size[~own], regime[~own], group[~own], regimes)[0][regime[own]]
+        half = _quantiles(size[~own], regime[~own], group[~own], regimes, _quantile)[0][regime[own]]
         over[own] = _size(size[own], half, half)
     found = _quantile(over, group)
-    if each:
-        needed = np.sort([float(np.quantile(over[group == k], LEVEL)) for k in range(count)])
-        found = float(needed[min(int(np.ceil(LEVEL * (count + 1) - 1e-9)), count) - 1])
     return max(found, 1.0) if np.isfinite(found) else 1.0
 
 
@@ -194,6 +199,12 @@ def _quantile(size: Floats, group: Ints) -> float:
     order = np.argsort(size, kind="stable")
     weight = 1.0 / (len(count) * count[place[order]])
     return float(np.interp(LEVEL, np.cumsum(weight) - weight / 2, size[order]))
+
+
+def _widest(size: Floats, group: Ints) -> float:
+    """The ceil(0.9 (K + 1))-th smallest of the 90 % quantiles of K groups, at most the greatest."""
+    own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in np.unique(group)])
+    return float(own[min(int(np.ceil(LEVEL * (len(own) + 1) - 1e-9)), len(own)) - 1])
 
 
 def half_widths(regime: Labels, bands: Bands) -> tuple[Floats, Floats]:

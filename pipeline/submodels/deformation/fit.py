@@ -152,7 +152,7 @@ def fit_growth(
     }
     champion = min(compared, key=lambda name: compared[name].rmse_um)
     residuals = _residuals(examples, left_out[champion], settings)
-    intervals = bands(residuals, each=True)  # one recording is one correction of a machine
+    intervals = bands(residuals)
     second = _second(compared, champion)
     return GrowthFit(
         sensors=model,

@@ -118,7 +118,8 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
         scaling=own.scaling, known=own.known, per_recording=per_recording, champion=champion,
         alone=alone, scores=scores, weights=weights,
         bands={} if windows.is_class else {
-            name: bands(_residuals(out, name)) for name in dict.fromkeys((champion, alone))
+            name: bands(_residuals(out, name), alike=True)
+            for name in dict.fromkeys((champion, alone))
         },
         methods=MethodsFile(
             scaling=own.feature_scaling, ridge=own.ridge,
