@@ -76,6 +76,8 @@ class Score(Figures):
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
         Each limit that is passed or not decided, with value and limit; or why it was not judged.
+    inside_ratio : float or None
+        Half width over RMSE inside of the learnt conditions [1]; None where that is not parted.
     unknown_interval : str
         Why the 90 % interval is no use and is not said, in a sentence; empty where it is said.
     alone : bool
@@ -98,12 +100,18 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+    inside_ratio: float | None = None
     unknown_interval: str = ""
     alone: bool = False
 
     @property
     def half_width_over_rmse(self) -> float | None:
-        """How wide the interval is for what the prediction errs by [1]: holding is not enough."""
+        """How wide the interval is for what the prediction errs by [1]: holding is not enough.
+
+        Inside of the learnt conditions where they are parted: beyond them it has to be wide.
+        """
+        if self.inside_ratio is not None:
+            return self.inside_ratio
         return self.half_width / self.rmse if self.half_width and self.rmse else None
 
     @property

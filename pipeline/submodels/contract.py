@@ -105,7 +105,7 @@ class Target:
         Parameters
         ----------
         score : Score
-            Inside of the learnt conditions.
+            Over all groups that decide.
         trained : int
             Cases that the model was fitted on.
         """

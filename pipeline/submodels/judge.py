@@ -269,15 +269,13 @@ def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: R
 def _with_use(
     score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
 ) -> Score:
-    """A score over all groups with whether its interval is of use.
-
-    Inside of the learnt conditions, where there are groups enough: beyond them it has to be wide.
-    """
+    """A score over all groups with whether its interval is of use, inside where groups are many."""
     rows = _scored_rows(frame, target)
     rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
     many = rows["group"].nunique() >= FEWEST_GROUPS
     inside = _score(rows, target, ALL, score.role) if many else score
-    return replace(score, unknown_interval=target.unknown_interval(inside, trained))
+    score = replace(score, inside_ratio=inside.half_width_over_rmse)
+    return replace(score, unknown_interval=target.unknown_interval(score, trained))
 
 
 def _lone(scores: Sequence[Score], target: Target) -> str | None:

@@ -162,7 +162,8 @@ def test_an_interval_is_held_against_its_error_inside_of_the_learnt_conditions()
     rmse = judged("spindle", [TRAIN, *inside]).verdict.of("force", group="all")[-1].rmse
     found = judged("spindle", [TRAIN, *inside, far], predict=banded(half=2.0 * rmse)).verdict
     (whole,) = found.of("force", group="all", role="held_out")
-    assert found.outside and whole.half_width_over_rmse > 2.5 and not whole.unknown_interval
+    assert found.outside and whole.half_width > 2.5 * whole.rmse and not whole.unknown_interval
+    assert whole.half_width_over_rmse == pytest.approx(2.0, rel=1e-4)
     few = judged("spindle", [TRAIN, *inside[:2], far], predict=banded(half=2.0 * rmse)).verdict
     assert few.unknown_intervals
 
