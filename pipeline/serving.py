@@ -123,7 +123,7 @@ class Bundle(mlflow.pyfunc.PythonModel):
         with self.package.active():
             if name not in self.loaded:
                 found = importlib.import_module(f"{PACKAGE}.submodels.{name}.submodel").SUBMODEL
-                self.loaded[name] = found.serve(self.folder / name)
+                self.loaded[name] = found.answer(self.folder / name)
             return self.loaded[name](model_input)
 
 

@@ -194,8 +194,10 @@ def predict(
 
     with one_sentence(), outputs() as to:
         file = to.file(out, ".csv") or out
-        rows = predict_table(machine, submodel, table, file, model)
+        rows, unknown = predict_table(machine, submodel, table, file, model)
         to.say(f"wrote {rows} rows to {to.names(file)}")
+        for why in unknown:
+            to.say(why)
 
 
 @app.command()

@@ -113,13 +113,21 @@ class Simulated:
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """90 % interval of the time of the program [s]; None where the control was not learnt."""
-        if not self.on.identified:
+        """90 % interval of the time of the program [s]; None where it is not known."""
+        if not self.on.identified or self.interval_unknown:
             return None
         from pipeline.twin.control import ControlModelFile, time_interval
 
         stored = read_json(self.on.models / "control/model.json", ControlModelFile)
         return time_interval(self.plan, stored.intervals, stored.conditions)
+
+    @property
+    def interval_unknown(self) -> str:
+        """Why the 90 % interval of the time is not known by the control's verdict; else empty."""
+        from pipeline.submodels.contract import submodel
+
+        columns = submodel("control").unknown_columns(self.on.models / "control")
+        return columns.get("program_time_low", "")
 
     @property
     def other_units(self) -> dict[str, float]:
@@ -430,6 +438,7 @@ def axes_table(
     ValueError
         When a drive is unstable, or the program is too long for a ``residual``.
     """
+    from pipeline.submodels.contract import submodel
     from pipeline.twin.drive import read_drives
     from pipeline.twin.program_axes import program_figures
 
@@ -437,6 +446,9 @@ def axes_table(
     if not found.exists():
         return []
     drives, lines = read_drives(found), plan.path.moves.line
+    name, column = ("drive", "following_error_low") if residual is None else ("compensation", "low")
+    unknown = submodel(name).unknown_columns(models / name)
+    why = {letter: unknown.get(f"{letter}_{column}", "") for letter in drives}
     axes: list[dict[str, Any]] = [
         {
             "axis": letter,
@@ -445,7 +457,8 @@ def axes_table(
             "rms_following_um": round(one.rms_error * 1e6, 3),
             "max_command": round(one.max_command, 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": _micrometres(one.half_width),
+            "half_width_90_um": None if why[letter] else _micrometres(one.half_width),
+            "interval_unknown": why[letter],
         }
         for letter, one in program_figures(plan, drives, residual).items()
     ]
@@ -493,6 +506,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
             "control": simulated.on.source,
             "unit": simulated.on.unit,
             "total_time_90_s": simulated.interval,
+            "interval_unknown": simulated.interval_unknown,
             "total_time_s_on_other_units": simulated.other_units,
             "models": simulated.on.models.as_posix(),
             "without_time": without_time(simulated.plan),
@@ -527,7 +541,10 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
     elif document["unit"]:
         yield f"on unit {document['unit']}"
     interval = document["total_time_90_s"]
-    width = f" (90 % interval {interval[0]:.1f} to {interval[1]:.1f} s)" if interval else ""
+    unknown = document["interval_unknown"]
+    width = f" ({unknown})" if unknown else ""
+    if interval:
+        width = f" (90 % interval {interval[0]:.1f} to {interval[1]:.1f} s)"
     yield f"{document['total_time_s']:.1f} s{width}, {document['path_length_mm']:.1f} mm"
     for name, count in document["without_time"].items():
         yield (
@@ -562,7 +579,8 @@ def _axis_line(axis: dict[str, Any]) -> str:
     if "not_followed" in axis:
         return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
     width = axis["half_width_90_um"]
-    within = " (interval not learnt)" if width is None else f" ± {width:.1f} um"
+    lacking = axis["interval_unknown"] or "interval not learnt"
+    within = f" ({lacking})" if width is None else f" ± {width:.1f} um"
     return (
         f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
         f"{axis['max_following_um']:>10.1f} um{within} in line {axis['at_line']}, "
@@ -576,8 +594,12 @@ def write_document(document: dict[str, Any], path: Path) -> None:
     write_json(document, path)
 
 
-def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -> int:
-    """Predict a table of a sub-model's inputs with a machine's champion; the number of rows.
+def predict_table(
+    machine: str, name: str, table: Path, out: Path, model: str
+) -> tuple[int, tuple[str, ...]]:
+    """Predict a table of a sub-model's inputs with a machine's champion.
+
+    The number of rows, and a sentence on each interval that is not known, whose columns are empty.
 
     Parameters
     ----------
@@ -608,7 +630,7 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
         said = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ValueError(f"{table} is no table of CSV or Parquet: {said}") from error
     try:
-        found = one.serve(folder)(given)
+        found = one.answer(folder)(given)
     except KeyError as error:
         raise ValueError(f"{table} has no column {error}: give the inputs of {name}") from error
     if out.suffix == ".parquet":
@@ -616,4 +638,8 @@ def predict_table(machine: str, name: str, table: Path, out: Path, model: str) -
             found.to_parquet(part, compression="zstd")
     else:
         write_csv(found, out)
-    return len(found)
+    unknown: dict[str, list[str]] = {}
+    for column, why in one.unknown_columns(folder).items():
+        if column in found:
+            unknown.setdefault(why, []).append(column)
+    return len(found), tuple(f"{', '.join(names)}: {why}" for why, names in unknown.items())

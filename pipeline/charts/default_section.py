@@ -131,6 +131,11 @@ def scores_table(
     heads += [Head(name="limits"), Head(name="verdict")]
     return Table(
         caption=f"Errors beside baselines and limits{left_out(len(scores), MOST_ROWS)}",
+        note=". ".join(
+            dict.fromkeys(
+                f"{_named(s)}: {s.unknown_interval}" for s in scores if s.unknown_interval
+            )
+        ),
         heads=heads,
         rows=[_score_row(s, others, covered) for s in scores[:MOST_ROWS]],
         sources=list(made),
@@ -147,12 +152,11 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
     if s.coverage_limits is not None:
         least, most = (f"{100 * end:g}" for end in s.coverage_limits)
         limits = f"inside 90 % interval {least} to {most} %"
-    judged = bool(s.limits or s.coverage_limits)
     beside = [s.baselines.get(name) for name in others]
     errors = [w for b in beside for w in ((_error(b.mae), _error(b.rmse)) if b else ("–", "–"))]
     status = {"passed": "passed", "failed": "failed"}.get(s.status, "unknown")
     return cells(
-        f"{s.quantity}, {s.regime}" if s.regime else s.quantity,
+        _named(s),
         "all of them" if s.group == "all" else s.group,
         ROLES[s.role],
         *(_error(getattr(s, name), s.spread.get(name)) for name in ("mae", "rmse", "max")),
@@ -161,8 +165,12 @@ def _score_row(s: Score, others: Sequence[str], covered: bool) -> list[Cell]:
         *(_interval(s) if covered else []),
         *errors,
         limits or "–",
-        Cell(text=s.status if s.status != "not judged" else "–", status=status) if judged else "–",
+        Cell(text=s.status, status=status) if s.status != "not judged" else "–",
     )
+
+
+def _named(s: Score) -> str:
+    return f"{s.quantity}, {s.regime}" if s.regime else s.quantity
 
 
 def _error(value: float | None, spread: float | None = None) -> str:
@@ -173,7 +181,8 @@ def _error(value: float | None, spread: float | None = None) -> str:
 
 def _interval(s: Score) -> tuple[str, str]:
     shares = _percents(s.coverage_90, s.spread.get("coverage_90"))
-    return _error(*shares), _error(s.half_width_over_rmse)
+    wide = "not known" if s.unknown_interval else _error(s.half_width_over_rmse)
+    return _error(*shares), wide
 
 
 def _percents(*shares: float | None) -> list[float | None]:

@@ -78,6 +78,10 @@ class Score(Figures):
         Whether all limits are kept; "not judged" for training cases and without limits.
     reasons : tuple of str
         Each limit that is passed or not decided, with value and limit; or why it was not judged.
+    inside_ratio : float or None
+        Half width over RMSE inside of the learnt conditions [1]; None where that is not parted.
+    unknown_interval : str
+        Why the 90 % interval is no use and is not said, in a sentence; empty where it is said.
     alone : bool
         Whether it is the only one of its target that failed and is left out of the score over all
         groups, since a single record does not decide.
@@ -98,11 +102,18 @@ class Score(Figures):
     rounding: Mapping[str, Figures] = field(default_factory=dict)
     status: Status = "not judged"
     reasons: tuple[str, ...] = ()
+    inside_ratio: float | None = None
+    unknown_interval: str = ""
     alone: bool = False
 
     @property
     def half_width_over_rmse(self) -> float | None:
-        """How wide the interval is for what the prediction errs by [1]: holding is not enough."""
+        """How wide the interval is for what the prediction errs by [1]: holding is not enough.
+
+        Inside of the learnt conditions where they are parted: beyond them it has to be wide.
+        """
+        if self.inside_ratio is not None:
+            return self.inside_ratio
         return self.half_width / self.rmse if self.half_width and self.rmse else None
 
     @property
@@ -227,6 +238,13 @@ class Verdict:
         """Score of a quantity over all groups that decided, or over those of ``role``."""
         found = self.of(quantity, group="all", role=role or self.judged_role)
         return found[0] if found else None
+
+    @property
+    def unknown_intervals(self) -> Mapping[tuple[str, str], str]:
+        """Why the interval is not known, by quantity and regime, where it is not."""
+        return {
+            (s.quantity, s.regime): s.unknown_interval for s in self.scores if s.unknown_interval
+        }
 
     @property
     def set_aside(self) -> tuple[str, ...]:

@@ -85,7 +85,7 @@ def judge(
     write_json(found.verdict, folder / "verdict.json")
     write_predictions(found.predictions, folder / "predictions.parquet")
     example = submodel.example(folder)
-    write_json(served(example, submodel.serve(folder)(example)), folder / SERVED)
+    write_json(served(example, submodel.answer(folder)(example)), folder / SERVED)
     figures = key_figures(found.verdict) | dict(submodel.figures(model))
     write_json(figures, metrics)
     write_plots(found.verdict, found.predictions, plots)

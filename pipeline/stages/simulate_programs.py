@@ -5,6 +5,7 @@ from pathlib import Path
 from pipeline.gcode.setup import Setup
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import read_json
+from pipeline.submodels.contract import submodel
 from pipeline.twin.control import ControlModelFile, ControlRecords, control_of_unit
 from pipeline.twin.simulation import simulate_files
 
@@ -20,7 +21,8 @@ def simulate_programs(
 ) -> None:
     """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each.
 
-    None where the bundle that serves has no control.
+    None where the bundle that serves has no control; times stand without an interval where its
+    verdict says that it is not known.
     """
     programs.mkdir(parents=True, exist_ok=True)
     if not model.exists():
@@ -28,6 +30,7 @@ def simulate_programs(
     stored = read_json(model, ControlModelFile)
     control = control_of_unit(stored.control, control_records.default_unit)
     files = control_records.shown(raw)
+    unknown = submodel("control").unknown_columns(model.parent)
     simulate_files(
         files,
         raw,
@@ -36,6 +39,6 @@ def simulate_programs(
         programs,
         machine=identity.name,
         origin=identity.origin,
-        intervals=stored.intervals,
+        intervals={} if unknown else stored.intervals,
         learnt=stored.conditions,
     )

@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar, get_type_hints
 
 from pipeline.schema.model import Model, Parameter
-from pipeline.schema.verdict import Fact, Verdict
+from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Fact, Score, Verdict
 from pipeline.submodels.cases import Case, Cases, Records
 
 if TYPE_CHECKING:
@@ -68,13 +69,16 @@ class Target:
         [1]; None where no interval is asked for.
     most_percent : float
         Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
-        none is asked for.  Asked for together with ``coverage``.
+        none is asked for.
     least_auc : float
         Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0
         where none is asked for.
     widens : bool
         Whether the predictor itself widens the interval outside of the learnt conditions; else the
         judge does.
+    widest : float
+        Greatest half width of a 90 % interval over the RMSE with which it is said [1]; 1.64 is that
+        of normal errors.  Beyond it the interval is "not known", and the prediction stands alone.
     alone : int
         Groups that must keep their limits for a single one that does not to be named instead of
         deciding; 0 where each decides.
@@ -92,7 +96,26 @@ class Target:
     most_percent: float = 0.0
     least_auc: float = 0.0
     widens: bool = False
+    widest: float = 2.5
     alone: int = 0
+
+    def unknown_interval(self, score: Score, trained: int) -> str:
+        """Why the interval of a score over all groups is not known; empty where it is of use.
+
+        Parameters
+        ----------
+        score : Score
+            Over all groups that decide.
+        trained : int
+            Cases that the model was fitted on.
+        """
+        ratio = score.half_width_over_rmse
+        if ratio is None or ratio <= self.widest:
+            return ""
+        return (
+            f"90 % interval not known: {trained} training cases give one of {ratio:.2g} times the "
+            f"RMSE, no use above {self.widest:g}; record more of them"
+        )
 
     def __post_init__(self) -> None:
         if self.coverage is not None and not 0 <= self.coverage[0] <= self.coverage[1] <= 1:
@@ -126,6 +149,8 @@ class Prediction:
 
 
 Predictor = Callable[[Case], Prediction]
+Ends = Mapping[tuple[str, str], tuple[str, str]]
+"""Columns with the low and the high end of an interval, by quantity and regime."""
 
 
 class SubModel(ABC, Generic[Fit, Judging, M]):
@@ -149,6 +174,10 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         ``roles``.
     inputs : tuple of Input
         What its predictions look at.
+    ends : Ends
+        Columns of :meth:`serve`'s answer with the ends of the 90 % interval, by quantity and
+        regime.  Where a quantity is one of each axis, its letter follows the name there, and stands
+        before the columns.
     """
 
     name: ClassVar[str]
@@ -159,6 +188,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     fitting: ClassVar[type]
     judging: ClassVar[type]
     inputs: ClassVar[tuple[Input, ...]]
+    ends: ClassVar[Ends] = {}
 
     @abstractmethod
     def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
@@ -193,6 +223,26 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     @abstractmethod
     def example(self, folder: Path) -> "pd.DataFrame":
         """A small table that :meth:`serve`'s predictor takes."""
+
+    def answer(self, folder: Path) -> "Callable[[pd.DataFrame], pd.DataFrame]":
+        """:meth:`serve`'s predictor, with NaN for the ends of intervals that are not known."""
+        predict, blank = self.serve(folder), set(self.unknown_columns(folder))
+
+        def answered(table: "pd.DataFrame") -> "pd.DataFrame":
+            found = predict(table)
+            return found.assign(**{name: float("nan") for name in found if name in blank})
+
+        return answered
+
+    def unknown_columns(self, folder: Path) -> dict[str, str]:
+        """Columns of :meth:`answer` that are not known by the verdict, with the reason."""
+        found: dict[str, str] = {}
+        for (quantity, regime), why in unknown_intervals(folder).items():
+            name, _, letter = quantity.rpartition(" ")
+            own = self.ends.get((quantity, regime), ())
+            of_axis = self.ends.get((name, regime), ())
+            found |= dict.fromkeys((*own, *(f"{letter}_{end}" for end in of_axis)), why)
+        return found
 
     def curves(self, folder: Path) -> Mapping[str, Sequence[float]]:
         """Error after each epoch of what was trained, by a name; none where nothing is trained."""
@@ -239,6 +289,12 @@ class Shown(Generic[M]):
     def parameters(self, group: str = "") -> Mapping[str, Parameter]:
         """Parameters of a group by name; none without a model."""
         return {} if self.model is None else self.model.parameters.get(group, {})
+
+
+def unknown_intervals(folder: Path) -> Mapping[tuple[str, str], str]:
+    """Why intervals of the sub-model in ``folder`` are not known, by quantity and regime."""
+    path = folder / "verdict.json"
+    return read_json(path, Verdict).unknown_intervals if path.exists() else {}
 
 
 def submodels() -> list[str]:

@@ -4,7 +4,7 @@ A verdict rests on the golden cases where some are frozen, else on those that we
 fit.  Training cases are compared and never decide.  Sealed cases are looked at by promotion only.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
 from typing import Any
@@ -108,20 +108,19 @@ def judge(
     own = {target.quantity for target in targets if target.widens}
     frame = _table(predicted, outside, own)
     deciding = _deciding(looked_at)
-    scores = [score for target in targets for score in _scores(frame, target, deciding)]
-    decisive = [
-        s for s in scores
-        if s.role == deciding and (s.limits or s.coverage_limits) and not s.alone
+    beyond = {one.case for one in outside}
+    scores = [
+        _with_use(score, frame, target, beyond, len(model.trained_on))
+        if (score.group, score.role) == (ALL, deciding) else score
+        for target in targets for score in _scores(frame, target, deciding)
     ]  # fmt: skip
+    decisive = [s for s in scores if s.status != "not judged" and not s.alone]
     broken = [
         *set_reasons(model, sets, files),
         *leak_reasons(model, cases.of("golden", "held_out", "sealed")),
         *(reason for target in targets for reason in seen_reasons(frame, target, deciding)),
     ]
     beaten, open_ = _beaten(scores, targets, deciding)
-    for target in targets:
-        for found, said in zip((beaten, open_), _unordered(frame, target, deciding), strict=True):
-            found += said
     status, reasons = _status(model, cases, decisive, [*broken, *beaten], open_, sets)
     if status == "failed":
         reasons += [f"{case.name}: {one.cause}" for case, one in predicted if one.cause]
@@ -265,8 +264,19 @@ def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: R
     if role != deciding:
         return score
     score = replace(score, spread=_spread(rows))
-    of_all = group == ALL and target.coverage is not None
-    return _covered(score, target) if of_all else _held_against(score, target)
+    return _over_all(rows, score, target) if group == ALL else _held_against(score, target)
+
+
+def _with_use(
+    score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
+) -> Score:
+    """A score over all groups with whether its interval is of use, inside where groups are many."""
+    rows = _scored_rows(frame, target)
+    rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
+    many = rows["group"].nunique() >= FEWEST_GROUPS
+    inside = _score(rows, target, ALL, score.role) if many else score
+    score = replace(score, inside_ratio=inside.half_width_over_rmse)
+    return replace(score, unknown_interval=target.unknown_interval(score, trained))
 
 
 def _lone(scores: Sequence[Score], target: Target) -> str | None:
@@ -311,11 +321,16 @@ def _figures(rows: pd.DataFrame, name: str) -> dict[str, Any]:
 
 def _spread(rows: pd.DataFrame) -> dict[str, float]:
     """Spread of each figure over the trainings whose predictions are there for all rows."""
-    again = [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
+    again = _trained_again(rows)
     if len(again) < 2:
         return {}
     found = pd.DataFrame([_figures(rows, name) for name in again], dtype=float).dropna(axis=1)
     return {str(name): spread_of(values.to_numpy()) for name, values in found.items()}
+
+
+def _trained_again(rows: pd.DataFrame) -> list[str]:
+    """Columns of the trainings with other seeds whose predictions are there for all rows."""
+    return [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
 
 
 def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
@@ -398,36 +413,47 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
     return worse, unsure
 
 
-def _covered(score: Score, target: Target) -> Score:
-    """A score over all groups with its status: its interval, and its error beside the quantity."""
-    least, most = target.coverage or (0.0, 1.0)
-    share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
-    limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
-    reasons, open_ = _share_of_quantity(score, target)
-    if share is None:
-        reasons.append(
-            f"{target.quantity}{regime} has no 90 % interval, limits of the share inside {limits}"
-        )
-    else:
-        said = (
-            f"{target.quantity}{regime}: {100 * share:.4g} % of the samples lie inside the 90 % "
-            f"interval, "
-        )
-        # no share is below 0 or above 1: a limit there cannot be passed
-        if any(abs(share - end) < spread for end in (least, most) if 0 < end < 1):
-            open_.append(f"{said}{_near(f'the limits {limits}', 100 * spread, '%')}")
-        elif not least <= share <= most:
-            reasons.append(f"{said}limits {limits}")
+Found = tuple[list[str], list[str]]
+"""Reasons of a check: for sure, and too near to the limit to tell."""
+
+
+def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
+    """A score over all groups with its status, by each check that its target asks for."""
+    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], Found]] = {
+        "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
+    }  # fmt: skip
+    found = [check(rows, score, target) for name, check in checks.items() if getattr(target, name)]
+    if not found:
+        return score
+    reasons, open_ = ([said for one in found for said in one[k]] for k in (0, 1))
     status: Status = "failed" if reasons else "not decided" if open_ else "passed"
     return replace(
         score, coverage_limits=target.coverage, status=status, reasons=tuple(reasons or open_)
     )
 
 
-def _share_of_quantity(score: Score, target: Target) -> tuple[list[str], list[str]]:
-    """That the error is too large a part of what was measured, for sure and too near to tell."""
+def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+    """That the interval holds too few or too many of the samples."""
+    least, most = target.coverage or (0.0, 1.0)
+    share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
+    limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
+    if share is None:
+        lacking = f"{target.quantity}{regime} has no 90 % interval"
+        return [f"{lacking}, limits of the share inside {limits}"], []
+    said = (
+        f"{target.quantity}{regime}: {100 * share:.4g} % of the samples lie inside the 90 % "
+        "interval, "
+    )
+    # no share is below 0 or above 1: a limit there cannot be passed
+    if any(abs(share - end) < spread for end in (least, most) if 0 < end < 1):
+        return [], [f"{said}{_near(f'the limits {limits}', 100 * spread, '%')}"]
+    return ([] if least <= share <= most else [f"{said}limits {limits}"]), []
+
+
+def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+    """That the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
-    if not most or part is None:
+    if part is None:
         return [], []
     said = (
         f"{target.quantity} over all: RMSE {score.rmse:.4g} {score.unit} is {part:.3g} % of the "
@@ -460,20 +486,16 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
     return frame[~frame["group"].isin(groups)] if groups else frame
 
 
-def _unordered(frame: pd.DataFrame, target: Target, deciding: Role) -> tuple[list[str], list[str]]:
-    """That a class is not told from the other, for sure, and by less than trainings differ."""
-    rows = _scored_rows(frame, target) if target.least_auc else frame[:0]
-    rows = rows[rows["role"] == deciding] if len(rows) else rows
-    if not len(rows):
-        return [], []
+def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+    """That a class is not told from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:
         return [], []
-    again = [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
-    spread = spread_of(np.array([auc(rows[n].to_numpy(float), truth) for n in again], float))
+    again = [auc(rows[name].to_numpy(float), truth) for name in _trained_again(rows)]
+    spread = spread_of(np.array(again, float)) if len(again) > 1 else 0.0
     said = f"{target.quantity}: area under the ROC curve {area:.3g} is"
-    if len(again) > 1 and abs(area - target.least_auc) < spread:
+    if abs(area - target.least_auc) < spread:
         return [], [f"{said} {_near(f'the limit of {target.least_auc:g}', spread, '')}"]
     return ([f"{said} below {target.least_auc:g}"] if area < target.least_auc else []), []
 
@@ -688,7 +710,9 @@ def metrics(judged: Verdict) -> dict[str, Any]:
             "rmse": score.rmse,
             "relative_percent": score.relative_percent,
             "coverage_90": score.coverage_90,
-            "half_width_over_rmse": rounded(score.half_width_over_rmse or np.nan),
+            "half_width_over_rmse": "not known" if score.unknown_interval
+            else rounded(score.half_width_over_rmse or np.nan),
+            "interval_90": score.unknown_interval or ("known" if score.half_width else None),
             "spread_mae": score.spread.get("mae"),
             "spread_rmse": score.spread.get("rmse"),
             "worst_rmse": max((s.rmse for s in worst if s.rmse is not None), default=None),

@@ -194,9 +194,7 @@ LEVEL = 0.05
 
 
 def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
-    """Area under the ROC curve by the Mann-Whitney statistic [1]; None with one class only.
-
-    Source: Hanley and McNeil 1982, Radiology 143(1), 29-36.
+    """Area under the ROC curve [1]; None with one class only.
 
     Parameters
     ----------
@@ -208,14 +206,10 @@ def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     >>> auc(np.array([0.1, 0.4, 0.35, 0.8]), np.array([0.0, 0.0, 1.0, 1.0]))
     0.75
     """
-    from scipy.stats import rankdata
+    from sklearn.metrics import roc_auc_score
 
-    worn = truth > 0.5
-    many, others = int(worn.sum()), int((~worn).sum())
-    if not many or not others:
-        return None
-    ranks = float(rankdata(told)[worn].sum())
-    return (ranks - many * (many + 1) / 2) / (many * others)
+    one = truth > 0.5
+    return float(roc_auc_score(one, told)) if len(np.unique(one)) > 1 else None
 
 
 def gains(

@@ -1,6 +1,7 @@
 """One set of faults for every sub-model: each is found and named by the shared judge."""
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, OutsideConditions, UsedModel, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
-from pipeline.submodels.contract import Prediction, Target, submodels
+from pipeline.submodels.contract import Prediction, Target, submodel, submodels
 from pipeline.submodels.judge import (
     figures,
     judge,
@@ -138,6 +139,66 @@ def test_one_bad_record_is_named_and_does_not_decide_alone() -> None:
     assert of(*good, case("bad", "held_out"), target=TARGET).status == "failed"
     two = of(*good, case("bad", "held_out"), case("bad2", "held_out"))
     assert (two.status, two.set_aside) == ("failed", ())
+
+
+def banded(*, half: float, quantity: str = "force") -> Callable[[Case], Prediction]:
+    """The predictor with intervals of a half width."""
+
+    def found(one: Case) -> Prediction:
+        rows = predictor(one).frame.assign(quantity=quantity)
+        low, high = rows["predicted"] - half, rows["predicted"] + half
+        return Prediction(frame=rows.assign(low=low, high=high))
+
+    return found
+
+
+@every_submodel
+def test_an_interval_of_no_use_is_not_known(name: str) -> None:
+    """Beyond 2.5 times the RMSE over the groups that decide; training cases say nothing."""
+    rmse = judged(name, [TRAIN, A, B]).verdict.of("force", group="all", role="held_out")[0].rmse
+    wide = judged(name, [TRAIN, A, B], predict=banded(half=2.6 * rmse)).verdict
+    assert wide.unknown_intervals == {
+        ("force", ""): "90 % interval not known: 1 training cases give one of 2.6 times the RMSE, "
+        "no use above 2.5; record more of them"
+    }
+    assert metrics(wide)["force"]["half_width_over_rmse"] == "not known"
+    assert wide.status == "passed"
+    narrow = judged(name, [TRAIN, A, B], predict=banded(half=2.4 * rmse)).verdict
+    assert not narrow.unknown_intervals
+    assert metrics(narrow)["force"]["half_width_over_rmse"] == pytest.approx(2.4, rel=1e-4)
+
+
+def test_an_interval_is_held_against_its_error_inside_of_the_learnt_conditions() -> None:
+    """Outside it has to be wide: three groups inside decide, with fewer all of them do."""
+    inside = [case(name, "held_out") for name in ("a", "b", "d")]
+    far = case("far", "held_out", feed=9000.0)
+    rmse = judged("spindle", [TRAIN, *inside]).verdict.of("force", group="all")[-1].rmse
+    found = judged("spindle", [TRAIN, *inside, far], predict=banded(half=2.0 * rmse)).verdict
+    (whole,) = found.of("force", group="all", role="held_out")
+    assert found.outside and whole.half_width > 2.5 * whole.rmse and not whole.unknown_interval
+    assert whole.half_width_over_rmse == pytest.approx(2.0, rel=1e-4)
+    few = judged("spindle", [TRAIN, *inside[:2], far], predict=banded(half=2.0 * rmse)).verdict
+    assert few.unknown_intervals
+
+
+def test_a_served_interval_that_is_not_known_is_empty_and_the_prediction_stands(
+    tmp_path: Path,
+) -> None:
+    one = submodel("drive")
+    verdict = judged(
+        "drive", [TRAIN, A, B], target=replace(TARGET, quantity="force X"),
+        predict=banded(half=9.0, quantity="force X"),
+    ).verdict  # fmt: skip
+    write_json(verdict, tmp_path / "verdict.json")
+    columns = one.unknown_columns(tmp_path)
+    assert set(columns) == {"X_force_low", "X_force_high"}
+    assert all(why.startswith("90 % interval not known") for why in columns.values())
+    served = pd.DataFrame({"X_force": [1.0], "X_force_low": [-8.0], "X_force_high": [10.0]})
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(type(one), "serve", lambda self, folder: lambda table: served)
+        found = one.answer(tmp_path)(pd.DataFrame())
+    assert found["X_force"].tolist() == [1.0]
+    assert found[["X_force_low", "X_force_high"]].isna().all(axis=None)
 
 
 @every_submodel

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from pipeline.nets.sequence_settings import TuningSettings
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import LeftOut, SourceFile
-from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
@@ -34,7 +34,7 @@ from pipeline.submodels.compensation.model import (
 )
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs
 from pipeline.submodels.conformal import interval
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.statistics import drawn_again
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 
@@ -42,9 +42,6 @@ SERVED = ("reference", "modelled_error", "modelled_command")
 """Columns of a table that the model serves, after the axis' letter."""
 LEARNT = 300
 """Samples of a training recording that are compared [1]."""
-MOST_PERCENT = 70.0
-"""Greatest RMSE over the RMS of the following error itself [%]: half of its mean square is
-predicted, whatever the interval holds and whichever method serves."""
 COMPARED = 400
 """Samples of a recording, evenly, on which networks that do not serve are compared, at most [1]."""
 
@@ -59,9 +56,13 @@ class CompensationLimits(Ranged, section="compensation_limits"):
         Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
         aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more
         than a dozen draws.
+    most_percent : float
+        Greatest RMSE over the RMS of the following error itself [%]: at 70 half of its mean square
+        is predicted, whatever the interval holds and whichever method serves.
     """
 
-    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.8, 1.0)
+    coverage: tuple[Share, ...] = (0.8, 1.0)
+    most_percent: Positive = 70.0
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -136,6 +137,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         Input(name="following error", unit="m", older_than_s=0.001),
         Input(name="torque command", unit="1", older_than_s=0.001),
     )
+    ends: ClassVar[Ends] = {(QUANTITIES[PREDICTION], ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: CompensationModel) -> tuple[Target, ...]:
         """Following error of each axis, predicted and estimated.
@@ -143,7 +145,8 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         An interval as wide as the error holds all of it, and the drive model alone has nothing to
         beat where it serves: every axis has to be predicted in its own right.
         """
-        least, most = settings.compensation_limits.coverage
+        limits = settings.compensation_limits
+        least, most = limits.coverage
         found = []
         for letter, uses in model.axes.items():
             for use, one in uses.items():
@@ -155,7 +158,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
                     Target(
                         quantity=f"{QUANTITIES[use]} {letter}", unit="um", baselines=others,
                         must_beat=(base,) if base in others else (), coverage=(least, most),
-                        most_percent=MOST_PERCENT,
+                        most_percent=limits.most_percent,
                     )
                 )  # fmt: skip
         return tuple(found)

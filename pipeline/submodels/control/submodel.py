@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Annotated, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -14,11 +14,11 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, LeftOut, Parameter
-from pipeline.schema.ranges import NotNegative, Ranged
+from pipeline.schema.ranges import NotNegative, Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import read_matches, read_programs
 from pipeline.submodels.control.segments import observe
@@ -47,8 +47,6 @@ if TYPE_CHECKING:
 
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 FROM_SPEEDS = "steady speeds in rapids"
-ALONE = 4
-"""Runs within the limit beside which a single one beyond it is named and does not decide."""
 NOT_DETERMINED = "not determined by these runs; kept near its value in conf/machine/"
 
 
@@ -60,9 +58,13 @@ class ControlLimits(Ranged, section="control_limits"):
     ----------
     total_percent : float
         Greatest error of the time of a run that was not fitted on [%].
+    alone : int
+        Runs within it beside which a single one beyond it is named and does not decide; 0 where
+        each decides.
     """
 
     total_percent: NotNegative = 5.0
+    alone: Annotated[int, Range(least=0)] = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,13 +110,15 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         Input(name="feed_override", unit="%"),
         Input(name="rapid_override", unit="%"),
     )
+    ends: ClassVar[Ends] = {(TIME, WHOLE): ("program_time_low", "program_time_high")}
 
     def targets(self, settings: Judging, model: ControlModelFile) -> tuple[Target, ...]:
         """Time of whole runs, which is judged, and of their types of rows, which is shown."""
-        limit = settings.control_limits.total_percent
+        limits = settings.control_limits
         whole = Target(
-            quantity=TIME, unit="s", regime=WHOLE, limits={"relative_percent": limit},
-            baselines=(NAIVE, OVERRIDE_ONLY), must_beat=(NAIVE,), alone=ALONE,
+            quantity=TIME, unit="s", regime=WHOLE, baselines=(NAIVE, OVERRIDE_ONLY),
+            limits={"relative_percent": limits.total_percent}, must_beat=(NAIVE,),
+            alone=limits.alone,
         )  # fmt: skip
         return (whole, *(Target(quantity=TIME, unit="s", regime=word) for word in TYPES))
 

@@ -8,14 +8,14 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from pipeline.schema.cutting import CutConditions, CuttingModel
+from pipeline.schema.cutting import MEAN, PEAK, CutConditions, CuttingModel
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.cutting.conditions import MM
 from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
@@ -103,6 +103,9 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
     inputs: ClassVar[tuple[Input, ...]] = tuple(
         Input(name=name, unit=unit) for name, unit in COLUMNS.items()
     )
+    ends: ClassVar[Ends] = {
+        (PEAK, ""): ("peak_low_N", "peak_high_N"), (MEAN, ""): ("mean_low_N", "mean_high_N")
+    }  # fmt: skip
 
     def targets(self, settings: Judging, model: CuttingModel) -> tuple[Target, ...]:
         """Force in the plane of the feed, which is judged, and in the channels, which is shown."""

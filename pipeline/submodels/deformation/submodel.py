@@ -24,7 +24,7 @@ from pipeline.submodels.conformal import (
     adaptive,
     interval,
 )
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.deformation.comparison import GROWTH, columns_of, errors_of
 from pipeline.submodels.deformation.fit import FEWEST_PROFILES, fit_growth
 from pipeline.submodels.deformation.methods import SIMPLE
@@ -130,6 +130,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         Input(name=AMBIENT, unit="degC", older_than_s=0.0),
         Input(name=SPEED, unit="rev/min", older_than_s=0.0),
     )
+    ends: ClassVar[Ends] = {(GROWTH, ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: DeformationModel) -> tuple[Target, ...]:
         """Growth in all, growth by regime, and growth with the interval that follows the probe.

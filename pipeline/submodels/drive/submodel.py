@@ -35,7 +35,7 @@ from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
 from pipeline.submodels.drive.intervals import with_intervals
@@ -126,6 +126,10 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         Input(name="position", unit="m", older_than_s=0.0),
         Input(name="load", unit="N", older_than_s=0.0),
     )
+    ends: ClassVar[Ends] = {
+        (FOLLOWING, ""): ("following_error_low", "following_error_high"),
+        (FORCE, ""): ("force_low", "force_high"),
+    }
 
     def targets(self, settings: Judging, model: DriveModel) -> tuple[Target, ...]:
         """Force and following error of each axis."""

@@ -80,7 +80,8 @@ def page(seen: Seen) -> SubModelPage:
     ]
     width = width_words(seen.model)
     if width is not None:
-        heat.append(("90 % interval over one hour", width, coverage_words(total)))
+        said = "not known" if total is not None and total.unknown_interval else width
+        heat.append(("90 % interval over one hour", said, coverage_words(total)))
     return SubModelPage(
         verdict=_verdict(seen),
         key_figures=heat,

@@ -26,7 +26,7 @@ from pipeline.submodels.cases import (
     role_of,
     sources,
 )
-from pipeline.submodels.contract import Input, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
 from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out, forest_of
 from pipeline.submodels.spindle.days import (
     APART,
@@ -112,6 +112,7 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         Input(name="spindle_load", unit="%"),
         Input(name=TARGET, unit="degC", older_than_s=0.0),
     )
+    ends: ClassVar[Ends] = {(TARGET, FREE_RUN): ("low", "high")}
 
     def targets(self, settings: Judging, model: SpindleModelFile) -> tuple[Target, ...]:
         """Temperature in windows, which is judged, as a free run and in parts, which are shown."""

@@ -40,6 +40,8 @@ def coverage_words(score: Score | None) -> str:
     """Share of the judged samples that lay inside the interval, with its limits."""
     if score is None or score.coverage_90 is None:
         return "not judged"
+    if score.unknown_interval:
+        return score.unknown_interval
     words = f"held {fixed(100 * score.coverage_90, 0)} % of the judged days"
     if score.coverage_limits is None:
         return words

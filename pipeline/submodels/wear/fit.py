@@ -10,7 +10,8 @@ conformal over tools.
 
 Where wear is a class, worn tools have to be told from others: there the area under the ROC curve
 (Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or the
-blend by more than the bootstrapped standard error of the difference serves in its place.
+blend by more than the bootstrapped standard error of the difference serves in its place, where it
+orders them better than a coin by as much: with few tools left out all areas may lie below a half.
 """
 
 from collections.abc import Mapping
@@ -117,7 +118,8 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
         scaling=own.scaling, known=own.known, per_recording=per_recording, champion=champion,
         alone=alone, scores=scores, weights=weights,
         bands={} if windows.is_class else {
-            name: bands(_residuals(out, name)) for name in dict.fromkeys((champion, alone))
+            name: bands(_residuals(out, name), alike=True)
+            for name in dict.fromkeys((champion, alone))
         },
         methods=MethodsFile(
             scaling=own.feature_scaling, ridge=own.ridge,
@@ -169,27 +171,28 @@ def _who_serves(
     alone = best if surely else MEDIAN
     if is_class:
         first = max(methods, key=lambda name: scores[name].auc or 0.0)
-        alone = first if _orders_better(out, first, alone) else alone
+        than = (out.by[alone], np.zeros(len(out.wear)))  # the median, and a coin
+        alone = first if all(_orders_better(out, out.by[first], one) for one in than) else alone
     # the guess alone never serves
     shared = weights.get(GUESS, 0.0) > 0 and weights.get(MEDIAN, 0.0) >= LEAST_SHARE
     worse = _orders_better if is_class else _errs_less
-    return (BLEND if shared and not worse(out, alone, BLEND) else alone), alone
+    return (BLEND if shared and not worse(out, out.by[alone], out.by[BLEND]) else alone), alone
 
 
-def _errs_less(out: "_Told", one: str, other: str) -> bool:
+def _errs_less(out: "_Told", one: Floats, other: Floats) -> bool:
     """Whether a method's squared error is less by more than the standard error over the tools."""
-    gain = _squares(out, out.by[other]) - _squares(out, out.by[one])
+    gain = _squares(out, other) - _squares(out, one)
     return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
 
 
-def _orders_better(out: "_Told", one: str, other: str) -> bool:
+def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
     """Whether a method tells worn tools from others better by more than a standard error."""
-    gain = (auc(out.by[one], out.wear) or 0.0) - (auc(out.by[other], out.wear) or 0.0)
+    gain = (auc(one, out.wear) or 0.0) - (auc(other, out.wear) or 0.0)
     rows = [np.flatnonzero(out.tool == tool) for tool in np.unique(out.tool)]
     random, found = np.random.default_rng(0), []
     for drawn in random.integers(0, len(rows), (RESAMPLED, len(rows))):
         chosen = np.concatenate([rows[k] for k in drawn])
-        pair = [auc(out.by[name][chosen], out.wear[chosen]) for name in (one, other)]
+        pair = [auc(told[chosen], out.wear[chosen]) for told in (one, other)]
         if pair[0] is not None and pair[1] is not None:  # a draw of one class tells nothing
             found.append(pair[0] - pair[1])
     return gain > 0 and gain > float(np.std(found or [0.0]))

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.units import conversion
@@ -20,7 +20,7 @@ from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
-from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
+from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.wear.cases import life_cases, windows_of
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
@@ -28,16 +28,13 @@ from pipeline.submodels.wear.life import WearLifeSettings
 from pipeline.submodels.wear.model import (
     GUESS,
     MEAN,
+    WEAR,
     Wear,
     WearFitSettings,
     WearModel,
     load_wear,
 )
 from pipeline.submodels.wear.table import windows_of_table
-
-LEAST_AUC = 0.7
-"""Least area under the ROC curve of worn tools held out [1]; "acceptable" discrimination (Hosmer,
-Lemeshow and Sturdivant 2013, Applied Logistic Regression, 5.2.4), a coin has 0.5."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,14 +48,19 @@ class WearLimits(Ranged, section="wear_limits"):
         8688-2).
     rmse_class : float
         RMSE of the probability of a worn tool [1]; 0.5 is what a coin has.
+    least_auc : float
+        Least area under the ROC curve of worn tools over all that were held out [1]; 0.7 is
+        "acceptable" discrimination (Hosmer, Lemeshow and Sturdivant 2013, Applied Logistic
+        Regression, 5.2.4), a coin has 0.5.
     coverage : (float, float)
         Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
-        from ``MANY_GROUPS`` training tools on: with fewer the width is that of the worst of them.
+        from ``MANY_GROUPS`` training tools on: fewer may differ more than those to come.
     """
 
     rmse_um: Positive = 30.0
     rmse_class: Positive = 0.5
-    coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.8, 0.98)
+    least_auc: Share = 0.7
+    coverage: tuple[Share, ...] = (0.8, 0.98)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -109,6 +111,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         Input(name="conditions of the cut", unit="of the recording"),
         Input(name="use of the tool", unit="of the recording"),
     )
+    ends: ClassVar[Ends] = {(WEAR, ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: WearModel) -> tuple[Target, ...]:
         """Wear of tools that were held out, beside a guess without sensors."""
@@ -119,7 +122,8 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
             return (
                 Target(
                     quantity=model.quantity, unit=model.wear_unit, baselines=others,
-                    limits={"rmse": limits.rmse_class}, must_beat=beaten, least_auc=LEAST_AUC,
+                    limits={"rmse": limits.rmse_class}, must_beat=beaten,
+                    least_auc=limits.least_auc,
                 ),
             )  # fmt: skip
         least, most = limits.coverage

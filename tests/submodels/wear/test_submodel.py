@@ -253,6 +253,16 @@ def test_a_part_that_orders_tools_better_serves_instead_of_the_median() -> None:
     assert auc(out.by[name], out.wear) == 1.0 > (auc(out.by["median"], out.wear) or 0)
 
 
+def test_a_part_no_better_than_a_coin_does_not_serve_for_its_order() -> None:
+    """Of methods that order tools left out against their class the least bad one is none."""
+    coin = [0.95, 0.02, 0.60, 0.99, 0.70, 0.80, 0.99, 0.98]
+    against = [0.70, 0.40, 0.80, 0.50, 0.75, 0.45, 0.65, 0.42]
+    out = told_of(WORN_OR_NOT, ridge=coin, forest=against, resnet=against, guess=[0.5] * 8)
+    name, _ = who_serves(out)
+    assert (auc(out.by["ridge"], out.wear) or 0) > 0.5 > (auc(out.by["median"], out.wear) or 0)
+    assert name != "ridge"
+
+
 @pytest.mark.parametrize("is_class", [True, False])
 def test_the_guess_alone_never_serves(*, is_class: bool) -> None:
     signals = [0.9, 0.1, 0.8, 0.2, 0.9, 0.1, 0.8, 0.2]
