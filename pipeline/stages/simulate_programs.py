@@ -38,4 +38,5 @@ def simulate_programs(
         origin=identity.origin,
         intervals=stored.intervals,
         learnt=stored.conditions,
+        ends=stored.ends.get(control_records.default_unit, ()),
     )
