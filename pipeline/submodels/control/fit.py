@@ -431,6 +431,11 @@ def _ends(
 APART = 2.0
 """Half widths of the 95 % interval of a difference beyond which units differ [1]: four standard
 deviations, since a dozen differences are tested."""
+EACH = 2
+"""Clusters of each unit for every parameter that it may differ in, or none is tested [1]: fewer
+show no scatter, and any difference would be one."""
+STEPS = 3
+"""Times that the residuals are weighted anew on the way to the units' own parameters [1]."""
 
 
 def _apart(
@@ -440,9 +445,10 @@ def _apart(
     """Shared parameters in which units differ, and those ``unfelt`` by runs of some of them.
 
     What a parameter of one unit alone does is that part of the Jacobian that belongs to its
-    residuals; how far the unit departs from the others is one step from the common optimum.
+    residuals; how far the unit departs from the others is a step from the common optimum.
     """
     apart, names, contrasts = set(), [], []
+    many = min(len(np.unique(blocks[unit == one])) for one in np.unique(unit))
     for i in np.flatnonzero(active).tolist():
         if free[i].units:
             continue
@@ -453,12 +459,17 @@ def _apart(
             apart.add(free[i].shared)
         names += [free[i].shared] * len(excited[1:])
         contrasts += excited[1:]
-    if contrasts:
-        jacobian = np.column_stack([*contrasts, found.jacobian[:, active]])
-        half_width = _uncertainty(found, jacobian, blocks).half_width
-        weighted, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
-        step = np.abs(np.linalg.lstsq(weighted, -residuals, rcond=None)[0])
-        apart.update(np.array(names)[(step > APART * half_width)[: len(names)]].tolist())
+    if contrasts and many > EACH * len(set(names)):
+        jacobian, after = np.column_stack([*contrasts, found.jacobian[:, active]]), found
+        for _ in range(STEPS):  # what units differ in must not count as strange, nor as noise
+            weight = after.weight
+            step = np.linalg.lstsq(
+                jacobian * weight[:, None], -found.residuals * weight, rcond=None
+            )[0]
+            after = replace(found, residuals=found.residuals + jacobian @ step)
+        half_width = _uncertainty(after, jacobian, blocks).half_width
+        differ = (np.abs(step) > APART * half_width)[: len(names)]
+        apart.update(np.array(names)[differ].tolist())
     return frozenset(apart)
 
 

@@ -161,7 +161,7 @@ def few(tmp_path_factory):
     folder = tmp_path_factory.mktemp("few")
     idle = [*change(1, 6000), *rapids((30, 300, 60, 150))]
     cuts = [*circles(4, (2400, 4800, 9000) * 8), *long_cuts((900, 4000, 2000, 6000))]
-    text = {"cuts": [*idle, *cuts] * 2, "idle": idle * 3}
+    text = {"cuts": [*idle, *cuts] * 4, "idle": idle * 8}
     return {
         name: moves_of(["%", "G21 G90 G94", *lines, "M30", "%"], folder, name)
         for name, lines in text.items()
@@ -197,7 +197,10 @@ def test_what_units_share_is_found_by_unit_where_they_differ_or_one_does_not_exc
 
 @pytest.mark.proof
 def test_pairs_that_differ_in_one_shared_parameter_are_found_so(part, tmp_path):
-    """By unit and inside their intervals in 9 of 10 pairs, and 9 of 10 alike are left together."""
+    """By unit in 9 of 10 pairs, within two half widths of the truth in as many; 9 of 10 alike stay.
+
+    Two, since the weak pull to the start counts where a unit is four times slower than that.
+    """
     rng = np.random.default_rng(11)
     keys = ("cutting_acceleration", "arc_acceleration", "rapid_acceleration")
     found, inside, together = 0, 0, 0
@@ -211,10 +214,12 @@ def test_pairs_that_differ_in_one_shared_parameter_are_found_so(part, tmp_path):
         )  # fmt: skip
         mine = [k for k, one in enumerate(pair.free) if one.key == key and one.units == ("two",)]
         found += bool(mine)
-        inside += bool(mine) and bool(
-            (pair.low[mine[0]] < getattr(other.axes["X"], key) < pair.high[mine[0]])
-            or not pair.determined[mine[0]]
-        )
+        true = getattr(other.axes["X"], key)
+        if mine and pair.determined[mine[0]]:
+            value, low, high = (float(x[mine[0]]) for x in (pair.values, pair.low, pair.high))
+            inside += value * (low / value) ** 2 < true < value * (high / value) ** 2
+        else:
+            inside += bool(mine)
         alike = identify_control(
             [*own, *logged(part, tmp_path, 50 + seed, unit="two")], start(), SETTINGS
         )
