@@ -338,7 +338,7 @@ def _identified(
     )
     apart = _apart(free, found, likely, blocks, unit, settings, unfelt=False)
     found, active, left = _determined(
-        residuals, free, found, fitted, likely, left, blocks, settings
+        residuals, free, found, fitted, likely, left, blocks=blocks, settings=settings
     )
     if not active.any():
         raise ValueError(
@@ -374,7 +374,7 @@ def _identified(
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], found: Optimum, fitted: Bools,
-    active: Bools, left: Left, blocks: NDArray[np.int64], settings: ControlFitSettings,
+    active: Bools, left: Left, *, blocks: NDArray[np.int64], settings: ControlFitSettings,
 ) -> tuple[Optimum, Bools, Left]:  # fmt: skip
     """The optimum near ``found``, which parameters the logs determine, what they leave."""
     # what machines of a kind have in common the other units know better than a few stray stretches
