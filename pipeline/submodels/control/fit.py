@@ -215,6 +215,8 @@ class ControlFit:
         Of each unit of which something is not determined, with that at its slow and its fast end.
     apart : frozenset of str
         Parameters that units do not share, or that runs of one unit alone determine.
+    differ : frozenset of str
+        Names with the unit of those of them that units do not share.
     left : Left
         Of what is not determined.
     uncertainty : Uncertainty
@@ -234,14 +236,17 @@ class ControlFit:
     control: dict[str, ControlParameters]
     ends: dict[str, tuple[ControlParameters, ControlParameters]]
     apart: frozenset[str]
+    differ: frozenset[str]
     left: Left
     uncertainty: Uncertainty
     rmse_s: float
     segments: int
 
     def lenders(self, place: int) -> list[str]:
-        """Units whose value a parameter has that the runs of its own unit do not determine."""
+        """Units whose value a parameter has that the runs of its own unit do not excite."""
         one = self.free[place]
+        if self.left.felt[place] > 0:
+            return []
         return [
             other.units[0]
             for other, known in zip(self.free, self.determined, strict=True)
@@ -336,16 +341,27 @@ def _identified(
         clusters(observed),
         np.repeat([one.unit for one in observed], [len(one.measured) for one in observed]),
     )
-    apart = _apart(free, found, likely, blocks, unit, settings, unfelt=False)
+    differ = near.differ if near is not None else frozenset()
+    differ |= _apart(free, found, likely, blocks, unit, settings, unfelt=False)
     found, active, left = _determined(
-        residuals, free, found, fitted, likely, left, blocks=blocks, settings=settings
+        residuals,
+        free,
+        found,
+        fitted,
+        likely,
+        left,
+        differ=differ,
+        blocks=blocks,
+        settings=settings,
     )
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
             "control: log more runs of programs"
         )
-    apart |= _apart(free, found, active, blocks, unit, settings, unfelt=True)
+    differ |= _apart(free, found, active, blocks, unit, settings, unfelt=False)
+    names = differ | _apart(free, found, active, blocks, unit, settings, unfelt=True)
+    apart = frozenset(name.partition("@")[0] for name in names)
     uncertainty = _uncertainty(found, found.jacobian[:, active], blocks)
     _, half_width = _kept(free, found.values, active, fitted, left, settings)
     ends = _ends(free, found.values, half_width)
@@ -365,6 +381,7 @@ def _identified(
             if half_width[own[unit]].any()
         },
         apart=apart | {one.shared for one in free if one.units},
+        differ=differ,
         left=left,
         uncertainty=uncertainty,
         rmse_s=float(np.sqrt(np.mean(usual**2))) * settings.scales_s[-1] if len(usual) else np.nan,
@@ -374,14 +391,17 @@ def _identified(
 
 def _determined(
     residuals: Residuals, free: Sequence[FreeParameter], found: Optimum, fitted: Bools,
-    active: Bools, left: Left, *, blocks: NDArray[np.int64], settings: ControlFitSettings,
+    active: Bools, left: Left, *, differ: frozenset[str], blocks: NDArray[np.int64],
+    settings: ControlFitSettings,
 ) -> tuple[Optimum, Bools, Left]:  # fmt: skip
     """The optimum near ``found``, which parameters the logs determine, what they leave."""
     # what machines of a kind have in common the other units know better than a few stray stretches
     lent = np.array([bool(one.units) and one.key not in BY_UNIT for one in free])
+    lent &= [one.name not in differ for one in free]
     while (loose := _loosest(free, found, active, blocks, settings)).any():
         active = active & ~loose
         felt = np.linalg.norm(found.jacobian * found.weight[:, None], axis=0) / 2
+        felt = np.where([one.name in differ for one in free], np.maximum(felt, 1.0), felt)
         felt[lent] = 0.0
         left = Left(
             values=np.where(loose, found.values, left.values), felt=np.where(loose, felt, left.felt)
@@ -442,7 +462,7 @@ def _apart(
     free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
     unit: NDArray[np.str_], settings: ControlFitSettings, *, unfelt: bool,
 ) -> frozenset[str]:  # fmt: skip
-    """Shared parameters in which units differ, and those ``unfelt`` by runs of some of them.
+    """Names of shared parameters in units that differ, and where ``unfelt`` that excite them alone.
 
     What a parameter of one unit alone does is that part of the Jacobian that belongs to its
     residuals; how far the unit departs from the others is a step from the common optimum.
@@ -453,13 +473,14 @@ def _apart(
         if free[i].units:
             continue
         widest = settings.widest * _reach(free[i], found.values[i], settings)
-        parts = [found.jacobian[:, i] * (unit == one) for one in np.unique(unit)]
-        excited = [part for part in parts if widest * np.linalg.norm(part) >= 2]
+        parts = {one: found.jacobian[:, i] * (unit == one) for one in np.unique(unit).tolist()}
+        excited = [one for one in parts if widest * np.linalg.norm(parts[one]) >= 2]
+        own = [f"{free[i].shared}@{one}" for one in excited]
         if unfelt and excited and len(excited) < len(parts):
-            apart.add(free[i].shared)
-        names += [free[i].shared] * len(excited[1:])
-        contrasts += excited[1:]
-    if contrasts and many > EACH * len(set(names)):
+            apart.update(own)
+        names += [own] * len(excited[1:])
+        contrasts += [parts[one] for one in excited[1:]]
+    if contrasts and many > EACH * len({own[0] for own in names}):
         jacobian, after = np.column_stack([*contrasts, found.jacobian[:, active]]), found
         for _ in range(STEPS):  # what units differ in must not count as strange, nor as noise
             weight = after.weight
@@ -468,8 +489,9 @@ def _apart(
             )[0]
             after = replace(found, residuals=found.residuals + jacobian @ step)
         half_width = _uncertainty(after, jacobian, blocks).half_width
-        differ = (np.abs(step) > APART * half_width)[: len(names)]
-        apart.update(np.array(names)[differ].tolist())
+        for own, away, half in zip(names, np.abs(step), half_width, strict=False):
+            if away > APART * half:
+                apart.update(own)
     return frozenset(apart)
 
 
