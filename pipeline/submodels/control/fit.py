@@ -364,7 +364,11 @@ def _identified(
     apart = frozenset(name.partition("@")[0] for name in names)
     uncertainty = _uncertainty(found, found.jacobian[:, active], blocks)
     _, half_width = _kept(free, found.values, active, fitted, left, settings)
-    ends = _ends(free, found.values, half_width)
+    slow, fast = _ends(free, found.values, half_width)
+
+    def ends_of(unit: str) -> tuple[ControlParameters, ControlParameters]:
+        return control_of(start, free, slow, unit), control_of(start, free, fast, unit)
+
     low, high = _intervals(free, found, rates, active, uncertainty)
     usual = found.residuals[np.abs(found.residuals) < 10]
     return ControlFit(
@@ -375,11 +379,7 @@ def _identified(
         determined=active | ~fitted,
         from_speeds=~fitted,
         control={unit: control_of(start, free, found.values, unit) for unit in units},
-        ends={
-            unit: (control_of(start, free, ends[0], unit), control_of(start, free, ends[1], unit))
-            for unit in units
-            if half_width[own[unit]].any()
-        },
+        ends={u: ends_of(u) for u in units if half_width[own[u]].any()},
         apart=apart | {one.shared for one in free if one.units},
         differ=differ,
         left=left,
@@ -483,10 +483,8 @@ def _apart(
     if contrasts and many > EACH * len({own[0] for own in names}):
         jacobian, after = np.column_stack([*contrasts, found.jacobian[:, active]]), found
         for _ in range(STEPS):  # what units differ in must not count as strange, nor as noise
-            weight = after.weight
-            step = np.linalg.lstsq(
-                jacobian * weight[:, None], -found.residuals * weight, rcond=None
-            )[0]
+            w = after.weight
+            step = np.linalg.lstsq(jacobian * w[:, None], -found.residuals * w, rcond=None)[0]
             after = replace(found, residuals=found.residuals + jacobian @ step)
         half_width = _uncertainty(after, jacobian, blocks).half_width
         for own, away, half in zip(names, np.abs(step), half_width, strict=False):
@@ -511,14 +509,7 @@ def _rates(
 def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
     """Of the optimum, each residual weighted as the loss did; on the scale of the search.
 
-    Parameters
-    ----------
-    found : Optimum
-        Of N residuals.
-    jacobian : ndarray, shape (N, S)
-        By the parameters that count as unknown.
-    blocks : ndarray of int, shape (N,)
-        Cluster of each residual.
+    The S columns of ``jacobian`` (N, S) are of what counts as unknown, ``blocks`` (N,) the clusters.
     """
     jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)

@@ -185,19 +185,7 @@ def expected(
     start; what machines of a kind have in common is the other units' own.  Its interval is that of
     one more value like these from :data:`MANY` on; of fewer, a factor e or the value itself.
 
-    Parameters
-    ----------
-    free : sequence of FreeParameter
-        The D parameters.
-    values : ndarray, shape (D,)
-        In their units.
-    determined : ndarray of bool, shape (D,)
-        Which of these count.
-
-    Returns
-    -------
-    centre, half_width : ndarray, shape (D,)
-        On the scale of the search.
+    Centre and half width stand on the scale of the search, shape (D,); ``values`` in their units.
     """
     at = [one.coordinate(value) for one, value in zip(free, values.tolist(), strict=True)]
     alike = []
