@@ -509,7 +509,7 @@ def _rates(
 def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
     """Of the optimum, each residual weighted as the loss did; on the scale of the search.
 
-    The S columns of ``jacobian`` (N, S) are of what counts as unknown, ``blocks`` (N,) the clusters.
+    The S columns of ``jacobian`` (N, S) are of what is unknown, ``blocks`` (N,) the clusters.
     """
     jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)
