@@ -119,7 +119,8 @@ class Simulated:
         from pipeline.twin.control import ControlModelFile, time_interval
 
         stored = read_json(self.on.models / "control/model.json", ControlModelFile)
-        return time_interval(self.plan, stored.intervals, stored.conditions)
+        ends = stored.ends.get(self.on.unit, ())
+        return time_interval(self.plan, stored.intervals, stored.conditions, ends)
 
     @property
     def interval_unknown(self) -> str:

@@ -41,4 +41,5 @@ def simulate_programs(
         origin=identity.origin,
         intervals={} if unknown else stored.intervals,
         learnt=stored.conditions,
+        ends=stored.ends.get(control_records.default_unit, ()),
     )

@@ -1,7 +1,7 @@
 """Identified control as it is stored, its records, and what it makes of a part program."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -63,12 +63,15 @@ class ControlModelFile(Model):
     intervals : Bands
         Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
         :data:`WHOLE`; empty where too few programs ran to tell.
+    ends : mapping of str to tuple of 2 ControlParameters
+        By unit, the control with what the runs do not determine at its slow and at its fast end.
     """
 
     control: Mapping[str, ControlParameters]
     fit: ControlFitFacts
     programs: Mapping[str, str]
     intervals: Bands = field(default_factory=dict)
+    ends: Mapping[str, tuple[ControlParameters, ControlParameters]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -167,11 +170,13 @@ def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> Con
 
 
 def time_interval(
-    planned: Plan, intervals: Bands, learnt: Mapping[str, Condition]
-) -> tuple[float, float] | None:
+    planned: Plan, intervals: Bands, learnt: Mapping[str, Condition],
+    ends: Sequence[ControlParameters] = (),
+) -> tuple[float, float] | None:  # fmt: skip
     """90 % interval of the predicted time of a whole run [s]; None where none was learnt.
 
-    It is wider where feeds or spindle speeds are outside of the conditions that were ``learnt``.
+    It is wider where feeds or spindle speeds are outside of the conditions that were ``learnt``,
+    and reaches as far as the slowest and the fastest control, ``ends``, that the runs leave open.
     Dwells are timed by the control: each is sure to a tick of its clock.
     """
     band = intervals.get(WHOLE)
@@ -180,8 +185,11 @@ def time_interval(
     moves, control = planned.path.moves, planned.path.control
     factor, (seconds, ticks) = widest(program_conditions(moves), learnt), dwells(moves, control)
     rest = max(planned.total - seconds, 0.0)
-    low = max(0.0, rest * (1 - factor * band.lower)) + max(0.0, seconds - ticks)
-    return round(low, 3), round(rest * (1 + factor * band.upper) + seconds + ticks, 3)
+    open_ = [planned_program(moves, end).total - planned.total for end in ends]
+    below = float(np.hypot(rest * factor * band.lower, min([0.0, *open_])))
+    above = float(np.hypot(rest * factor * band.upper, max([0.0, *open_])))
+    low = max(0.0, rest - below) + max(0.0, seconds - ticks)
+    return round(low, 3), round(rest + above + seconds + ticks, 3)
 
 
 def dwells(moves: Moves, control: ControlParameters) -> tuple[float, float]:

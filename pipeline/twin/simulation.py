@@ -259,6 +259,7 @@ def simulate_files(
     origin: str,
     intervals: Bands | None = None,
     learnt: Mapping[str, Condition] | None = None,
+    ends: Sequence[ControlParameters] = (),
 ) -> None:
     """Simulate each of ``files``; a program that cannot be followed is stored as refused.
 
@@ -280,6 +281,8 @@ def simulate_files(
         Of the control's times.
     learnt : mapping of str to Condition, optional
         Conditions that they were learnt in.
+    ends : sequence of ControlParameters
+        The slowest and the fastest control that the learnt runs leave open.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():
@@ -302,7 +305,7 @@ def simulate_files(
             program = replace(
                 times, machine=machine, origin=origin, file=program.file, sha256=program.sha256,
                 blocks=len(table), violations=tuple(violation_lines(checked.violations)),
-                total_time_90_s=time_interval(plan, intervals or {}, learnt or {}),
+                total_time_90_s=time_interval(plan, intervals or {}, learnt or {}, ends),
             )  # fmt: skip
             with replacing(out / f"{name}.parquet") as part:
                 table.to_parquet(part, compression="zstd")

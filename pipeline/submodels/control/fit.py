@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
-from pipeline.submodels.control.parameters import FreeParameter, control_of, free_parameters
+from pipeline.submodels.control.parameters import (
+    BY_UNIT,
+    FreeParameter,
+    control_of,
+    expected,
+    free_parameters,
+)
 from pipeline.submodels.control.segments import Observed, Rate, clusters, rapid_rates
 from pipeline.submodels.statistics import Uncertainty, textbook_half_width, uncertainty_of
 from pipeline.twin.control import planned_program
@@ -53,8 +59,8 @@ class Optimum:
     ----------
     values : ndarray, shape (D,)
         Of all parameters, in their units.
-    jacobian : ndarray, shape (N, S)
-        Of the residuals by the S parameters that were fitted, on the scale of the search [1].
+    jacobian : ndarray, shape (N, D)
+        Of the residuals, on the scale of the search [1]; 0 by what was not fitted.
     residuals : ndarray, shape (N,)
         In units of the scale beyond which they count linearly [1].
     """
@@ -63,9 +69,32 @@ class Optimum:
     jacobian: Floats
     residuals: Floats
 
+    @property
+    def weight(self) -> Floats:
+        """Square root of soft L1's derivative: how much each residual counts [1]; shape (N,)."""
+        weight: Floats = (1 + self.residuals**2) ** -0.25
+        return weight
+
+
+@dataclass(frozen=True, kw_only=True)
+class Left:
+    """What the runs say of parameters that they do not determine; shapes (D,).
+
+    Parameters
+    ----------
+    values : ndarray
+        Where the search left each, in its unit.
+    felt : ndarray
+        One over the half width that the residuals leave to it, were all others known; on the scale
+        of the search.
+    """
+
+    values: Floats
+    felt: Floats
+
 
 def optimum(
-    residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: NDArray[np.bool_],
+    residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: Bools,
     scale_s: float, settings: SearchSettings,
 ) -> Optimum:  # fmt: skip
     """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
@@ -117,7 +146,10 @@ def optimum(
         pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
         max_nfev=settings.evaluations, ftol=TOLERANCE, xtol=TOLERANCE,
     ).x  # fmt: skip
-    return Optimum(values=full(found), jacobian=jacobian(found), residuals=scaled(found))
+    left = scaled(found)
+    by_all = np.zeros((len(left), len(free)))
+    by_all[:, active] = jacobian(found)
+    return Optimum(values=full(found), jacobian=by_all, residuals=left)
 
 
 def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step: float) -> Floats:
@@ -178,7 +210,15 @@ class ControlFit:
     from_speeds : ndarray of bool, shape (D,)
         Whether it was read from logged speeds, not fitted to durations.
     control : dict of str to ControlParameters
-        Of each unit; what is not determined near its start, where a weak pull left it.
+        Of each unit; what is not determined near what is known of its kind.
+    ends : dict of str to tuple of 2 ControlParameters
+        Of each unit of which something is not determined, with that at its slow and its fast end.
+    apart : frozenset of str
+        Parameters that units do not share, or that runs of one unit alone determine.
+    differ : frozenset of str
+        Names with the unit of those of them that units do not share.
+    left : Left
+        Of what is not determined.
     uncertainty : Uncertainty
         Of those fitted to durations, on the scale of the search.
     rmse_s : float
@@ -194,9 +234,24 @@ class ControlFit:
     determined: Bools
     from_speeds: Bools
     control: dict[str, ControlParameters]
+    ends: dict[str, tuple[ControlParameters, ControlParameters]]
+    apart: frozenset[str]
+    differ: frozenset[str]
+    left: Left
     uncertainty: Uncertainty
     rmse_s: float
     segments: int
+
+    def lenders(self, place: int) -> list[str]:
+        """Units whose value a parameter has that the runs of its own unit do not excite."""
+        one = self.free[place]
+        if self.left.felt[place] > 0:
+            return []
+        return [
+            other.units[0]
+            for other, known in zip(self.free, self.determined, strict=True)
+            if known and other.shared == one.shared and other != one and one.key not in BY_UNIT
+        ]
 
 
 def planned(observed: Observed, control: ControlParameters) -> Floats:
@@ -213,8 +268,9 @@ def identify_control(
 ) -> ControlFit:  # fmt: skip
     """Find the control of the runs ``observed``.
 
-    What they do not determine is taken out one by one, the loosest first, and stays where it is
-    while the others are found again.
+    What they do not determine is taken out one by one, the loosest first, and pulled to what is
+    known of its kind while the others are found again.  What units are taken to share is tested
+    by unit, and found again for each where they differ or runs of one alone determine it.
 
     Parameters
     ----------
@@ -225,7 +281,8 @@ def identify_control(
     settings : ControlFitSettings
         Of the search.
     near : ControlFit, optional
-        Control of more runs of the same units, where the search begins in place of ``start``.
+        Control of more runs of the same units, where the search begins in place of ``start``; what
+        units share is not tested again.
 
     Raises
     ------
@@ -237,8 +294,19 @@ def identify_control(
             "no run of a program is there to identify the control from: "
             "put logs of line numbers and the programs that ran beside them"
         )
+    fit = _identified(observed, start, settings, near)
+    while near is None and fit.apart - {one.shared for one in fit.free if one.units}:
+        fit = _identified(observed, start, settings, fit)
+    return fit
+
+
+def _identified(
+    observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
+    near: ControlFit | None,
+) -> ControlFit:  # fmt: skip
+    """The control, with those parameters found by unit that ``near`` holds apart."""
     units = sorted({one.unit for one in observed})
-    free = free_parameters(start, units)
+    free = free_parameters(start, units, near.apart if near is not None else ())
     measured = np.concatenate([one.measured for one in observed])
 
     own = {unit: np.array([not one.units or unit in one.units for one in free]) for unit in units}
@@ -256,48 +324,173 @@ def identify_control(
         return measured - np.concatenate([next(each[one.unit]) for one in observed])
 
     rates = _rates(observed, free, units)
-    begin = np.array([one.start for one in free])
-    begin[list(rates)] = [rate.value for rate in rates.values()]
     fitted = ~np.isin(np.arange(len(free)), list(rates))
+    begin = np.array([one.start for one in free])
+    likely, left = fitted, Left(values=begin, felt=np.zeros(len(free)))
     if near is not None:
-        begin = np.where(fitted, near.values, begin)
+        before = {one.name: k for k, one in enumerate(near.free)}
+        place = [before.get(one.name, before.get(one.shared, -1)) for one in free]
+        begin, likely = near.values[place], fitted & near.determined[place]
+        left = Left(values=near.left.values[place], felt=near.left.felt[place])
         settings = replace(settings, scales_s=settings.scales_s[-1:])
-    found, active, uncertainty = _determined(
-        residuals, free, begin, fitted, clusters(observed), settings,
-        likely=None if near is None else fitted & near.determined,
-    )  # fmt: skip
+    begin[list(rates)] = [rate.value for rate in rates.values()]
+    for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
+        found = optimum(residuals, free, begin, likely, scale, settings)
+        begin = found.values
+    blocks, unit = (
+        clusters(observed),
+        np.repeat([one.unit for one in observed], [len(one.measured) for one in observed]),
+    )
+    differ = near.differ if near is not None else frozenset()
+    differ |= _apart(free, found, likely, blocks, unit, settings, unfelt=False)
+    found, active, left = _determined(
+        residuals,
+        free,
+        found,
+        fitted,
+        likely,
+        left,
+        differ=differ,
+        blocks=blocks,
+        settings=settings,
+    )
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
             "control: log more runs of programs"
         )
-    control = {unit: control_of(start, free, found.values, unit) for unit in units}
-    return _fit(free, found, rates, active, uncertainty, control, scale_s=settings.scales_s[-1])
+    differ |= _apart(free, found, active, blocks, unit, settings, unfelt=False)
+    names = differ | _apart(free, found, active, blocks, unit, settings, unfelt=True)
+    apart = frozenset(name.partition("@")[0] for name in names)
+    uncertainty = _uncertainty(found, found.jacobian[:, active], blocks)
+    _, half_width = _kept(free, found.values, active, fitted, left, settings)
+    slow, fast = _ends(free, found.values, half_width)
+
+    def ends_of(unit: str) -> tuple[ControlParameters, ControlParameters]:
+        return control_of(start, free, slow, unit), control_of(start, free, fast, unit)
+
+    low, high = _intervals(free, found, rates, active, uncertainty)
+    usual = found.residuals[np.abs(found.residuals) < 10]
+    return ControlFit(
+        free=tuple(free),
+        values=found.values,
+        low=low,
+        high=high,
+        determined=active | ~fitted,
+        from_speeds=~fitted,
+        control={unit: control_of(start, free, found.values, unit) for unit in units},
+        ends={u: ends_of(u) for u in units if half_width[own[u]].any()},
+        apart=apart | {one.shared for one in free if one.units},
+        differ=differ,
+        left=left,
+        uncertainty=uncertainty,
+        rmse_s=float(np.sqrt(np.mean(usual**2))) * settings.scales_s[-1] if len(usual) else np.nan,
+        segments=len(found.residuals),
+    )
 
 
 def _determined(
-    residuals: Residuals, free: Sequence[FreeParameter], begin: Floats, active: Bools,
-    blocks: NDArray[np.int64], settings: ControlFitSettings, *, likely: Bools | None,
-) -> tuple[Optimum, Bools, Uncertainty]:  # fmt: skip
-    """The optimum of what the logs determine of the ``active`` parameters, and which these are.
-
-    Those that are not ``likely`` to be are taken out together, where these logs left them.
-    """
-    values = begin
-    for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
-        found = optimum(residuals, free, values, active, scale, settings)
-        values = found.values
-    if likely is not None and likely.any():
-        active = likely
-        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
-    uncertainty = _uncertainty(found, blocks)
-    while (loose := _loosest(free, found, uncertainty, active, settings)).any():
+    residuals: Residuals, free: Sequence[FreeParameter], found: Optimum, fitted: Bools,
+    active: Bools, left: Left, *, differ: frozenset[str], blocks: NDArray[np.int64],
+    settings: ControlFitSettings,
+) -> tuple[Optimum, Bools, Left]:  # fmt: skip
+    """The optimum near ``found``, which parameters the logs determine, what they leave."""
+    # what machines of a kind have in common the other units know better than a few stray stretches
+    lent = np.array([bool(one.units) and one.key not in BY_UNIT for one in free])
+    lent &= [one.name not in differ for one in free]
+    while (loose := _loosest(free, found, active, blocks, settings)).any():
         active = active & ~loose
+        felt = np.linalg.norm(found.jacobian * found.weight[:, None], axis=0) / 2
+        felt = np.where([one.name in differ for one in free], np.maximum(felt, 1.0), felt)
+        felt[lent] = 0.0
+        left = Left(
+            values=np.where(loose, found.values, left.values), felt=np.where(loose, felt, left.felt)
+        )
+        values, _ = _kept(free, found.values, active, fitted, left, settings)
         if not active.any():
             break
-        found = optimum(residuals, free, found.values, active, settings.scales_s[-1], settings)
-        uncertainty = _uncertainty(found, blocks)
-    return found, active, uncertainty
+        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
+    return found, active, left
+
+
+def _kept(
+    free: Sequence[FreeParameter], values: Floats, active: Bools, fitted: Bools, left: Left,
+    settings: ControlFitSettings,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Values with those that are not determined where they are expected, and half their intervals.
+
+    That is the mean of where the search left them and of what is expected of their kind, each by
+    its interval, and inside of the latter; half widths on the scale of the search, shape (D,).
+    """
+    out, half_width = values.copy(), np.zeros(len(free))
+    centre, usual = expected(free, values, active | ~fitted)
+    for i in np.flatnonzero(fitted & ~active).tolist():
+        one = free[i]
+        width = max(usual[i], settings.step if one.log_scale else 2 * settings.scales_s[-1])
+        share = 1 / (1 + (left.felt[i] * width) ** 2)
+        away = (1 - share) * (one.coordinate(left.values[i]) - centre[i])
+        middle = centre[i] + float(np.clip(away, -width, width))
+        out[i] = min(max(one.value(middle), one.low), one.high)
+        half_width[i] = np.sqrt(share) * width
+    return out, half_width
+
+
+def _ends(
+    free: Sequence[FreeParameter], values: Floats, half_width: Floats
+) -> tuple[Floats, Floats]:
+    """Values at the slow and at the fast end of their intervals."""
+    slow, fast = values.copy(), values.copy()
+    for i in np.flatnonzero(half_width).tolist():
+        one, middle = free[i], free[i].coordinate(values[i])
+        ends = [one.value(middle + side * half_width[i]) for side in (-1.0, 1.0)]
+        ends = [min(max(end, one.low), one.high) for end in ends]
+        slow[i], fast[i] = ends if one.log_scale else reversed(ends)
+    return slow, fast
+
+
+APART = 2.0
+"""Half widths of the 95 % interval of a difference beyond which units differ [1]: four standard
+deviations, since a dozen differences are tested."""
+EACH = 2
+"""Clusters of each unit for every parameter that it may differ in, or none is tested [1]: fewer
+show no scatter, and any difference would be one."""
+STEPS = 3
+"""Times that the residuals are weighted anew on the way to the units' own parameters [1]."""
+
+
+def _apart(
+    free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
+    unit: NDArray[np.str_], settings: ControlFitSettings, *, unfelt: bool,
+) -> frozenset[str]:  # fmt: skip
+    """Names of shared parameters in units that differ, and where ``unfelt`` that excite them alone.
+
+    What a parameter of one unit alone does is that part of the Jacobian that belongs to its
+    residuals; how far the unit departs from the others is a step from the common optimum.
+    """
+    apart, names, contrasts = set(), [], []
+    many = min(len(np.unique(blocks[unit == one])) for one in np.unique(unit))
+    for i in np.flatnonzero(active).tolist():
+        if free[i].units:
+            continue
+        widest = settings.widest * _reach(free[i], found.values[i], settings)
+        parts = {one: found.jacobian[:, i] * (unit == one) for one in np.unique(unit).tolist()}
+        excited = [one for one in parts if widest * np.linalg.norm(parts[one]) >= 2]
+        own = [f"{free[i].shared}@{one}" for one in excited]
+        if unfelt and excited and len(excited) < len(parts):
+            apart.update(own)
+        names += [own] * len(excited[1:])
+        contrasts += [parts[one] for one in excited[1:]]
+    if contrasts and many > EACH * len({own[0] for own in names}):
+        jacobian, after = np.column_stack([*contrasts, found.jacobian[:, active]]), found
+        for _ in range(STEPS):  # what units differ in must not count as strange, nor as noise
+            w = after.weight
+            step = np.linalg.lstsq(jacobian * w[:, None], -found.residuals * w, rcond=None)[0]
+            after = replace(found, residuals=found.residuals + jacobian @ step)
+        half_width = _uncertainty(after, jacobian, blocks).half_width
+        for own, away, half in zip(names, np.abs(step), half_width, strict=False):
+            if away > APART * half:
+                apart.update(own)
+    return frozenset(apart)
 
 
 def _rates(
@@ -313,45 +506,56 @@ def _rates(
     }
 
 
-def _uncertainty(found: Optimum, blocks: NDArray[np.int64]) -> Uncertainty:
-    """Of the optimum, each residual weighted as the loss did; on the scale of the search."""
-    weight = (1 + found.residuals**2) ** -0.25  # square root of soft L1's derivative
-    jacobian, residuals = found.jacobian * weight[:, None], found.residuals * weight
+def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
+    """Of the optimum, each residual weighted as the loss did; on the scale of the search.
+
+    The S columns of ``jacobian`` (N, S) are of what is unknown, ``blocks`` (N,) the clusters.
+    """
+    jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)
     noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
     half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
     return replace(uncertainty, half_width=half_width)
 
 
+def _reach(one: FreeParameter, value: float, settings: ControlFitSettings) -> float:
+    """What a width on the scale of the search is a share of [1, s]."""
+    return 1.0 if one.log_scale else max(abs(value), 2 * settings.scales_s[-1])
+
+
 def _loosest(
-    free: Sequence[FreeParameter], found: Optimum, uncertainty: Uncertainty, active: Bools,
+    free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
     settings: ControlFitSettings,
 ) -> Bools:  # fmt: skip
     """Which active parameters the logs do not determine: those unfelt, else the loosest one.
 
     With no more clusters than parameters no interval is known; then the least felt one goes.
     """
-    felt = np.linalg.norm(found.jacobian, axis=0)
+    if not active.any():
+        return active
+    jacobian = found.jacobian[:, active]
+    half_width = _uncertainty(found, jacobian, blocks).half_width
+    felt = np.linalg.norm(jacobian, axis=0)
     # half width if all others were known, which clustered residuals may call narrower
     alone = np.divide(2.0, felt, out=np.full(len(felt), np.inf), where=felt > 0)
-    enough = bool(np.isfinite(uncertainty.half_width).all())
+    enough = bool(np.isfinite(half_width).all())
     width = np.zeros(len(free))
-    width[active] = np.maximum(uncertainty.half_width, alone) if enough else alone
+    width[active] = np.maximum(half_width, alone) if enough else alone
     for i, one in enumerate(free):
-        value = found.values[i]
-        if not one.log_scale:
-            width[i] /= max(abs(value), 2 * settings.scales_s[-1])
-        elif active[i] and not one.low * 1.001 < value < one.high * 0.999:
+        value = float(found.values[i])
+        width[i] /= _reach(one, value, settings)
+        if one.log_scale and active[i] and not one.low * 1.001 < value < one.high * 0.999:
             width[i] = np.inf
     widest = settings.widest if enough else 0.0
     loose: Bools = active & (width > widest) & (width >= width.max(initial=0.0))
     return loose
 
 
-def _fit(
+def _intervals(
     free: Sequence[FreeParameter], found: Optimum, rates: dict[int, Rate], active: Bools,
-    uncertainty: Uncertainty, control: dict[str, ControlParameters], *, scale_s: float,
-) -> ControlFit:  # fmt: skip
+    uncertainty: Uncertainty,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Ends of the 95 % interval of each parameter, NaN of what is not determined; (D,) each."""
     low, high = np.full(len(free), np.nan), np.full(len(free), np.nan)
     for i, width in zip(
         np.flatnonzero(active).tolist(), uncertainty.half_width.tolist(), strict=True
@@ -361,17 +565,4 @@ def _fit(
         high[i] = min(one.value(middle + width), one.high)
     for i, rate in rates.items():
         low[i], high[i] = rate.low, rate.high
-    from_speeds = np.isin(np.arange(len(free)), list(rates))
-    usual = found.residuals[np.abs(found.residuals) < 10]
-    return ControlFit(
-        free=tuple(free),
-        values=found.values,
-        low=low,
-        high=high,
-        determined=active | from_speeds,
-        from_speeds=from_speeds,
-        control=control,
-        uncertainty=uncertainty,
-        rmse_s=float(np.sqrt(np.mean(usual**2))) * scale_s if len(usual) else np.nan,
-        segments=len(found.residuals),
-    )
+    return low, high

@@ -308,8 +308,8 @@ def _interval_words(model: ControlModelFile | None) -> str:
     return (
         f"The 90 % interval of the time of a whole program is ±{fixed(100 * band.upper, 1)} % of "
         f"it: the largest error of {counted(band.groups, 'program')}, each predicted by a control "
-        "identified from the others. A part whose motion none of these programs has may lie "
-        "outside."
+        "identified from the others. It reaches further where a part needs what these runs do not "
+        "determine."
     )
 
 

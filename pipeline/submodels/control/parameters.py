@@ -1,18 +1,23 @@
 """Which parameters of a control are found from logs, and how a vector of them makes a control."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.submodels.statistics import spread_of
 
 Quantity = tuple[str, float, float, str]
 """Unit, least and greatest value of any machine tool, and what to record to determine it."""
 
 PLANE, HEIGHT = ("X", "Y"), ("Z",)
+BY_UNIT = ("rapid_speed", "corner_jump")
+"""Parameters that shops set: found for each of several machines of a kind."""
+MANY = 4
+"""Values of a kind from which on their own scatter is known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,14 +53,27 @@ class FreeParameter:
     units: tuple[str, ...] = ()
 
     @property
+    def shared(self) -> str:
+        """Name without the unit."""
+        return self.name.partition("@")[0]
+
+    @property
     def key(self) -> str:
         """Name without axes and unit."""
-        return self.name.partition(" ")[0]
+        return self.shared.partition(" ")[0]
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Axes that it holds for."""
-        return tuple(self.name.partition(" ")[2].partition("@")[0])
+        return tuple(self.shared.partition(" ")[2])
+
+    def of_each(self, units: Sequence[str]) -> list["FreeParameter"]:
+        """The same parameter of each of ``units``."""
+        suffixes = [f"@{unit}" for unit in units] if len(units) > 1 else [""]
+        return [
+            replace(self, name=self.name + suffix, units=(unit,))
+            for suffix, unit in zip(suffixes, units, strict=True)
+        ]
 
     @property
     def bounds(self) -> tuple[float, float]:
@@ -96,11 +114,12 @@ _SPINDLE: dict[str, Quantity] = {
 }
 
 
-def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[FreeParameter]:
+def free_parameters(
+    control: ControlParameters, units: Sequence[str], apart: Collection[str] = ()
+) -> list[FreeParameter]:
     """Parameters to fit: rates and accelerations in the plane and of Z, corners, waiting times.
 
-    Rapid rates and corners, which shops set, are fitted for each of ``units``, everything else for
-    all together.  Limits of cutting are the same for X, Y and Z.
+    Limits of cutting are the same for X, Y and Z.
 
     Parameters
     ----------
@@ -108,17 +127,28 @@ def free_parameters(control: ControlParameters, units: Sequence[str]) -> list[Fr
         Where the search begins.
     units : sequence of str
         Machines of the kind.
+    apart : collection of str
+        Names of parameters that are fitted for each of ``units``, as :data:`BY_UNIT` always are;
+        everything else is fitted for all together.
     """
-    each = [(f"@{unit}" if len(units) > 1 else "", (unit,)) for unit in units]
+    return [
+        own
+        for one in _of_a_machine(control)
+        for own in (one.of_each(units) if one.key in BY_UNIT or one.name in apart else [one])
+    ]
+
+
+def _of_a_machine(control: ControlParameters) -> list[FreeParameter]:
+    """The parameters of one machine."""
     found = []
     for axes in (PLANE, HEIGHT):
         letters = "".join(a for a in axes if a in control.axes)
         if letters:
-            found += [_axis(control, "rapid_speed", a, s, u) for a in letters for s, u in each]
+            found += [_axis(control, "rapid_speed", a) for a in letters]
             found.append(_axis(control, "rapid_acceleration", letters))
     linear = "".join(a for a in PLANE + HEIGHT if a in control.axes)
-    found += [_axis(control, n, linear) for n in ("cutting_acceleration", "arc_acceleration")]
-    found += [_axis(control, "corner_jump", linear, s, u) for s, u in each]
+    cutting = ("cutting_acceleration", "arc_acceleration", "corner_jump")
+    found += [_axis(control, name, linear) for name in cutting]
     found.append(_wait("settle_time", control.settle_time, _SETTLE, log_scale=False))
     for table, log_scale in ((_WAITING, False), (_SPINDLE, True)):
         for name, quantity in table.items():
@@ -133,22 +163,43 @@ def _wait(name: str, start: float | None, quantity: Quantity, *, log_scale: bool
     return _free(name, begin, quantity, log_scale=log_scale)
 
 
-def _axis(
-    control: ControlParameters, name: str, letters: str, suffix: str = "",
-    units: tuple[str, ...] = (),
-) -> FreeParameter:  # fmt: skip
+def _axis(control: ControlParameters, name: str, letters: str) -> FreeParameter:
     start = float(np.mean([getattr(control.axes[a], name) for a in letters]))
-    return _free(f"{name} {letters}{suffix}", start, _AXIS[name], log_scale=True, units=units)
+    return _free(f"{name} {letters}", start, _AXIS[name], log_scale=True)
 
 
-def _free(
-    name: str, start: float, quantity: Quantity, *, log_scale: bool, units: tuple[str, ...] = ()
-) -> FreeParameter:
+def _free(name: str, start: float, quantity: Quantity, *, log_scale: bool) -> FreeParameter:
     unit, low, high, remedy = quantity
     return FreeParameter(
         name=name, unit=unit, low=low, high=high, start=min(max(start, low), high),
-        log_scale=log_scale, remedy=remedy, units=units,
+        log_scale=log_scale, remedy=remedy,
     )  # fmt: skip
+
+
+def expected(
+    free: Sequence[FreeParameter], values: Floats, determined: Bools
+) -> tuple[Floats, Floats]:
+    """What others and the start say of each parameter, and half of its 95 % interval.
+
+    That is the mean of the determined values of its kind, of other axes and units, and of the
+    start; what machines of a kind have in common is the other units' own.  Its interval is that of
+    one more value like these from :data:`MANY` on; of fewer, a factor e or the value itself.
+
+    Centre and half width stand on the scale of the search, shape (D,); ``values`` in their units.
+    """
+    at = [one.coordinate(value) for one, value in zip(free, values.tolist(), strict=True)]
+    alike = []
+    for one in free:
+        others = [(k, other) for k, other in enumerate(free) if determined[k] and other != one]
+        same = [at[k] for k, other in others if other.shared == one.shared]
+        if not same or one.key in BY_UNIT:
+            same = [at[k] for k, other in others if other.key == one.key]
+            same.append(one.coordinate(one.start))
+        alike.append(np.array(same))
+    centre = np.array([same.mean() for same in alike])
+    usual = np.where([one.log_scale for one in free], 1.0, np.abs(centre))
+    spread = [spread_of(same) if len(same) >= MANY else np.inf for same in alike]
+    return centre, np.minimum(usual, spread)
 
 
 def control_of(

@@ -190,6 +190,16 @@ class Run(Activity):
         """File and number."""
         return self.recording if self.number == 1 else f"{self.recording} (run {self.number})"
 
+    @property
+    def latency(self) -> float:
+        """How late a stamp of the log may be [s]: the period of its polls.
+
+        That is the lower quartile of the gaps between changes of what changes most often, of line
+        and feed; polls that found no change leave longer gaps.
+        """
+        gaps = [np.diff(np.unique(one.time)) for one in (self.line, self.feed)]
+        return min((float(np.quantile(gap, 0.25)) for gap in gaps if len(gap)), default=POLL)
+
     def during(self, start: float, end: float) -> "Run":
         """The same run as if the log had begun at ``start`` and ended at ``end``."""
         held = tuple((max(a, start), min(b, end)) for a, b in self.held if b > start and a < end)

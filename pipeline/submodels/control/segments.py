@@ -122,23 +122,42 @@ def _cuts(time: Floats, row: Ints, moves: Moves, shortest_s: float) -> Ints:
     """Indices of the polls that segments begin and end at; none or at least two.
 
     A segment is closed when it lasts long enough; and before what waits for the machine, so that
-    waiting times stand apart from motion.
+    waiting times stand apart from motion.  None is closed before the program's end: its line shows
+    while the last move is still under way, since nothing is left to be read ahead.
     """
     if len(time) < 2:
         return np.empty(0, dtype=np.int64)
     waits = np.concatenate([[0], np.cumsum(np.isin(moves.kind, WAITS))])[row]
+    ends = np.append(moves.kind, Kind.END)[row] == Kind.END
     cut = [0]
     for i in range(1, len(time) - 1):
+        if ends[i]:
+            continue
         waited, will_wait = waits[i] > waits[cut[-1]], waits[i + 1] > waits[i]
         if time[i] - time[cut[-1]] >= shortest_s or waited or will_wait:
             cut.append(i)
     return np.array([*cut, len(time) - 1], dtype=np.int64)
 
 
-def shares(observed: Observed, times: Floats) -> dict[str, tuple[float, float]]:
-    """Measured and predicted time of each type of row [s].
+@dataclass(frozen=True, kw_only=True)
+class Share:
+    """Time of the rows of one type in a run [s].
 
-    What was measured of a segment goes to its types in proportion to what is predicted of them.
+    Parameters
+    ----------
+    measured, predicted : float
+        What was measured of a segment goes to its types in proportion to what is predicted of them.
+    late : float
+        Half width of the interval that late stamps at the ends of the segments leave.
+    """
+
+    measured: float
+    predicted: float
+    late: float
+
+
+def shares(observed: Observed, times: Floats) -> dict[str, Share]:
+    """Measured and predicted time of each type of row.
 
     Parameters
     ----------
@@ -147,20 +166,41 @@ def shares(observed: Observed, times: Floats) -> dict[str, tuple[float, float]]:
     times : ndarray, shape (rows,)
         Predicted time of each row of the program [s].
     """
-    kinds = type_of(observed.moves.kind)
-    measured, predicted = dict.fromkeys(TYPES, 0.0), dict.fromkeys(TYPES, 0.0)
-    for first, after, duration in zip(
-        observed.first, observed.after, observed.measured, strict=True
-    ):
-        rows = slice(first, after)
-        total = float(times[rows].sum())
-        words = np.unique(kinds[rows]).tolist()
-        for word in words:
-            of_type = float(times[rows][kinds[rows] == word].sum())
-            share = of_type / total if total > 0 else 1 / len(words)
-            measured[word] += share * float(duration)
-            predicted[word] += of_type
-    return {w: (measured[w], predicted[w]) for w in TYPES if measured[w] or predicted[w]}
+    own = {w: type_of(observed.moves.kind) == w for w in TYPES}
+    time = {w: _within(observed, times * mine) for w, mine in own.items()}
+    rows = {w: _within(observed, mine.astype(float)) > 0 for w, mine in own.items()}
+    total, kinds = sum(time.values()), sum(there.astype(float) for there in rows.values())
+    found = {}
+    for word in TYPES:
+        if rows[word].any():
+            even = rows[word] / np.maximum(kinds, 1.0)
+            share = np.divide(time[word], total, out=even, where=total > 0)
+            found[word] = Share(
+                measured=float(share @ observed.measured),
+                predicted=float(time[word].sum()),
+                late=late(share, observed.run.latency),
+            )
+    return {word: one for word, one in found.items() if one.measured or one.predicted}
+
+
+def _within(observed: Observed, amount: Floats) -> Floats:
+    """Sum over the rows of each segment of what they have each; shape (N,)."""
+    until = np.concatenate([[0.0], np.cumsum(amount)])
+    within: Floats = until[observed.after] - until[observed.first]
+    return within
+
+
+def late(share: Floats, latency: float) -> float:
+    """Half width of a time made of shares of adjoining segments, whose stamps may be late [s].
+
+    A stamp moves the shares on its two sides against each other.  A single stretch is off by
+    ``latency`` at most, several by the root of the sum of squares.
+
+    >>> round(late(np.array([1.0]), 0.2), 3), round(late(np.array([1.0, 0.0, 1.0]), 0.2), 3)
+    (0.2, 0.283)
+    """
+    moved = np.diff(share, prepend=0.0, append=0.0)
+    return latency * float(np.sqrt((moved**2).sum() / 2))
 
 
 def clusters(observed: Sequence[Observed]) -> Ints:

@@ -47,7 +47,11 @@ if TYPE_CHECKING:
 
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 FROM_SPEEDS = "steady speeds in rapids"
-NOT_DETERMINED = "not determined by these runs; kept near its value in conf/machine/"
+NOT_DETERMINED = (
+    "not determined by these runs; kept between its value in conf/machine/ and those of its kind"
+)
+LENT = "of {others}, not determined here"
+"""Method of what a machine of several takes from the others."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,12 +179,13 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
             fit=_facts(fit),
             programs={run.match.run.name: str(run.match.program) for run in runs},
             intervals=time_bands(runs, settings.control, settings.control_fit, fit),
+            ends=fit.ends,
         )  # fmt: skip
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of runs."""
         stored = read_json(folder / "model.json", ControlModelFile)
-        return lambda case: predicted(case.load(), stored.control, stored.intervals)
+        return lambda case: predicted(case.load(), stored.control, stored.intervals, stored.ends)
 
     def serve(self, folder: Path) -> Callable[[pd.DataFrame], pd.DataFrame]:
         """Times by block from a table with the text of a program a row: column ``program``.
@@ -190,11 +195,12 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         order of the alphabet.
         """
         stored = read_json(folder / "model.json", ControlModelFile)
-        control = stored.control[min(stored.control)]
+        unit = min(stored.control)
+        control, open_ = stored.control[unit], stored.ends.get(unit, ())
 
         def by_block(number: int, text: str) -> pd.DataFrame:
             plan = planned_program(_moves(text), control)
-            ends = time_interval(plan, stored.intervals, stored.conditions)
+            ends = time_interval(plan, stored.intervals, stored.conditions, open_)
             low, high = ends or (np.nan, np.nan)
             return block_table(plan).assign(
                 program=number, program_time=plan.total, program_time_low=low,
@@ -241,13 +247,15 @@ def _parameters(fit: ControlFit) -> dict[str, Parameter]:
     for i, one in enumerate(fit.free):
         known = bool(fit.determined[i])
         method = FROM_SPEEDS if fit.from_speeds[i] else FITTED
+        others = fit.lenders(i)
+        kept = LENT.format(others=" and ".join(others)) if others else NOT_DETERMINED
         low, high = (float(f"{end[i]:.5g}") for end in (fit.low, fit.high))
         found[one.name] = Parameter(
             value=float(f"{fit.values[i]:.5g}") if known else None,
             unit=one.unit,
             interval_95=(low, high) if known and np.isfinite(low + high) else None,
             determined=known,
-            method=method if known else NOT_DETERMINED,
+            method=method if known else kept,
             remedy="" if known else one.remedy,
         )
     return found

@@ -5,7 +5,7 @@ predicted by a control that was identified from the others.
 """
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,13 +19,14 @@ from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import Band, Bands
 from pipeline.schema.verdict import Fact
-from pipeline.submodels.conformal import Residuals, bands, interval, splits
+from pipeline.submodels.conformal import Residuals, bands, half_widths, splits
 from pipeline.submodels.contract import Prediction
 from pipeline.submodels.control.fit import ControlFit, ControlFitSettings, identify_control
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import stopped_within
 from pipeline.submodels.control.segments import Observed, shares
 from pipeline.twin.control import WHOLE, control_of_unit, dwells, planned_program
+from pipeline.twin.simulation import type_of
 
 TIME = "run time"
 """Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
@@ -132,9 +133,14 @@ def _residuals(run: MatchedRun, group: str, controls: Mapping[str, ControlParame
 
 
 def predicted(
-    run: MatchedRun, controls: Mapping[str, ControlParameters], intervals: Bands | None = None
-) -> Prediction:
-    """Time of one run beside that measured; nothing of a run of another revision."""
+    run: MatchedRun, controls: Mapping[str, ControlParameters], intervals: Bands | None = None,
+    ends: Mapping[str, Sequence[ControlParameters]] | None = None,
+) -> Prediction:  # fmt: skip
+    """Time of one run beside that measured; nothing of a run of another revision.
+
+    Its interval reaches as far as the controls that the runs leave open, ``ends`` by unit, and as
+    the stamps of the log may be late.
+    """
     if not run.match.whole or not run.observed:
         return Prediction(frame=pd.DataFrame(), note=run.match.reason)
     one = run.observed[0]
@@ -154,9 +160,10 @@ def predicted(
             f"baseline_{NAIVE}": plain, f"baseline_{OVERRIDE_ONLY}": recorded,
         }
     ]  # fmt: skip
+    by_type = shares(one, times)
     rows += [
-        {"regime": word, "measured": m, "predicted": p}
-        for word, (m, p) in shares(one, times).items()
+        {"regime": word, "measured": share.measured, "predicted": share.predicted}
+        for word, share in by_type.items()
     ]
     frame = pd.DataFrame(rows).assign(quantity=TIME, unit="s", t=0.0)
     dwell, ticks = dwells(one.moves.part(0, until), control)
@@ -165,8 +172,14 @@ def predicted(
     if intervals:
         exact, regime = frame["exact"].to_numpy(float), frame["regime"].to_numpy(dtype=str)
         rest, tick = frame["predicted"].to_numpy(float) - exact, np.where(timed, ticks, 0.0)
-        low, high = interval(np.ones(len(rest)), regime, intervals)
-        frame["low"], frame["high"] = low * rest + exact - tick, high * rest + exact + tick
+        stamps = [one.run.latency, *(share.late for share in by_type.values())]
+        opened = _opened(one, times, until, (ends or {}).get(one.unit, ()), by_type)
+        lower, upper = (
+            np.sqrt((half * rest) ** 2 + np.square(stamps) + open_**2)
+            for half, open_ in zip(half_widths(regime, intervals), opened, strict=True)
+        )
+        frame["low"] = frame["predicted"] - tick - lower
+        frame["high"] = frame["predicted"] + tick + upper
     # a run that was aborted is compared up to the last line that was seen, and decides nothing
     frame["scored"] = one.run.completed and measured > 0
     return Prediction(
@@ -185,6 +198,19 @@ def predicted(
         },
         note="" if one.run.completed else "the run was aborted; compared up to its last line",
     )
+
+
+def _opened(
+    one: Observed, times: Floats, until: int, ends: Sequence[ControlParameters],
+    types: Iterable[str],
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """How much shorter and longer the whole run and its ``types`` are at the ``ends`` [s]."""
+    kind = type_of(one.moves.kind[:until])
+    change = np.zeros((1 + len(ends), until))
+    for k, end in enumerate(ends, start=1):
+        change[k] = (planned_program(one.moves, end, one.overrides).time - times)[:until]
+    each = np.array([change.sum(axis=1), *(change[:, kind == w].sum(axis=1) for w in types)])
+    return each.min(axis=1), each.max(axis=1)
 
 
 def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:

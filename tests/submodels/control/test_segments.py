@@ -1,17 +1,22 @@
 """Stretches between polls: they cover the run, keep waits apart, share out what was measured."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.moves import Kind
+from pipeline.schema.interval import Band
 from pipeline.submodels.control.fit import planned
+from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import Run, Series
 from pipeline.submodels.control.segments import TOGETHER, WAITS, clusters, observe, shares
-from pipeline.twin.control import planned_program
-from tests.submodels.control.part_programs import exciting, moves_of, truth
-from tests.submodels.control.polled_logs import ALONE, Operated, logged_runs, polled_log
+from pipeline.submodels.control.times import DWELL, MatchedRun, predicted
+from pipeline.twin.control import WHOLE, planned_program, time_interval
+from tests.submodels.control.part_programs import exciting, moves_of, rapids, truth
+from tests.submodels.control.polled_logs import ALONE, Operated, Polling, logged_runs, polled_log
 
 SHORTEST = 1.0
 
@@ -76,19 +81,22 @@ def test_types_share_what_was_measured_and_what_was_predicted(moves, tmp_path):
     one = observed(moves, tmp_path)
     times = planned_program(moves, truth()).time
     parts = shares(one, times)
-    measured, predicted = np.array(list(parts.values())).sum(axis=0)
+    measured = sum(part.measured for part in parts.values())
+    predicted = sum(part.predicted for part in parts.values())
     assert measured == pytest.approx(one.measured.sum(), rel=1e-12)
     covered = slice(one.first[0], one.after[-1])
     assert predicted == pytest.approx(times[covered].sum(), rel=1e-12)
     of_type = times[covered][moves.kind[covered] == Kind.TOOL_CHANGE].sum()
-    assert parts["tool change"][1] == pytest.approx(of_type, rel=1e-12)
+    assert parts["tool change"].predicted == pytest.approx(of_type, rel=1e-12)
     assert set(parts) == {"rapid", "feed", "arc", "tool change", "spindle and M codes"}
 
 
 def test_a_segment_that_is_predicted_to_take_no_time_is_shared_evenly(moves, tmp_path):
     one = observed(moves, tmp_path)
     parts = shares(one, np.zeros(len(moves)))
-    assert sum(m for m, _ in parts.values()) == pytest.approx(one.measured.sum(), rel=1e-12)
+    assert sum(part.measured for part in parts.values()) == pytest.approx(
+        one.measured.sum(), rel=1e-12
+    )
 
 
 def test_neighbours_are_in_one_cluster_and_runs_in_none_together(moves, tmp_path):
@@ -117,3 +125,66 @@ def test_whatever_lines_a_log_shows_segments_have_rows_and_time(moves, lines, co
     assert (one.measured >= 0).all()
     assert one.measured.sum() <= run.end - run.start + 1e-9
     assert np.isfinite(planned(one, truth())).all()
+
+
+def test_no_segment_ends_at_the_programs_end(moves, tmp_path):
+    """Its line shows while the last rapid still runs."""
+    one = observed(moves, tmp_path)
+    assert not (moves.kind[one.first] == Kind.END).any()
+
+
+@pytest.mark.parametrize("period", [0.1, 0.4])
+def test_the_latency_of_stamps_is_found_from_the_log(moves, tmp_path, period):
+    polling = Polling(period=period)
+    log = polled_log(moves, truth(), np.random.default_rng(3), ALONE, polling, begin=1.0)
+    [run] = logged_runs(tmp_path / "log.parquet", log)
+    assert run.latency == pytest.approx(period, rel=0.15)
+
+
+def run_of(moves, folder, seed=5):
+    log = polled_log(moves, truth(), np.random.default_rng(seed), ALONE, begin=1.0)
+    [run] = logged_runs(folder / "log.parquet", log)
+    one = observe(run, "part", moves, "", SHORTEST)
+    return MatchedRun(match=Match(run=run, program="part"), observed=(one,))
+
+
+BANDS = {name: Band(lower=0.01, upper=0.01, n=9, groups=3) for name in ("", WHOLE)}
+
+
+def test_the_interval_of_a_measured_dwell_holds_the_latency_of_the_stamps(tmp_path):
+    """G4 is exact to a tick of the control, its stamps to a poll at each end."""
+    dwells = [line for k in range(3) for line in (f"G1 X{20 * (k % 2)} F1000", "G4 P700")]
+    moves = moves_of(["G21 G90 G94", *rapids((50, 300)), *dwells, "G0 X0", "M30"], tmp_path)
+    inside = []
+    for seed in range(8):
+        frame = predicted(run_of(moves, tmp_path, seed), {"": truth()}, BANDS).frame
+        [row] = frame[frame["regime"] == DWELL].itertuples()
+        assert row.exact == row.predicted == pytest.approx(2.1)
+        assert 0.15 < row.high - row.predicted < 0.45
+        inside.append(row.low < row.measured < row.high)
+    assert sum(inside) >= 7
+    plan = planned_program(moves, truth())
+    low, high = time_interval(plan, BANDS, {})  # said of a program: the dwells to a tick each
+    assert high - low == pytest.approx(0.02 * (plan.total - 2.1) + 6 * 0.001, abs=2e-3)
+
+
+def test_the_interval_of_a_time_reaches_as_far_as_the_runs_leave_it_open(moves, tmp_path):
+    """Of arcs, where arc acceleration is open; of rapids not."""
+    slow, fast = (
+        replace(truth(), axes={
+            a: replace(x, arc_acceleration=400.0 * k) for a, x in truth().axes.items()
+        })
+        for k in (0.3, 3.0)
+    )  # fmt: skip
+    run = run_of(moves, tmp_path)
+    narrow = predicted(run, {"": truth()}, BANDS).frame.set_index("regime")
+    wide = predicted(run, {"": truth()}, BANDS, {"": (slow, fast)}).frame.set_index("regime")
+    for regime in ("arc", WHOLE):
+        assert wide.high[regime] > narrow.high[regime] + 1
+        assert wide.low[regime] < narrow.low[regime]
+    assert wide.high["rapid"] == narrow.high["rapid"]
+    plan = planned_program(moves, truth())
+    low, high = time_interval(plan, BANDS, {}, (slow, fast))
+    assert low < planned_program(moves, fast).total
+    assert high > planned_program(moves, slow).total
+    assert time_interval(plan, BANDS, {})[1] < planned_program(moves, slow).total
