@@ -21,20 +21,14 @@ MOST = 1e12
 
 @dataclass(frozen=True, kw_only=True)
 class Band:
-    """A part of a figure with its own values.
-
-    Parameters
-    ----------
-    top, height : float
-        Where it stands [px].
-    low, high : float
-        Values at its bottom and its top.
-    """
+    """A part of a figure with its own values."""
 
     top: float
     height: float
+    """Where it stands [px]."""
     low: float
     high: float
+    """Values at its bottom and its top."""
 
     @property
     def bottom(self) -> float:

@@ -151,37 +151,24 @@ def unremarkable(group: str, name: str, before: Parameter, now: Parameter) -> st
 
 @dataclass(frozen=True, kw_only=True)
 class SubModelPage:
-    """What only one sub-model can show and say on its machine's page.
-
-    Parameters
-    ----------
-    verdict : PartVerdict or None
-        For the head of the page, in the words of the shop floor; None where nothing was judged.
-    key_figures : list of (str, str, str)
-        Name, value, aside; the first is the one that counts.
-    doubts : list of str
-        What a model that passed is no good at; they make a reservation of its pass.
-    notes : list of str
-        What else is unusual, the most important first.
-    actions : list of Action
-        What these records ask of people, besides what ``verdict`` says of the model.
-    sections : list of Section
-        In the order in which they are read.
-    truth : list of Table
-        What is true of a simulated machine beside what was identified.
-    compared : mapping of str to Compared
-        Key figures that the next report is compared with.
-    changed : callable
-        What a change of a parameter since the last report means: of its group, its name, the
-        parameter then and now; empty where it says nothing.
-    """
+    """What only one sub-model can show and say on its machine's page."""
 
     verdict: PartVerdict | None = None
+    """For the head of the page, in the words of the shop floor; None where nothing was judged."""
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
+    """Name, value, aside; the first is the one that counts."""
     doubts: list[str] = field(default_factory=list)
+    """What a model that passed is no good at; they make a reservation of its pass."""
     notes: list[str] = field(default_factory=list)
+    """What else is unusual, the most important first."""
     actions: list[Action] = field(default_factory=list)
+    """What these records ask of people, besides what ``verdict`` says of the model."""
     sections: list[Section] = field(default_factory=list)
+    """In the order in which they are read."""
     truth: list[Table] = field(default_factory=list)
+    """What is true of a simulated machine beside what was identified."""
     compared: dict[str, Compared] = field(default_factory=dict)
+    """Key figures that the next report is compared with."""
     changed: ChangeNote = unremarkable
+    """What a change of a parameter since the last report means: of its group, its name, the
+    parameter then and now; empty where it says nothing."""

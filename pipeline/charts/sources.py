@@ -34,18 +34,12 @@ class Source:
 
 @dataclass
 class SourceRegistry:
-    """The files of one machine: reads them once, keeps their hashes.
-
-    Parameters
-    ----------
-    used : dict of str to Source
-        Every file read so far, by the path as shown.
-    broken : dict of str to str
-        Files that exist and could not be read, and why.
-    """
+    """The files of one machine: reads them once, keeps their hashes."""
 
     used: dict[str, Source] = field(default_factory=dict)
+    """Every file read so far, by the path as shown."""
     broken: dict[str, str] = field(default_factory=dict)
+    """Files that exist and could not be read, and why."""
 
     def document(self, path: Path, made_from: str = "") -> dict[str, Any] | None:
         """A JSON object, or None when the file is absent or is not one."""

@@ -32,61 +32,6 @@ Length = Annotated[float, Range(least=0.01, most=1000.0)]
 class Tool(Ranged, section="tool"):
     """One tool.
 
-    Parameters
-    ----------
-    kind : {"flat", "bull_nose", "ball", "drill"}
-        Form of its end.
-    role : str
-        What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
-        ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
-        ``boring_bar``, ``engraver``, ``probe``, ``countersink`` or ``counterbore``.  Geometry goes
-        by ``kind``.
-    diameter_mm : float
-        D over the cutting edges [mm].
-    flutes : int
-        Number of teeth N.
-    helix_deg : float
-        Helix angle of the edges [deg]; positive for a right-hand helix.
-    corner_radius_mm : float
-        Of a bull-nose end mill [mm]; a ball's is D / 2, others have none.
-    point_angle_deg : float
-        Of a drill, the whole angle [deg].
-    flute_length_mm : float, optional
-        Length that can cut [mm].
-    stickout_mm : float, optional
-        From the holder's face to the tip [mm]; without it no deflection is known.
-    shank_diameter_mm : float, optional
-        [mm]; the tool's diameter by default.  A wider one begins where the flutes end.
-    holder_diameter_mm : float, optional
-        Of the holder at its face, the underside of all that is above the stickout [mm].
-    youngs_modulus_GPa : float
-        Of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed steel.
-    runout_um : float
-        Distance of the tool's axis from the spindle's [um].
-    runout_deg : float
-        Angle of that offset from the first tooth, in the sense of the tooth's motion [deg].
-    material : {"carbide", "hss"}
-        Cutting material; chooses a material's constants of tool life.
-    coating : str
-        As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is
-        not known.
-    price : float
-        Of a new tool, or of an insert's set of edges, in the currency of the costs.
-    edges : int
-        Lives that one price buys (regrinds, edges of an insert).
-    feed_per_tooth_mm, cutting_speed_m_min : tuple of float, optional
-        Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
-        lip [mm], v_c at the full diameter [m/min].
-    change : tuple of float, optional
-        F, S and the feed for each tooth over those programmed, least and greatest [1]; by default
-        that of the part's limits.
-    top_speed_rpm : float, optional
-        Greatest spindle speed that its maker, or its holder's, allows [rev/min].
-    flank_wear_um : float, optional
-        Flank wear VB that it has now, as measured [um].
-    name : str
-        For people.
-
     Raises
     ------
     ValueError
@@ -94,29 +39,58 @@ class Tool(Ranged, section="tool"):
     """
 
     kind: Kind
+    """Form of its end."""
     role: Role = ""
+    """What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
+    ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
+    ``boring_bar``, ``engraver``, ``probe``, ``countersink`` or ``counterbore``.  Geometry goes by
+    ``kind``."""
     diameter_mm: Length
+    """D over the cutting edges [mm]."""
     flutes: Annotated[int, Range(least=1, most=200)]
+    """Number of teeth N."""
     helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
+    """Helix angle of the edges [deg]; positive for a right-hand helix."""
     corner_radius_mm: Annotated[float, Range(least=0.0, most=500.0)] = 0.0
+    """Of a bull-nose end mill [mm]; a ball's is D / 2, others have none."""
     point_angle_deg: Annotated[float, Range(least=30.0, most=180.0)] = 140.0
+    """Of a drill, the whole angle [deg]."""
     flute_length_mm: Length | None = None
+    """Length that can cut [mm]."""
     stickout_mm: Annotated[float, Range(least=0.1, most=3000.0)] | None = None
+    """From the holder's face to the tip [mm]; without it no deflection is known."""
     shank_diameter_mm: Length | None = None
+    """[mm]; the tool's diameter by default.  A wider one begins where the flutes end."""
     holder_diameter_mm: Length | None = None
+    """Of the holder at its face, the underside of all that is above the stickout [mm]."""
     youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
+    """Of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed steel."""
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
+    """Distance of the tool's axis from the spindle's [um]."""
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
+    """Angle of that offset from the first tooth, in the sense of the tooth's motion [deg]."""
     material: Literal["carbide", "hss"] = "carbide"
+    """Cutting material; chooses a material's constants of tool life."""
     coating: str = ""
+    """As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is not
+    known."""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
+    """Of a new tool, or of an insert's set of edges, in the currency of the costs."""
     edges: Annotated[int, Range(least=1, most=1000)] = 1
+    """Lives that one price buys (regrinds, edges of an insert)."""
     feed_per_tooth_mm: tuple[float, ...] | None = None
     cutting_speed_m_min: tuple[float, ...] | None = None
+    """Least and greatest that its maker allows in the material that is cut: f_z of each tooth or
+    lip [mm], v_c at the full diameter [m/min]."""
     change: Annotated[tuple[float, ...], Range(above=0.0, most=1e6)] | None = None
+    """F, S and the feed for each tooth over those programmed, least and greatest [1]; by default
+    that of the part's limits."""
     top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
+    """Greatest spindle speed that its maker, or its holder's, allows [rev/min]."""
     flank_wear_um: Annotated[float, Range(least=0.0, most=2000.0)] | None = None
+    """Flank wear VB that it has now, as measured [um]."""
     name: str = ""
+    """For people."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -203,13 +177,6 @@ def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
 class ToolTable:
     """Tools by their number.
 
-    Parameters
-    ----------
-    tools : dict of int to Tool
-        By the number in the program.
-    description : str
-        Whose tools they are, for people.
-
     Raises
     ------
     ValueError
@@ -217,7 +184,9 @@ class ToolTable:
     """
 
     tools: dict[int, Tool]
+    """By the number in the program."""
     description: str = ""
+    """Whose tools they are, for people."""
 
     def __post_init__(self) -> None:
         if not self.tools:

@@ -170,33 +170,22 @@ Variables = FanucVariables | LinuxcncParameters | SiemensVariables
 
 @dataclass(slots=True, kw_only=True)
 class Level:
-    """A program or subprogram that is being executed.
-
-    Parameters
-    ----------
-    source : Source
-        Program that holds its lines.
-    line : int
-        The next one.
-    first : int
-        The one it began with.
-    jump : Jump or None
-        The call, where M98, G65 or G66 made it.
-    label : str or None
-        Of an O-word subroutine.
-    repeats_left : int
-        Repetitions after the current one.
-    loops : dict of str to int
-        Label of an open repeat or do -> repetitions left, or the line of the do.
-    """
+    """A program or subprogram that is being executed."""
 
     source: Source
+    """Program that holds its lines."""
     line: int
+    """The next one."""
     first: int
+    """The one it began with."""
     jump: Jump | None = None
+    """The call, where M98, G65 or G66 made it."""
     label: str | None = None
+    """Label of an O-word subroutine."""
     repeats_left: int = 0
+    """Repetitions after the current one."""
     loops: dict[str, int] = field(default_factory=dict)
+    """Label of an open repeat or do -> repetitions left, or the line of the do."""
 
 
 class CallStack:

@@ -43,51 +43,35 @@ SMALLEST_GAP = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Rules:
-    """Rules of a dialect for entering a contour and for its corners.
-
-    Parameters
-    ----------
-    entry : str
-        Where the first move ends, perpendicular to its end point: beside its ``own`` line or arc
-        (LinuxCNC) or beside the ``next`` element (Fanuc type A, Siemens NORM).
-    outer : str
-        Around outer corners: an ``arc`` about the corner, or ``lines``: the two offset lines
-        (tangents of arcs) are lengthened until they meet, in corners sharper than 90° by the tool's
-        radius only.
-    tangent : float
-        Up to this turn no corner is made: the second element starts where the first ends [rad].
-    back : float
-        A turn that is so near to 180° is a turn back, outside or inside as an arc bends [rad].
-    recount : bool
-        An arc keeps its number of turns begun whatever corners do to its ends; so a full circle
-        that starts past its end, after a nearly tangent corner, becomes the rest of it.
-    """
+    """Rules of a dialect for entering a contour and for its corners."""
 
     entry: Literal["own", "next"]
+    """Where the first move ends, perpendicular to its end point: beside its ``own`` line or arc
+    (LinuxCNC) or beside the ``next`` element (Fanuc type A, Siemens NORM)."""
     outer: Literal["arc", "lines"]
+    """Around outer corners: an ``arc`` about the corner, or ``lines``: the two offset lines
+    (tangents of arcs) are lengthened until they meet, in corners sharper than 90° by the tool's
+    radius only."""
     tangent: float
+    """Up to this turn no corner is made: the second element starts where the first ends [rad]."""
     back: float
+    """A turn that is so near to 180° is a turn back, outside or inside as an arc bends [rad]."""
     recount: bool
+    """An arc keeps its number of turns begun whatever corners do to its ends; so a full circle that
+    starts past its end, after a nearly tangent corner, becomes the rest of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corner:
-    """Corner between two elements: end of the first, inserted moves, start of the second.
-
-    Parameters
-    ----------
-    end, start : complex
-        [mm]
-    lines : tuple of complex
-        End points of inserted lines [mm]; the last one is ``start``.
-    angle : float
-        Swept by an inserted arc about the corner [rad]; 0 for none.
-    """
+    """Corner between two elements: end of the first, inserted moves, start of the second."""
 
     end: complex
     start: complex
+    """[mm]"""
     lines: tuple[complex, ...] = ()
+    """End points of inserted lines [mm]; the last one is ``start``."""
     angle: float = 0.0
+    """Swept by an inserted arc about the corner [rad]; 0 for none."""
 
 
 RULES = {

@@ -37,34 +37,23 @@ class CompensationError(ValueError):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Element:
-    """A line, an arc, or a move along the plane's normal only.
-
-    Parameters
-    ----------
-    start, end : complex
-        In the plane, u + iv [mm].
-    normal : float
-        Coordinate along the plane's normal at the end [mm].
-    row : int
-        The caller's number of the move; what is made of one keeps it.
-    centre : complex or None
-        Of an arc [mm].
-    angle : float
-        Swept by an arc, anticlockwise positive, full turns included [rad].
-    rapid : bool
-        G0.
-    inserted : bool
-        Leads around an outer corner before the move of its row.
-    """
+    """A line, an arc, or a move along the plane's normal only."""
 
     start: complex
     end: complex
+    """In the plane, u + iv [mm]."""
     normal: float
+    """Coordinate along the plane's normal at the end [mm]."""
     row: int
+    """The caller's number of the move; what is made of one keeps it."""
     centre: complex | None = None
+    """Centre of an arc [mm]."""
     angle: float = 0.0
+    """Swept by an arc, anticlockwise positive, full turns included [rad]."""
     rapid: bool = False
+    """G0."""
     inserted: bool = False
+    """Leads around an outer corner before the move of its row."""
 
     @property
     def planar(self) -> bool:

@@ -40,75 +40,51 @@ POSITION, TRANSLATION, FEED, SPEED, TOLERANCE, UNIT = 0, 6, 12, 13, 14, 15
 
 @dataclass(slots=True, kw_only=True)
 class State:
-    """Modal state between two blocks.
-
-    Parameters
-    ----------
-    position : list of 6 floats
-        X Y Z A B C of the machine [mm, deg].
-    translation : list of 6 floats
-        Machine = program + translation, where ``transformed`` is 0 [mm, deg].
-    feed : float
-        F [mm/min], [1/min] or [mm/rev] as ``feed_mode`` says; 0 before the first.
-    speed : float
-        S [rev/min] or [m/min], kept while the spindle stands.
-    tolerance : float
-        P of G64 [mm].
-    unit : float
-        Millimetres in the program's unit of length: 1 (G21) or 25.4 (G20).
-    dialect : int
-        ``FANUC``, ``LINUXCNC`` or ``SIEMENS``.
-    motion : int
-        Ten times the G code of group 1 (0, 10, 20, 30, 330, 382, a cycle, ``CANCELLED``).
-    plane : int
-        17, 18 or 19.
-    absolute, arc_absolute : int
-        1 for G90 (G90.1), 0 for G91 (G91.1).
-    feed_mode : int
-        93, 94 or 95.
-    path_mode : int
-        :class:`~pipeline.gcode.moves.PathMode`.
-    direction : int
-        Of the spindle: 1 for M3, -1 for M4, 0 standing.
-    constant_surface_speed : int
-        1 for G96.
-    tool, selected : int
-        In the spindle (-1 before the first) and selected by T (-1 before the first).
-    frame : int
-        Index of the frame in force in ``Moves.frames``.
-    file : int
-        Index of the file being read.
-    wcs : int
-        Ten times the G code of the work coordinate system in force (540 to 593, 541 for G54.1).
-    compensation : int
-        0 for G40, 41 or 42 (cutter radius compensation left, right).
-    transformed : int
-        1 when positions are more than program + translation: rotation, scaling, mirror, polar
-        coordinates, diameter programming, or a modal macro call.
-    """
+    """Modal state between two blocks."""
 
     position: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """X Y Z A B C of the machine [mm, deg]."""
     translation: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """Machine = program + translation, where ``transformed`` is 0 [mm, deg]."""
     feed: float = 0.0
+    """F [mm/min], [1/min] or [mm/rev] as ``feed_mode`` says; 0 before the first."""
     speed: float = 0.0
+    """S [rev/min] or [m/min], kept while the spindle stands."""
     tolerance: float = 0.0
+    """P of G64 [mm]."""
     unit: float = 1.0
+    """Millimetres in the program's unit of length: 1 (G21) or 25.4 (G20)."""
     dialect: int = FANUC
+    """``FANUC``, ``LINUXCNC`` or ``SIEMENS``."""
     motion: int = 0
+    """Ten times the G code of group 1 (0, 10, 20, 30, 330, 382, a cycle, ``CANCELLED``)."""
     plane: int = 17
+    """17, 18 or 19."""
     absolute: int = 1
     arc_absolute: int = 0
+    """1 for G90 (G90.1), 0 for G91 (G91.1)."""
     feed_mode: int = FeedMode.PER_MINUTE
+    """93, 94 or 95."""
     path_mode: int = PathMode.CONTINUOUS
+    """:class:`~pipeline.gcode.moves.PathMode`."""
     direction: int = 0
+    """Direction of the spindle: 1 for M3, -1 for M4, 0 standing."""
     constant_surface_speed: int = 0
+    """1 for G96."""
     tool: int = -1
     selected: int = -1
+    """In the spindle (-1 before the first) and selected by T (-1 before the first)."""
     frame: int = 0
+    """Index of the frame in force in ``Moves.frames``."""
     file: int = 0
+    """Index of the file being read."""
     wcs: int = 540
+    """Ten times the G code of the work coordinate system in force (540 to 593, 541 for G54.1)."""
     compensation: int = 0
+    """0 for G40, 41 or 42 (cutter radius compensation left, right)."""
     transformed: int = 0
+    """1 when positions are more than program + translation: rotation, scaling, mirror, polar
+    coordinates, diameter programming, or a modal macro call."""
 
     def to_arrays(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
         """Floats (16,) and integers (16,) for a compiled loop; ``FEED``, ``MOTION``… name them."""
@@ -134,25 +110,17 @@ SIEMENS_ONLY = frozenset({"siemens"})
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Codes of which one is in force.
-
-    Parameters
-    ----------
-    codes : tuple of int
-        Ten times the G code.
-    step : int
-        When a block carries them out, small first: LinuxCNC's order, which is Fanuc's too where the
-        order matters.
-    default : int
-        In force when the control is switched on; 0 in groups without one is G0.
-    dialects : frozenset of str
-        That have the group.
-    """
+    """Codes of which one is in force."""
 
     codes: tuple[int, ...]
+    """Ten times the G code."""
     step: int
+    """When a block carries them out, small first: LinuxCNC's order, which is Fanuc's too where the
+    order matters."""
     default: int | None = None
+    """In force when the control is switched on; 0 in groups without one is G0."""
     dialects: frozenset[str] = ALL_DIALECTS
+    """That have the group."""
 
 
 GROUPS: dict[str, Group] = {

@@ -59,130 +59,87 @@ class PathMode(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """A work coordinate system in force: machine = rotate(program) + translation.
-
-    Parameters
-    ----------
-    name : str
-        ``"G54"``, ``"G54.1 P3"``, with what lies on it (``"G54+G92"``).
-    translation : tuple of 6 floats
-        [mm, deg]; offsets, G52, G92 and tool length together.
-    rotation : float
-        G68 about the axis normal to the plane [deg].
-    """
+    """A work coordinate system in force: machine = rotate(program) + translation."""
 
     name: str = "G54"
+    """``"G54"``, ``"G54.1 P3"``, with what lies on it (``"G54+G92"``)."""
     translation: tuple[float, float, float, float, float, float] = (0, 0, 0, 0, 0, 0)
+    """Translation [mm, deg]; offsets, G52, G92 and tool length together."""
     rotation: float = 0.0
+    """G68 about the axis normal to the plane [deg]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutterRadius:
-    """Radius that a G41 or G42 took of a register.
-
-    Parameters
-    ----------
-    word : str
-        ``"G41"`` or ``"G42"``.
-    line, file : int
-        As those of :class:`Moves`.
-    tool : int
-        In the spindle; -1 before the first tool change.
-    register : int
-        Number of the register.
-    radius : float
-        What it holds, wear included [mm]; 0 where the set-up does not have it.
-    """
+    """Radius that a G41 or G42 took of a register."""
 
     word: str
+    """``"G41"`` or ``"G42"``."""
     line: int
     file: int
+    """As those of :class:`Moves`."""
     tool: int
+    """In the spindle; -1 before the first tool change."""
     register: int
+    """Number of the register."""
     radius: float
+    """What it holds, wear included [mm]; 0 where the set-up does not have it."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Moves:
-    """M rows; every array has M as its first axis.
-
-    Parameters
-    ----------
-    origin : (6,) array of float64
-        Where the machine stood before the first row [mm, deg].
-    kind : (M,) array of uint8
-        :class:`Kind`.
-    line : (M,) array of int32
-        Line that the row comes from, counting from 1, in ``files[file]``.
-    file : (M,) array of int16
-        Index into ``files`` (subprograms may lie in other files).
-    end : (M, 6) array of float64
-        X Y Z A B C in the machine's frame [mm, deg], tool length included.
-    centre : (M, 3) array of float64
-        Of arcs, in the machine's frame [mm]; its coordinate along the plane's normal is that of the
-        start.  NaN in other rows.
-    angle : (M,) array of float64
-        Angle an arc sweeps about the normal of its plane, anticlockwise positive, full turns
-        included [rad].  Radius goes linearly with the angle from start to end (a spiral where they
-        differ), and so do the other axes (a helix).  0 in other rows.
-    plane : (M,) array of uint8
-        17 (XY), 18 (ZX) or 19 (YZ).
-    feed : (M,) array of float64
-        As ``feed_mode`` says: [mm/min], [1/min] or [mm/rev].
-    feed_mode : (M,) array of uint8
-        :class:`FeedMode`.
-    speed : (M,) array of float64
-        S: [rev/min], or [m/min] where ``constant_surface_speed``; 0 when the spindle stands.
-    direction : (M,) array of int8
-        Of the spindle: 1 for M3, -1 for M4, 0 when it stands.
-    constant_surface_speed : (M,) array of bool
-        G96.
-    tool : (M,) array of int32
-        In the spindle, after the row; -1 before the first tool change.
-    frame : (M,) array of int32
-        Index into ``frames``.
-    path_mode : (M,) array of uint8
-        :class:`PathMode`.
-    tolerance : (M,) array of float64
-        Of G64 P [mm]; 0 for the control's own.
-    code : (M,) array of int32
-        Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions; of what moves in a canned
-        cycle: its G code, as 81.
-    value : (M,) array of float64
-        Of DWELL: how long [s] or [rev]; of M_CODE: its P or 0.
-    files : tuple of str
-        The program's file and those of its subprograms.
-    frames : tuple of Frame
-        Work coordinate systems used.
-    cutter_radii : tuple of CutterRadius
-        Radii of each G41 and G42 that took one of a register, in their order.
-    notices : tuple of str
-        What the user is told of the program up to here: words not read, assumptions.
-    """
+    """M rows; every array has M as its first axis."""
 
     origin: npt.NDArray[np.float64]
+    """Where the machine stood before the first row [mm, deg]."""
     kind: npt.NDArray[np.uint8]
+    """:class:`Kind`."""
     line: npt.NDArray[np.int32]
+    """Line that the row comes from, counting from 1, in ``files[file]``."""
     file: npt.NDArray[np.int16]
+    """Index into ``files`` (subprograms may lie in other files)."""
     end: npt.NDArray[np.float64]
+    """X Y Z A B C in the machine's frame [mm, deg], tool length included."""
     centre: npt.NDArray[np.float64]
+    """Of arcs, in the machine's frame [mm]; its coordinate along the plane's normal is that of the
+    start.  NaN in other rows."""
     angle: npt.NDArray[np.float64]
+    """Angle an arc sweeps about the normal of its plane, anticlockwise positive, full turns
+    included [rad].  Radius goes linearly with the angle from start to end (a spiral where they
+    differ), and so do the other axes (a helix).  0 in other rows."""
     plane: npt.NDArray[np.uint8]
+    """17 (XY), 18 (ZX) or 19 (YZ)."""
     feed: npt.NDArray[np.float64]
+    """As ``feed_mode`` says: [mm/min], [1/min] or [mm/rev]."""
     feed_mode: npt.NDArray[np.uint8]
+    """:class:`FeedMode`."""
     speed: npt.NDArray[np.float64]
+    """S: [rev/min], or [m/min] where ``constant_surface_speed``; 0 when the spindle stands."""
     direction: npt.NDArray[np.int8]
+    """Direction of the spindle: 1 for M3, -1 for M4, 0 when it stands."""
     constant_surface_speed: npt.NDArray[np.bool_]
+    """G96."""
     tool: npt.NDArray[np.int32]
+    """In the spindle, after the row; -1 before the first tool change."""
     frame: npt.NDArray[np.int32]
+    """Index into ``frames``."""
     path_mode: npt.NDArray[np.uint8]
+    """:class:`PathMode`."""
     tolerance: npt.NDArray[np.float64]
+    """Of G64 P [mm]; 0 for the control's own."""
     code: npt.NDArray[np.int32]
+    """Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions; of what moves in a canned
+    cycle: its G code, as 81."""
     value: npt.NDArray[np.float64]
+    """Of DWELL: how long [s] or [rev]; of M_CODE: its P or 0."""
     files: tuple[str, ...]
+    """The program's file and those of its subprograms."""
     frames: tuple[Frame, ...] = (Frame(),)
+    """Work coordinate systems used."""
     cutter_radii: tuple[CutterRadius, ...] = ()
+    """Radii of each G41 and G42 that took one of a register, in their order."""
     notices: tuple[str, ...] = ()
+    """What the user is told of the program up to here: words not read, assumptions."""
 
     def __post_init__(self) -> None:
         for name, array in self.columns():

@@ -19,45 +19,32 @@ IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 
 @dataclass(slots=True, kw_only=True)
 class Offsets:
-    """Offsets, rotations, scaling and mirror of a program's coordinates [mm, deg].
-
-    Parameters
-    ----------
-    work : dict of str to list of 6 floats
-        By name (``"G54"``, ``"G54.1 P3"``, ``"EXT"``).
-    rotations : dict of str to float
-        Rotation of a work coordinate system about Z (LinuxCNC) [deg].
-    active : str
-        Name of the work coordinate system in force.
-    g52, g92 : list of 6 floats
-        Local system, and the shift by G92.
-    g92_kept : list of 6 floats or None
-        What G92.2 put aside.
-    length : list of 6 floats
-        Tool offset in force.
-    rotation, centre_of_rotation, plane_of_rotation : float, 2 floats, int
-        G68: angle [deg], centre and plane; 0 where off.
-    scale, scale_centre, mirror, mirror_centre : lists of 3 floats
-        G51 and G51.1.
-    polar : bool
-        G16.
-    """
+    """Offsets, rotations, scaling and mirror of a program's coordinates [mm, deg]."""
 
     work: dict[str, list[float]]
+    """By name (``"G54"``, ``"G54.1 P3"``, ``"EXT"``)."""
     rotations: dict[str, float] = field(default_factory=dict)
+    """Rotation of a work coordinate system about Z (LinuxCNC) [deg]."""
     active: str = "G54"
+    """Name of the work coordinate system in force."""
     g52: list[float] = field(default_factory=lambda: [0.0] * 6)
     g92: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """Local system, and the shift by G92."""
     g92_kept: list[float] | None = None
+    """What G92.2 put aside."""
     length: list[float] = field(default_factory=lambda: [0.0] * 6)
+    """Tool offset in force."""
     rotation: float = 0.0
     centre_of_rotation: tuple[float, float] = (0.0, 0.0)
     plane_of_rotation: int = 17
+    """G68: angle [deg], centre and plane; 0 where off."""
     scale: list[float] = field(default_factory=lambda: [1.0] * 3)
     scale_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
     mirror: list[float] = field(default_factory=lambda: [1.0] * 3)
     mirror_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
+    """G51 and G51.1."""
     polar: bool = False
+    """G16."""
 
     @property
     def work_rotation(self) -> float:

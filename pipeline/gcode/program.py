@@ -34,21 +34,14 @@ class TokenKind(IntEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Tokens:
-    """K tokens on L lines, in the order of the bytes; together they are all of them.
-
-    Parameters
-    ----------
-    kind : (K,) array of uint8
-        :class:`Kind`.
-    start : (K + 1,) array of int32
-        Byte that each begins at; it ends where the next begins.
-    first : (L + 1,) array of int32
-        First token of each line.
-    """
+    """K tokens on L lines, in the order of the bytes; together they are all of them."""
 
     kind: npt.NDArray[np.uint8]
+    """:class:`Kind`."""
     start: npt.NDArray[np.int32]
+    """Byte that each begins at; it ends where the next begins."""
     first: npt.NDArray[np.int32]
+    """First token of each line."""
 
 
 def tokens(data: bytes, name: str) -> Tokens:
@@ -108,32 +101,22 @@ LETTERS = b",@^$abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 @dataclass(frozen=True, slots=True)
 class Word:
-    """A letter and its value, as they stand in a line.
-
-    Parameters
-    ----------
-    letter : str
-        Upper case; ``",R"`` and ``",C"`` with their comma.
-    value : float or None
-        None where the value is an expression.
-    expression : str or None
-        The value as written where it is no number: ``"[#1+2]"``.
-    text : bytes
-        The whole word.
-    line, column : int
-        Where it begins, counting from 1; a column is a byte.
-    start, end : int
-        Its bytes in the program, counting from 0.
-    """
+    """A letter and its value, as they stand in a line."""
 
     letter: str
+    """Upper case; ``",R"`` and ``",C"`` with their comma."""
     value: float | None
+    """None where the value is an expression."""
     expression: str | None
+    """The value as written where it is no number: ``"[#1+2]"``."""
     text: bytes
+    """The whole word."""
     line: int
     column: int
+    """Where it begins, counting from 1; a column is a byte."""
     start: int
     end: int
+    """Its bytes in the program, counting from 0."""
 
 
 @dataclass(frozen=True, slots=True)

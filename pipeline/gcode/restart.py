@@ -16,26 +16,18 @@ LENGTHS = "RZQIJ"
 
 @dataclass(frozen=True, kw_only=True)
 class Restart:
-    """The state in force before a line, as words of the program's dialect.
-
-    Parameters
-    ----------
-    line : int
-        Of the program, the first time that it is reached.
-    words : mapping of str to str
-        What is in force, by what it is.
-    program, machine : tuple of 6 floats
-        X Y Z A B C in program and in machine coordinates [mm, deg], lengths of ``program`` in the
-        program's unit.
-    warnings : tuple of str
-        Why the program cannot simply go on from here.
-    """
+    """The state in force before a line, as words of the program's dialect."""
 
     line: int
+    """Line of the program, the first time that it is reached."""
     words: dict[str, str]
+    """What is in force, by what it is."""
     program: tuple[float, ...]
     machine: tuple[float, ...]
+    """X Y Z A B C in program and in machine coordinates [mm, deg], lengths of ``program`` in the
+    program's unit."""
     warnings: tuple[str, ...] = ()
+    """Why the program cannot simply go on from here."""
 
 
 def restart_of(run: Run, line: int, *, inside: bool, modal: str = "") -> Restart:

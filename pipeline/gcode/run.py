@@ -16,27 +16,18 @@ AXES = {"X": 0, "Y": 1, "Z": 2, "A": 3, "B": 4, "C": 5}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jump:
-    """Jump out of a block: M97, M98, M99, G65 or the end of the program.
-
-    Parameters
-    ----------
-    kind : str
-        ``"call"``, ``"local call"``, ``"return"`` or ``"end"``.
-    item : WordItem
-        The word that says so.
-    number : int or None
-        Of the program to call, or of the N word to call or to return to.
-    count : int
-        How often.
-    arguments : mapping of int to float, or None
-        Local variables of a macro; None for a plain subprogram, which shares those of its caller.
-    """
+    """Jump out of a block: M97, M98, M99, G65 or the end of the program."""
 
     kind: str
+    """``"call"``, ``"local call"``, ``"return"`` or ``"end"``."""
     item: WordItem
+    """The word that says so."""
     number: int | None = None
+    """Number of the program to call, or of the N word to call or to return to."""
     count: int = 1
+    """How often."""
     arguments: Mapping[int, float] | None = None
+    """Local variables of a macro; None for a plain subprogram, which shares those of its caller."""
 
 
 class Block:
@@ -115,21 +106,14 @@ class Block:
 
 @dataclass(slots=True)
 class Cycle:
-    """Words of a canned cycle, which stay in force until it is cancelled [mm, s].
-
-    Parameters
-    ----------
-    code : int
-        Ten times the G code; ``CANCELLED`` when none is in force.
-    initial : float
-        Coordinate along the plane's normal before the first block of the cycle.
-    words : dict of str to float
-        R, Z, Q, P … as last given, R and Z in program coordinates.
-    """
+    """Words of a canned cycle, which stay in force until it is cancelled [mm, s]."""
 
     code: int = CANCELLED
+    """Ten times the G code; ``CANCELLED`` when none is in force."""
     initial: float = 0.0
+    """Coordinate along the plane's normal before the first block of the cycle."""
     words: dict[str, float] = field(default_factory=dict)
+    """R, Z, Q, P … as last given, R and Z in program coordinates."""
 
 
 @dataclass(slots=True)
@@ -190,55 +174,36 @@ class Snapshot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contour:
-    """Contour that G41 or G42 opened.
-
-    Parameters
-    ----------
-    side : int
-        1 for left, -1 for right.
-    radius : float
-        Of the tool [mm].
-    plane : int
-        17, 18 or 19.
-    first : int
-        Row that the contour begins with.
-    start : tuple of 6 floats
-        Where the machine stood [mm, deg].
-    word : str
-        That opened it, for errors.
-    """
+    """Contour that G41 or G42 opened."""
 
     side: int
+    """1 for left, -1 for right."""
     radius: float
+    """Radius of the tool [mm]."""
     plane: int
+    """17, 18 or 19."""
     first: int
+    """Row that the contour begins with."""
     start: tuple[float, ...]
+    """Where the machine stood [mm, deg]."""
     word: str
+    """That opened it, for errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Corner:
-    """A corner whose next line is still to come.
-
-    Parameters
-    ----------
-    rounded : bool
-        An arc, else a chamfer.
-    size : float
-        Radius, or length of each side that a chamfer takes off [mm].
-    row : int
-        That ends in the corner.
-    block : Block
-        Of that row, for errors.
-    item : WordItem
-        That asks for it.
-    """
+    """A corner whose next line is still to come."""
 
     rounded: bool
+    """An arc, else a chamfer."""
     size: float
+    """Radius, or length of each side that a chamfer takes off [mm]."""
     row: int
+    """That ends in the corner."""
     block: Block
+    """Of that row, for errors."""
     item: WordItem
+    """That asks for it."""
 
 
 SAVED = (

@@ -59,21 +59,14 @@ def key_figure(name: str, unit: str, value: float | str | None) -> KeyFigure:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineFigures:
-    """Key figures of one machine.
-
-    Parameters
-    ----------
-    figures : mapping of str to KeyFigure
-        In the order in which changes are shown.
-    parameters : mapping
-        Of each sub-model, by group and name, without method and remedy.
-    raw : mapping of str to str
-        SHA-256 of each raw file.
-    """
+    """Key figures of one machine."""
 
     figures: Mapping[str, KeyFigure]
+    """In the order in which changes are shown."""
     parameters: Mapping[str, Mapping[str, Mapping[str, Parameter]]] = field(default_factory=dict)
+    """Parameters of each sub-model, by group and name, without method and remedy."""
     raw: Mapping[str, str] = field(default_factory=dict)
+    """SHA-256 of each raw file."""
 
 
 Machines = Mapping[str, MachineFigures]

@@ -32,30 +32,20 @@ STATUS = {
 
 @dataclass(frozen=True, kw_only=True)
 class EvidencePage:
-    """Body of a page on one subject of a machine: a sub-model, its programs, its records.
-
-    Parameters
-    ----------
-    subject : str
-        Of :func:`~pipeline.report.page_names.evidence_page`.
-    title : str
-        For people.
-    state : StateLine or None
-        What was judged; None where nothing is.
-    key_figures : list of (str, str, str)
-        Name, value, aside.
-    notes : list of str
-        What else is to be known.
-    sections : list of Section
-        In the order in which they are read.
-    """
+    """Body of a page on one subject of a machine: a sub-model, its programs, its records."""
 
     subject: str
+    """Of :func:`~pipeline.report.page_names.evidence_page`."""
     title: str
+    """For people."""
     state: StateLine | None = None
+    """What was judged; None where nothing is."""
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
+    """Name, value, aside."""
     notes: list[str] = field(default_factory=list)
+    """What else is to be known."""
     sections: list[Section] = field(default_factory=list)
+    """In the order in which they are read."""
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:

@@ -45,27 +45,18 @@ class TrueCycle:
 
 @dataclass(frozen=True, kw_only=True)
 class Truth:
-    """The simulated shop floor's truth about a machine.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    document : mapping
-        The whole content; each sub-model takes its own part of it.
-    counts : TrueCounts
-        Of the log.
-    cycles : list of TrueCycle or None
-        All cycles.
-    parameters : mapping
-        Of the simulated machine, nested.
-    """
+    """The simulated shop floor's truth about a machine."""
 
     path: Path
+    """Path of the file."""
     document: Mapping[str, Any]
+    """The whole content; each sub-model takes its own part of it."""
     counts: TrueCounts
+    """Counts of the log."""
     cycles: list[TrueCycle] | None
+    """All cycles."""
     parameters: Mapping[str, Any]
+    """Parameters of the simulated machine, nested."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,57 +11,39 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 @dataclass(frozen=True, kw_only=True)
 class MachineFolders:
-    """Folders, files and description of one machine.
-
-    Parameters
-    ----------
-    name : str
-        The machine's name in the fleet; names its page, ``<name>.html``.
-    signals, clean, models : Path
-        Folders ``data/signals/<machine>``, ``data/clean/<machine>``, ``data/models/<machine>``;
-        each may be absent or hold a part of its files only.
-    submodels : tuple of str
-        Sub-models that the machine has records for, in the order of its page.
-    golden : Path
-        File ``data/golden/<machine>.json``; may be absent.
-    truth : Path or None
-        JSON of what a simulated machine really is; None for recorded machines.
-    programs : Path or None
-        Folder ``data/programs/<machine>`` of simulated programs; may be absent.
-    champion : Path or None
-        Folder ``data/champion/<machine>`` of the models that serve; may be absent.
-    parts : Path or None
-        Folder ``data/parts/<machine>`` of optimised programs; may be absent.
-    trial : Path or None
-        JSON of what the simulated shop floor made of them; None where none was cut.
-    corrected : Path or None
-        JSON of corrected commands driven on the simulated shop floor; None where none were.
-    description : str
-        What machine it is, in a sentence.
-    origin : {"simulated", "recorded"}
-        Where the records come from; simulated results are labelled wherever they stand.
-    credit : str
-        Whose recording it is; shown wherever results on it are shown.
-    missing : tuple of (str, str)
-        What the machine has no records of, and what to record.
-    """
+    """Folders, files and description of one machine."""
 
     name: str
+    """The machine's name in the fleet; names its page, ``<name>.html``."""
     signals: Path
     clean: Path
     models: Path
+    """Folders ``data/signals/<machine>``, ``data/clean/<machine>``, ``data/models/<machine>``; each
+    may be absent or hold a part of its files only."""
     golden: Path
+    """File ``data/golden/<machine>.json``; may be absent."""
     origin: Literal["simulated", "recorded"]
+    """Where the records come from; simulated results are labelled wherever they stand."""
     submodels: tuple[str, ...] = ()
+    """Sub-models that the machine has records for, in the order of its page."""
     truth: Path | None = None
+    """JSON of what a simulated machine really is; None for recorded machines."""
     programs: Path | None = None
+    """Folder ``data/programs/<machine>`` of simulated programs; may be absent."""
     champion: Path | None = None
+    """Folder ``data/champion/<machine>`` of the models that serve; may be absent."""
     parts: Path | None = None
+    """Folder ``data/parts/<machine>`` of optimised programs; may be absent."""
     trial: Path | None = None
+    """JSON of what the simulated shop floor made of them; None where none was cut."""
     corrected: Path | None = None
+    """JSON of corrected commands driven on the simulated shop floor; None where none were."""
     description: str = ""
+    """What machine it is, in a sentence."""
     credit: str = ""
+    """Whose recording it is; shown wherever results on it are shown."""
     missing: tuple[tuple[str, str], ...] = ()
+    """What the machine has no records of, and what to record."""
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name) or self.name == "index":
@@ -77,28 +59,19 @@ class MachineFolders:
 
 @dataclass(frozen=True, kw_only=True)
 class FleetInfo:
-    """State of the project as a whole.
-
-    Parameters
-    ----------
-    name : str
-        Name of the fleet.
-    git_commit, params_sha256 : str or None
-        State of the code and of params.yaml that the results come from; None when not known.
-    budget : str
-        Name of the budget that the stages ran under.
-    notes : tuple of str
-        What that budget cut short, or anything else that every reader must know.
-    versions : dict of str to str
-        Versions of the libraries that the numbers depend on.
-    """
+    """State of the project as a whole."""
 
     name: str = "fleet"
+    """Name of the fleet."""
     git_commit: str | None = None
     params_sha256: str | None = None
+    """State of the code and of params.yaml that the results come from; None when not known."""
     budget: str = "default"
+    """Name of the budget that the stages ran under."""
     notes: tuple[str, ...] = ()
+    """What that budget cut short, or anything else that every reader must know."""
     versions: dict[str, str] = field(default_factory=dict)
+    """Versions of the libraries that the numbers depend on."""
 
     @property
     def libraries(self) -> str:

@@ -19,24 +19,16 @@ CUT = "the programs before and after, cut on the simulated shop floor"
 
 @dataclass(frozen=True, kw_only=True)
 class PartProgram:
-    """One part program, before and after.
-
-    Parameters
-    ----------
-    label : str
-        Of its files.
-    part : OptimisedPart
-        As it is stored.
-    path : Path
-        Of that document; the optimised program lies beside it.
-    cut : TrialPart or None
-        Trial cuts of both on the simulated shop floor; None where nothing was cut.
-    """
+    """One part program, before and after."""
 
     label: str
+    """Label of its files."""
     part: OptimisedPart
+    """As it is stored."""
     path: Path
+    """Of that document; the optimised program lies beside it."""
     cut: TrialPart | None = None
+    """Trial cuts of both on the simulated shop floor; None where nothing was cut."""
 
     @property
     def program(self) -> Path:

@@ -20,30 +20,21 @@ ONE_SIDED = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """The one figure of a sub-model that counts, in words; empty where it is not known.
-
-    Parameters
-    ----------
-    what, value : str
-        Of the figure.
-    limit, baseline : str
-        What it is held against.
-    interval : str
-        Share of samples that the 90 % prediction interval holds.
-    passed_limit : bool
-        Whether the value is beyond its limit.
-    worse : str
-        Its bias, where that is much of it, and the largest error of the same kind on any other
-        records, where that is larger.
-    """
+    """The one figure of a sub-model that counts, in words; empty where it is not known."""
 
     what: str
     value: str
+    """Of the figure."""
     limit: str = ""
     baseline: str = ""
+    """What it is held against."""
     interval: str = ""
+    """Share of samples that the 90 % prediction interval holds."""
     passed_limit: bool = False
+    """Whether the value is beyond its limit."""
     worse: str = ""
+    """Its bias, where that is much of it, and the largest error of the same kind on any other
+    records, where that is larger."""
 
 
 @dataclass(frozen=True, kw_only=True)

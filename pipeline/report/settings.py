@@ -7,16 +7,11 @@ from pipeline.report.texts import languages
 
 @dataclass(frozen=True, kw_only=True)
 class ReportSettings:
-    """How the pages of the fleet and of its machines are written.
-
-    Parameters
-    ----------
-    language : str
-        Of the fleet's and the leads' pages, by the name of its file in pipeline/report/languages;
-        pages of evidence are in English.
-    """
+    """How the pages of the fleet and of its machines are written."""
 
     language: str = "en"
+    """Language of the fleet's and the leads' pages, by the name of its file in
+    pipeline/report/languages; pages of evidence are in English."""
 
     def __post_init__(self) -> None:
         if self.language not in languages():

@@ -162,21 +162,14 @@ def _worst_words(verdict: Verdict) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Serving:
-    """The champion beside the latest models.
-
-    Parameters
-    ----------
-    path : Path
-        Of the champion's bundle.
-    bundle : Bundle
-        What serves.
-    older : tuple of str
-        Sub-models of which the champion and the latest are not the same model.
-    """
+    """The champion beside the latest models."""
 
     path: Path
+    """Path of the champion's bundle."""
     bundle: Bundle
+    """What serves."""
     older: tuple[str, ...]
+    """Sub-models of which the champion and the latest are not the same model."""
 
 
 def serving(

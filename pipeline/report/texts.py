@@ -29,21 +29,14 @@ Entry = str | Mapping[str, str]
 
 @dataclass(frozen=True)
 class Texts:
-    """The texts of one language, and numbers and times as it writes them.
-
-    Parameters
-    ----------
-    language : str
-        Its code, as HTML's ``lang`` has it.
-    entries : mapping of str to str or mapping
-        Text, or forms ``one`` and ``other``, by dotted key.
-    contributed : mapping of str to str
-        Phrases by their English words.
-    """
+    """The texts of one language, and numbers and times as it writes them."""
 
     language: str
+    """Its code, as HTML's ``lang`` has it."""
     entries: Mapping[str, Entry]
+    """Text, or forms ``one`` and ``other``, by dotted key."""
     contributed: Mapping[str, str] = field(default_factory=dict)
+    """Phrases by their English words."""
 
     def __call__(self, key: str, count: int | None = None, **fields: object) -> str:
         """The text of ``key`` with its fields filled in; ``count`` chooses the form and is a field.

@@ -27,35 +27,24 @@ STATES = "data/clean state table"
 
 @dataclass(frozen=True, kw_only=True)
 class Day:
-    """One day of the clean state table.
-
-    Parameters
-    ----------
-    day : str
-        ISO date of the plant.
-    seconds : dict of str to float
-        Time in each execution state [s], ``no record`` included; adds up to the
-        day, 23 to 25 h.
-    running, position_control, speed_known : float or None
-        Time that the spindle runs, is held by its position loop, has a known speed [s].
-    runs : list of (state, first bin, last bin + 1)
-        When it was in which state, most frequent state of each bin.
-    speed, held : array (288,)
-        Mean speed [rev/min] and share of the time under position control [1] in each bin,
-        NaN where not known.
-    kinds : dict of str to float
-        Time in each kind of segment [s].
-    """
+    """One day of the clean state table."""
 
     day: str
+    """ISO date of the plant."""
     seconds: dict[str, float]
+    """Time in each execution state [s], ``no record`` included; adds up to the day, 23 to 25 h."""
     running: float | None
     position_control: float | None
     speed_known: float | None
+    """Time that the spindle runs, is held by its position loop, has a known speed [s]."""
     runs: list[tuple[str, int, int]]
+    """When it was in which state, most frequent state of each bin."""
     speed: np.ndarray
     held: np.ndarray
+    """Mean speed [rev/min] and share of the time under position control [1] in each bin, NaN where
+    not known."""
     kinds: dict[str, float] = field(default_factory=dict)
+    """Time in each kind of segment [s]."""
 
     @property
     def known(self) -> float:

@@ -9,25 +9,17 @@ from pipeline.schema.verdict import MOST_PERCENT, Score, Verdict
 
 @dataclass(frozen=True, kw_only=True)
 class WorstError:
-    """An error that has a limit.
-
-    Parameters
-    ----------
-    score : Score
-        That it is of.
-    name : str
-        Of the error, as the score has it.
-    value, limit : float
-        Its size and limit, in its unit.
-    say : Texts
-        Language of the words.
-    """
+    """An error that has a limit."""
 
     score: Score
+    """That it is of."""
     name: str
+    """Name of the error, as the score has it."""
     value: float
     limit: float
+    """Its size and limit, in its unit."""
     say: Texts = ENGLISH
+    """Language of the words."""
 
     @property
     def words(self) -> str:

@@ -18,93 +18,65 @@ MOST_PERCENT = 1000.0
 
 @dataclass(frozen=True, kw_only=True)
 class Figures:
-    """Errors of a prediction against what was measured, in the unit of the quantity.
-
-    Parameters
-    ----------
-    mae, rmse, max : float or None
-        Mean absolute, root mean square, largest absolute error.
-    bias : float or None
-        Mean of predicted less measured.
-    relative_percent : float or None
-        RMSE over the RMS of what was measured [%].
-    max_percent : float or None
-        Largest error over the largest measured magnitude [%].
-    peak_percent, mean_percent : float or None
-        Error of the largest value and of the mean, over those measured [%], with their sign.
-    """
+    """Errors of a prediction against what was measured, in the unit of the quantity."""
 
     mae: float | None = None
     rmse: float | None = None
     max: float | None = None
+    """Mean absolute, root mean square, largest absolute error."""
     bias: float | None = None
+    """Mean of predicted less measured."""
     relative_percent: float | None = None
+    """RMSE over the RMS of what was measured [%]."""
     max_percent: float | None = None
+    """Largest error over the largest measured magnitude [%]."""
     peak_percent: float | None = None
     mean_percent: float | None = None
+    """Error of the largest value and of the mean, over those measured [%], with their sign."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score(Figures):
-    """Errors of one quantity in one group (a day, a recording, a tool) and regime.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        What was predicted.
-    group, regime : str
-        Of the cases; the group ``"all"`` is all of one role together.
-    role : Role
-        Of the cases.
-    n : int
-        Number of samples, where measurement and all predictors are known.
-    coverage_90 : float or None
-        Share of samples inside the 90 % prediction interval [1]; None without intervals.
-    half_width : float or None
-        Mean half width of that interval; the ideal one of normal errors is 1.64 RMSE.
-    baselines : mapping of str to Figures
-        The same errors of each baseline on the same samples.
-    limits : mapping of str to float
-        Greatest value of an error (by its name above), empty where nothing is required.
-    coverage_limits : (float, float) or None
-        Least and greatest ``coverage_90`` [1], of a score over all groups; None where none is set.
-    spread : mapping of str to float
-        Half of the 95 % interval of each figure, by its name above, over trainings with other
-        seeds; empty where nothing was trained, or nothing is decided.
-    rounding : mapping of str to Figures
-        Of each baseline, the difference of MAE and of RMSE that the sensor's steps leave open;
-        empty where the measurement is fine enough.
-    status : Status
-        Whether all limits are kept; "not judged" for training cases and without limits.
-    reasons : tuple of str
-        Each limit that is passed or not decided, with value and limit; or why it was not judged.
-    inside_ratio : float or None
-        Half width over RMSE inside of the learnt conditions [1]; None where that is not parted.
-    unknown_interval : str
-        Why the 90 % interval is no use and is not said, in a sentence; empty where it is said.
-    alone : bool
-        Whether it is the only one of its target that failed and is left out of the score over all
-        groups, since a single record does not decide.
-    """
+    """Errors of one quantity in one group (a day, a recording, a tool) and regime."""
 
     quantity: str
     unit: str
+    """What was predicted."""
     group: str
     regime: str
+    """Of the cases; the group ``"all"`` is all of one role together."""
     role: Role
+    """Role of the cases."""
     n: int
+    """Number of samples, where measurement and all predictors are known."""
     coverage_90: float | None = None
+    """Share of samples inside the 90 % prediction interval [1]; None without intervals."""
     half_width: float | None = None
+    """Mean half width of that interval; the ideal one of normal errors is 1.64 RMSE."""
     baselines: Mapping[str, Figures] = field(default_factory=dict)
+    """The same errors of each baseline on the same samples."""
     limits: Mapping[str, float] = field(default_factory=dict)
+    """Greatest value of an error (by its name above), empty where nothing is required."""
     coverage_limits: tuple[float, float] | None = None
+    """Least and greatest ``coverage_90`` [1], of a score over all groups; None where none is
+    set."""
     spread: Mapping[str, float] = field(default_factory=dict)
+    """Half of the 95 % interval of each figure, by its name above, over trainings with other seeds;
+    empty where nothing was trained, or nothing is decided."""
     rounding: Mapping[str, Figures] = field(default_factory=dict)
+    """Rounding of each baseline, the difference of MAE and of RMSE that the sensor's steps leave
+    open; empty where the measurement is fine enough."""
     status: Status = "not judged"
+    """Whether all limits are kept; "not judged" for training cases and without limits."""
     reasons: tuple[str, ...] = ()
+    """Each limit that is passed or not decided, with value and limit; or why it was not judged."""
     inside_ratio: float | None = None
+    """Half width over RMSE inside of the learnt conditions [1]; None where that is not parted."""
     unknown_interval: str = ""
+    """Why the 90 % interval is no use and is not said, in a sentence; empty where it is said."""
     alone: bool = False
+    """Whether it is the only one of its target that failed and is left out of the score over all
+    groups, since a single record does not decide."""
 
     @property
     def half_width_over_rmse(self) -> float | None:
@@ -186,44 +158,31 @@ class GoldenUsed:
 
 @dataclass(frozen=True, kw_only=True)
 class Verdict:
-    """The content of ``verdict.json``.
-
-    Parameters
-    ----------
-    submodel, machine, origin : str
-        Of what.
-    status : Status
-        Of the sub-model.
-    reasons : tuple of str
-        Why it failed or was not judged, the gravest first.
-    judged_role : Role or None
-        Of the cases that decided: golden ones where there are some, else held-out ones.
-    golden : GoldenUsed or None
-        None where no golden set was frozen.
-    scores : tuple of Score
-        By quantity, group, regime and role.
-    skills : tuple of Skill
-        Over the groups that decided, against each baseline.
-    outside : tuple of OutsideConditions
-        Cases outside of the conditions of training.
-    cases : tuple of JudgedCase
-        Every case that was compared.
-    left_out : tuple of LeftOut
-        Every case that was not, with the reason.
-    """
+    """The content of ``verdict.json``."""
 
     submodel: str
     machine: str
     origin: Origin
+    """Of what."""
     status: Status
+    """Status of the sub-model."""
     reasons: tuple[str, ...]
+    """Why it failed or was not judged, the gravest first."""
     judged_role: Role | None
+    """Judged role of the cases that decided: golden ones where there are some, else held-out
+    ones."""
     golden: GoldenUsed | None
+    """None where no golden set was frozen."""
     scores: tuple[Score, ...]
+    """By quantity, group, regime and role."""
     skills: tuple[Skill, ...] = ()
+    """Over the groups that decided, against each baseline."""
     outside: tuple[OutsideConditions, ...] = ()
+    """Cases outside of the conditions of training."""
     cases: tuple[JudgedCase, ...] = ()
+    """Every case that was compared."""
     left_out: tuple[LeftOut, ...] = ()
+    """Every case that was not, with the reason."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None
@@ -291,36 +250,24 @@ def sized(value: float, unit: str, digits: int = 4) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class UsedModel:
-    """A sub-model that figures rest on, with what its verdict says of them.
-
-    Parameters
-    ----------
-    submodel : str
-        ``control``, ``drive`` or ``cutting``.
-    figures : str
-        That rest on it, in words.
-    status : UsedStatus
-        Of its verdict.
-    reason : str
-        The limit that it misses by most, or why it was not judged; empty where it passed.
-    missed : int
-        Limits missed, and faults of the judgement.
-    recordings : int
-        Errors of recordings that the fit did not see.
-    error_percent : float or None
-        Their root mean square [%]; None without any.
-    spread_percent : float or None
-        Standard deviation with which the figures count [%]; None where another one counts.
-    """
+    """A sub-model that figures rest on, with what its verdict says of them."""
 
     submodel: str
+    """``control``, ``drive`` or ``cutting``."""
     figures: str
+    """That rest on it, in words."""
     status: UsedStatus
+    """Status of its verdict."""
     reason: str = ""
+    """The limit that it misses by most, or why it was not judged; empty where it passed."""
     missed: int = 0
+    """Limits missed, and faults of the judgement."""
     recordings: int = 0
+    """Errors of recordings that the fit did not see."""
     error_percent: float | None = None
+    """Their root mean square [%]; None without any."""
     spread_percent: float | None = None
+    """Standard deviation with which the figures count [%]; None where another one counts."""
 
     @property
     def doubtful(self) -> bool:

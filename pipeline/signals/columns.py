@@ -16,35 +16,24 @@ Between = Literal["hold", "linear"]
 
 @dataclass(frozen=True, kw_only=True)
 class Column:
-    """One signal of the clean tables.
-
-    Parameters
-    ----------
-    name : str
-        Canonical name, snake case.
-    unit : str
-        MTConnect unit on disk, ``""`` for states, counts and names.
-    meaning : str
-        What the signal is, for people.
-    low, high : float
-        Values outside are not physical for any machine tool; they are glitches.
-    factor, offset : float
-        ``SI = value * factor + offset``.
-    between : {"hold", "linear"}
-        How the value goes on between two observations when it is resampled.
-    text : bool
-        Whether the signal is a word (a state, a program's name) instead of a number.
-    """
+    """One signal of the clean tables."""
 
     name: str
+    """Canonical name, snake case."""
     unit: str
+    """MTConnect unit on disk, ``""`` for states, counts and names."""
     meaning: str
+    """What the signal is, for people."""
     low: float = -np.inf
     high: float = np.inf
+    """Values outside are not physical for any machine tool; they are glitches."""
     factor: float = 1.0
     offset: float = 0.0
+    """``SI = value * factor + offset``."""
     between: Between = "hold"
+    """How the value goes on between two observations when it is resampled."""
     text: bool = False
+    """Whether the signal is a word (a state, a program's name) instead of a number."""
 
 
 RPM = 2 * np.pi / 60  # rad/s in one revolution/minute

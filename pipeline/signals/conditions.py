@@ -23,21 +23,14 @@ SAME_CONDITION = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class Condition:
-    """One condition of a recording: tool, material, feed, speed, depth, wear.
-
-    Parameters
-    ----------
-    value : float or str
-        Number in ``unit``, or a word.
-    unit : str
-        ``""`` for none.
-    source : str
-        Where it stands, as the end of a sentence: ``"its name"``, ``"runs.parquet"``.
-    """
+    """One condition of a recording: tool, material, feed, speed, depth, wear."""
 
     value: float | str
+    """Number in ``unit``, or a word."""
     unit: str = ""
+    """``""`` for none."""
     source: str = ""
+    """Where it stands, as the end of a sentence: ``"its name"``, ``"runs.parquet"``."""
 
     def to(self, unit: str) -> float:
         """The number in ``unit``.
@@ -58,27 +51,19 @@ class ConditionSources:
     """Where the conditions of recordings stand: for all of them, by pattern, in their names.
 
     Columns of ``runs.parquet`` beyond those of every recording are conditions too.
-
-    Parameters
-    ----------
-    everywhere : mapping of str to float or str
-        Conditions of all recordings.
-    by_pattern : mapping of str to mapping
-        Pattern of recordings' names -> their conditions.
-    name : str, optional
-        Regular expression on a recording's name whose named groups are conditions.
-    units : mapping of str to str or None
-        Condition -> its unit, None for words.  Where it is not empty these are all conditions that
-        a name may give.
-    section : str
-        Section of the machine's file that they come from, for messages.
     """
 
     everywhere: Mapping[str, float | str] = field(default_factory=dict)
+    """Conditions of all recordings."""
     by_pattern: Mapping[str, Mapping[str, float | str]] = field(default_factory=dict)
+    """Pattern of recordings' names -> their conditions."""
     name: str | None = None
+    """Regular expression on a recording's name whose named groups are conditions."""
     units: Mapping[str, str | None] = field(default_factory=dict)
+    """Condition -> its unit, None for words.  Where it is not empty these are all conditions that a
+    name may give."""
     section: str = "recordings"
+    """Section of the machine's file that they come from, for messages."""
 
     def of(
         self, recording: str, row: Mapping[str, Condition] | None = None

@@ -84,99 +84,68 @@ class ColumnSource:
 
 @dataclass(frozen=True, kw_only=True)
 class TableLayout:
-    """How a table is laid out.
-
-    Parameters
-    ----------
-    columns : dict of str to ColumnSource
-        Signal -> the column it is found in.  A signal of ``columns.COLUMNS``, or any other name
-        with a unit (``""`` for none), which becomes a channel of its own; a name that ends with a
-        known signal (``turret_spindle_speed``, ``x_position_ref``) takes that signal's unit.
-        Of columns with one name the n-th is called ``name#n``; a column without a name ``#n``;
-        of a matrix of MATLAB or HDF5 the columns are ``name[0]``, ``name[1]``; the channels of a
-        WAV file are ``#1``, ``#2``.
-    text : tuple of str
-        Those signals, not in ``columns.COLUMNS``, that hold words.
-    rest : bool
-        Whether columns that are not named above are kept too, under the file's own names.
-    time : str or None
-        Name of the time column; None with ``rate`` for tables that have none.
-    date : str or None
-        Column of the date when ``time`` holds the time of day alone.
-    time_format : str or None
-        Form of ``"iso"`` times that are written otherwise, as in ``strptime``
-        (``"%m/%d/%Y %H:%M:%S:%f"``; ``%f`` down to nanoseconds).
-    time_unit : str
-        ``"iso"`` for date and time in words, else a unit of time since the start (``"s"``,
-        ``"ms"``, ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``,
-        ``"unix_ms"``, ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none.
-    time_zone : str
-        Zone of ISO times that name none.
-    start : str or None
-        ISO date and time of the first sample when ``time`` counts from the start.
-    rate : float or None
-        Sampling rate [Hz] of a table without a time column.
-    delimiter, decimal, encoding : str
-        Of text tables; delimiter ``"auto"`` finds it.
-    header : int or None
-        Line of the column names, counting from 0; None finds it.
-    names : tuple of str
-        Column names of a table without a header line; ``header`` is then its first line of data.
-    ragged : {"reject", "fill"}
-        Rows with fewer cells than columns: rejected, or the missing cells are null.
-    units_row : bool
-        Whether the line after the names holds units.
-    group : str or None
-        Group or variable in which an HDF5, TDMS or MATLAB file holds the channels.
-    """
+    """How a table is laid out."""
 
     columns: dict[str, ColumnSource] = field(default_factory=dict)
+    """Signal -> the column it is found in.  A signal of ``columns.COLUMNS``, or any other name with
+    a unit (``""`` for none), which becomes a channel of its own; a name that ends with a known
+    signal (``turret_spindle_speed``, ``x_position_ref``) takes that signal's unit. Of columns with
+    one name the n-th is called ``name#n``; a column without a name ``#n``; of a matrix of MATLAB or
+    HDF5 the columns are ``name[0]``, ``name[1]``; the channels of a WAV file are ``#1``, ``#2``."""
     text: tuple[str, ...] = ()
+    """Those signals, not in ``columns.COLUMNS``, that hold words."""
     rest: bool = False
+    """Whether columns that are not named above are kept too, under the file's own names."""
     time: str | None = None
+    """Name of the time column; None with ``rate`` for tables that have none."""
     date: str | None = None
+    """Column of the date when ``time`` holds the time of day alone."""
     time_format: str | None = None
+    """Form of ``"iso"`` times that are written otherwise, as in ``strptime`` (``"%m/%d/%Y
+    %H:%M:%S:%f"``; ``%f`` down to nanoseconds)."""
     time_unit: str = "s"
+    """``"iso"`` for date and time in words, else a unit of time since the start (``"s"``, ``"ms"``,
+    ``"us"``, ``"ns"``, ``"min"``, ``"h"``) or since 1970 (``"unix_s"``, ``"unix_ms"``,
+    ``"unix_us"``, ``"unix_ns"``).  Columns of type timestamp need none."""
     time_zone: str = "UTC"
+    """Zone of ISO times that name none."""
     start: str | None = None
+    """ISO date and time of the first sample when ``time`` counts from the start."""
     rate: float | None = None
+    """Sampling rate [Hz] of a table without a time column."""
     delimiter: str = "auto"
     decimal: str = "."
     encoding: str = "utf-8"
+    """Of text tables; delimiter ``"auto"`` finds it."""
     header: int | None = None
+    """Line of the column names, counting from 0; None finds it."""
     names: tuple[str, ...] = ()
+    """Column names of a table without a header line; ``header`` is then its first line of data."""
     ragged: Literal["reject", "fill"] = "reject"
+    """Rows with fewer cells than columns: rejected, or the missing cells are null."""
     units_row: bool = False
+    """Whether the line after the names holds units."""
     group: str | None = None
+    """Group or variable in which an HDF5, TDMS or MATLAB file holds the channels."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RecordSource:
-    """One kind of record of a machine, as named in its file in ``conf/machine/``.
-
-    Parameters
-    ----------
-    format : str
-        Which reader; part programs (``program``) are read where they are used, as they are.
-    files : str
-        Glob under ``data/raw/<machine>/``.
-    devices : str or None
-        The agent's Devices document under ``data/raw/<machine>/``, for kinds and units.
-    device : str or None
-        Which device of that document (name, uuid or id); None when it has only one.
-    values : {"units", "native"}
-        Whether the numbers of a log are in the document's ``units`` (written by an agent) or
-        ``nativeUnits`` (written by an adapter).
-    table : TableLayout or None
-        For tables.
-    """
+    """One kind of record of a machine, as named in its file in ``conf/machine/``."""
 
     format: Format
+    """Which reader; part programs (``program``) are read where they are used, as they are."""
     files: str
+    """Glob under ``data/raw/<machine>/``."""
     devices: str | None = None
+    """The agent's Devices document under ``data/raw/<machine>/``, for kinds and units."""
     device: str | None = None
+    """Which device of that document (name, uuid or id); None when it has only one."""
     values: Literal["units", "native"] = "units"
+    """Whether the numbers of a log are in the document's ``units`` (written by an agent) or
+    ``nativeUnits`` (written by an adapter)."""
     table: TableLayout | None = None
+    """For tables."""
 
 
 def observations_of(columns: Mapping[str, Sequence[Any]], rows: int) -> pa.Table:

@@ -22,18 +22,12 @@ PART = "#"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TablePart:
-    """Rows of a table in which some columns hold the same values.
-
-    Parameters
-    ----------
-    values : mapping of str to str
-        Column -> its value, as a word.
-    rows : ndarray of bool, shape (T,)
-        Of the table.
-    """
+    """Rows of a table in which some columns hold the same values."""
 
     values: Mapping[str, str]
+    """Column -> its value, as a word."""
     rows: Bools
+    """Rows of the table; shape (T,)."""
 
     def name(self, file: str) -> str:
         """Name of the part of the raw file ``file``."""

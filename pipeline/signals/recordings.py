@@ -44,21 +44,6 @@ WORDS = "words"
 class Channel(Ranged, section="channel"):
     """Declaration of one channel: where it stands in a recording, and what it measures.
 
-    Parameters
-    ----------
-    column : str
-        Name of the column, or a pattern of it (``"*pulses*"``), whose first match counts.
-    quantity : str
-        Kind of quantity: one of ``QUANTITIES``, ``"words"``, any other name together with
-        ``unit``, or ``""`` for numbers that are given in whatever unit they were recorded.
-    unit : str
-        Unit of the column where the recording itself gives none.  For a quantity that is not in
-        ``QUANTITIES`` it is also the unit in which the channel is given.
-    factor : float
-        Applied after the conversion to SI: -1 reverses the sign, a gain scales.
-    remedy : str
-        What to do where a recording lacks it.
-
     Raises
     ------
     ValueError
@@ -67,10 +52,17 @@ class Channel(Ranged, section="channel"):
     """
 
     column: str
+    """Name of the column, or a pattern of it (``"*pulses*"``), whose first match counts."""
     quantity: str = ""
+    """Kind of quantity: one of ``QUANTITIES``, ``"words"``, any other name together with ``unit``,
+    or ``""`` for numbers that are given in whatever unit they were recorded."""
     unit: str = ""
+    """Unit of the column where the recording itself gives none.  For a quantity that is not in
+    ``QUANTITIES`` it is also the unit in which the channel is given."""
     factor: Annotated[float, Range()] = 1.0
+    """Applied after the conversion to SI: -1 reverses the sign, a gain scales."""
     remedy: str = "record it or correct its name"
+    """What to do where a recording lacks it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,27 +89,20 @@ class Channel(Ranged, section="channel"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples:
-    """Rows of one recording: T of them, on the recorder's own clock.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Since the start [s]; NaN where a row has none.  Empty where nothing can be read.
-    channels : mapping of str to ndarray, shape (T,)
-        Declared name -> values in SI (in its ``units``); NaN where a row has no value.
-    units : mapping of str to str
-        Unit of each of ``channels``.
-    words : mapping of str to ndarray of str, shape (T,)
-        Channels of words; ``""`` where a row has none.
-    lacking : mapping of str to str
-        Declared channels that the recording does not give, with the reason and the remedy.
-    """
+    """Rows of one recording: T of them, on the recorder's own clock."""
 
     time: Floats = field(default_factory=lambda: np.zeros(0))
+    """Since the start [s]; NaN where a row has none.  Empty where nothing can be read;
+    shape (T,)."""
     channels: Mapping[str, Floats] = field(default_factory=dict)
+    """Declared name -> values in SI (in its ``units``); NaN where a row has no value;
+    shape (T,)."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Unit of each of ``channels``."""
     words: Mapping[str, Any] = field(default_factory=dict)
+    """Channels of words; ``""`` where a row has none; shape (T,)."""
     lacking: Mapping[str, str] = field(default_factory=dict)
+    """Declared channels that the recording does not give, with the reason and the remedy."""
 
     def complete(self, names: Iterable[str] | None = None) -> Bools:
         """Rows with a time and a value in each of the channels ``names`` (all); shape (T,)."""
@@ -130,45 +115,30 @@ class Samples:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """One recording; its role (training, held out, golden) is the caller's.
-
-    Parameters
-    ----------
-    name : str
-        Of the raw file below the machine's folder.
-    file : Path, optional
-        Its Parquet; None where the raw file is no table, is a copy or could not be read.
-    sha256 : str
-        Of the raw file's bytes.
-    start : str, optional
-        Time of the first row (ISO 8601, UTC); None where its clock only counts from the start.
-    rows : int
-        Number of rows [1].
-    conditions : mapping of str to Condition
-        Tool, material, feed, speed and whatever else is recorded of it.
-    constants : mapping of str to object
-        Values beside the channels of its file (a sampling rate, a gain), as the file has them.
-    declared : mapping of str to Channel
-        Channels that :meth:`load` reads.
-    reason : str
-        Why it cannot be used, ``""`` where it can.
-    notes : tuple of str
-        What else is worth knowing of it.
-    faults : tuple of RecorderFault
-        Of its channels; where one is certain, the channel is not read.
-    """
+    """One recording; its role (training, held out, golden) is the caller's."""
 
     name: str
+    """Name of the raw file below the machine's folder."""
     sha256: str = ""
+    """Of the raw file's bytes."""
     file: Path | None = None
+    """Its Parquet; None where the raw file is no table, is a copy or could not be read."""
     start: str | None = None
+    """Time of the first row (ISO 8601, UTC); None where its clock only counts from the start."""
     rows: int = 0
+    """Number of rows [1]."""
     conditions: Mapping[str, Condition] = field(default_factory=dict)
+    """Tool, material, feed, speed and whatever else is recorded of it."""
     constants: Mapping[str, Any] = field(default_factory=dict)
+    """Values beside the channels of its file (a sampling rate, a gain), as the file has them."""
     declared: Mapping[str, Channel] = field(default_factory=dict)
+    """Channels that :meth:`load` reads."""
     reason: str = ""
+    """Why it cannot be used, ``""`` where it can."""
     notes: tuple[str, ...] = ()
+    """What else is worth knowing of it."""
     faults: tuple[RecorderFault, ...] = ()
+    """Faults of its channels; where one is certain, the channel is not read."""
 
     def load(self, names: Iterable[str] | None = None) -> Samples:
         """Read the channels ``names`` (all that are declared) from the Parquet file.

@@ -22,24 +22,17 @@ SHORTEST_SEGMENT = 32
 
 @dataclass(frozen=True, kw_only=True)
 class UniformSegment:
-    """Contiguous segment of a recording on a uniform grid of T samples.
-
-    Parameters
-    ----------
-    start : float
-        Time of the first sample [s].
-    period : float
-        Sampling period [s].
-    rows : ndarray of int, shape (R,)
-        Rows of the recording that lie in it.
-    places : ndarray, shape (R,)
-        Position of each row on the grid [periods]; whole numbers where stamps are only rounded.
-    """
+    """Contiguous segment of a recording on a uniform grid of T samples."""
 
     start: float
+    """Time of the first sample [s]."""
     period: float
+    """Sampling period [s]."""
     rows: Ints
+    """Rows of the recording that lie in it; shape (R,)."""
     places: Floats
+    """Position of each row on the grid [periods]; whole numbers where stamps are only rounded;
+    shape (R,)."""
 
     @property
     def samples(self) -> int:

@@ -23,15 +23,6 @@ CLASS_UNIT = "1"
 class WearSource(Ranged, section="wear_records.wear"):
     """Where the wear of the tool stands: a number, or words for worn and not worn.
 
-    Parameters
-    ----------
-    name : str
-        Of the column or condition.
-    unit : str
-        Of the number where it is recorded without one.
-    worn, unworn : tuple of str
-        Words of a tool that is worn and of one that is not; empty where wear is a number.
-
     Raises
     ------
     ValueError
@@ -39,9 +30,12 @@ class WearSource(Ranged, section="wear_records.wear"):
     """
 
     name: str
+    """Of the column or condition."""
     unit: str = WEAR_UNIT
+    """Of the number where it is recorded without one."""
     worn: tuple[str, ...] = ()
     unworn: tuple[str, ...] = ()
+    """Words of a tool that is worn and of one that is not; empty where wear is a number."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,19 +85,6 @@ class ConditionTable:
 class InCut(Ranged, section="wear_records.in_cut"):
     """Which rows of a recording are in cut.
 
-    Parameters
-    ----------
-    channel : Channel
-        Of words (a phase of the process), or of numbers whose level tells.
-    values : tuple of str
-        Patterns of the words of a cut.
-    least : float or None
-        Level from which on the tool is in cut, in SI; the level is the RMS over ``over_s``.
-    share : float
-        Where ``least`` is not given, that level as a share of the recording's 95 % quantile [1].
-    over_s : float
-        Time of the RMS [s].
-
     Raises
     ------
     ValueError
@@ -111,10 +92,15 @@ class InCut(Ranged, section="wear_records.in_cut"):
     """
 
     channel: Channel
+    """Of words (a phase of the process), or of numbers whose level tells."""
     values: tuple[str, ...] = ()
+    """Patterns of the words of a cut."""
     least: NotNegative | None = None
+    """Level from which on the tool is in cut, in SI; the level is the RMS over ``over_s``."""
     share: Share = 0.2
+    """Where ``least`` is not given, that level as a share of the recording's 95 % quantile [1]."""
     over_s: Positive = 0.1
+    """Time of the RMS [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -130,44 +116,6 @@ class InCut(Ranged, section="wear_records.in_cut"):
 class WearRecords(Ranged, section="wear_records"):
     """Recordings that show the wear of tools, and the windows that are made of them.
 
-    Parameters
-    ----------
-    recordings : tuple of str
-        Patterns of raw files below the machine's folder.
-    channels : mapping of str to Channel
-        Signals of a window, in its order; any number of them.
-    wear : WearSource
-        Where the wear stands.
-    tool : str
-        Condition that names the tool, whose recordings belong together in every split; empty where
-        each recording, or part of one, is a tool of its own.
-    progress : str
-        Continuous condition that grows with the use of the tool (time in cut, length, number of the
-        cut); empty for the time since the recording began [s], or where a tool has several
-        recordings without such a condition, for their number in the order of their names.
-    continuous : mapping of str to str
-        Conditions that are numbers -> the unit in which they are given and, where they are recorded
-        without one, are taken to be.
-    discrete : tuple of str
-        Conditions that are words: material, type of cut.
-    parts : tuple of str
-        Columns whose values tell the parts of a table apart; they are conditions too.
-    table : ConditionTable or None
-        Table of conditions beside the recordings.
-    name : str or None
-        Regular expression on a recording's name whose named groups are conditions.
-    in_cut : InCut or None
-        Which rows are in cut; None where all are.
-    rate_Hz : float
-        Rate of the windows [Hz]; what was recorded faster is low-passed and decimated.
-    length : int
-        Samples L of a window [1].
-    most : int or None
-        Windows of one recording at most, evenly spread [1]; None for all.
-    interpolate : bool
-        Whether wear of a recording that was not measured is interpolated between those of the same
-        tool before and after it; else the recording is left out.
-
     Raises
     ------
     ValueError
@@ -176,20 +124,40 @@ class WearRecords(Ranged, section="wear_records"):
     """
 
     recordings: tuple[str, ...]
+    """Patterns of raw files below the machine's folder."""
     channels: Mapping[str, Channel]
+    """Signals of a window, in its order; any number of them."""
     wear: WearSource
+    """Where the wear stands."""
     tool: str = ""
+    """Condition that names the tool, whose recordings belong together in every split; empty where
+    each recording, or part of one, is a tool of its own."""
     progress: str = ""
+    """Continuous condition that grows with the use of the tool (time in cut, length, number of the
+    cut); empty for the time since the recording began [s], or where a tool has several recordings
+    without such a condition, for their number in the order of their names."""
     continuous: Mapping[str, str] = field(default_factory=dict)
+    """Conditions that are numbers -> the unit in which they are given and, where they are recorded
+    without one, are taken to be."""
     discrete: tuple[str, ...] = ()
+    """Conditions that are words: material, type of cut."""
     parts: tuple[str, ...] = ()
+    """Columns whose values tell the parts of a table apart; they are conditions too."""
     table: ConditionTable | None = None
+    """Table of conditions beside the recordings."""
     name: str | None = None
+    """Regular expression on a recording's name whose named groups are conditions."""
     in_cut: InCut | None = None
+    """Which rows are in cut; None where all are."""
     rate_Hz: Positive
+    """Rate of the windows [Hz]; what was recorded faster is low-passed and decimated."""
     length: Annotated[int, Range(least=8)] = 500
+    """Samples L of a window [1]."""
     most: Count | None = None
+    """Windows of one recording at most, evenly spread [1]; None for all."""
     interpolate: bool = True
+    """Whether wear of a recording that was not measured is interpolated between those of the same
+    tool before and after it; else the recording is left out."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -32,16 +32,11 @@ NORMAL_90 = 3.290
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelScaling:
-    """What is taken off each channel and what it is divided by; kept with a model.
-
-    Parameters
-    ----------
-    shift, scale : tuple of float
-        C each, in the channel's unit.
-    """
+    """What is taken off each channel and what it is divided by; kept with a model."""
 
     shift: tuple[float, ...]
     scale: tuple[float, ...]
+    """C each, in the channel's unit."""
 
     @staticmethod
     def of(values: Singles) -> "ChannelScaling":
@@ -65,51 +60,35 @@ class ChannelScaling:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearWindows:
-    """N windows of C channels and L samples, with the wear that they were recorded at.
-
-    Parameters
-    ----------
-    values : ndarray of float32, shape (N, C, L)
-        In ``units``.
-    channels, units : tuple of str
-        C each.
-    rate_Hz : float
-        Of the samples [Hz].
-    wear : ndarray, shape (N,)
-        Flank wear [um], or 1 worn and 0 not; in ``wear_unit``.  NaN where it is not known, which
-        only recordings whose wear is to be estimated have.
-    wear_unit : str
-        ``"um"``, or ``"1"`` for a class.
-    measured : ndarray of bool, shape (N,)
-        False where the wear was interpolated between measurements of the same tool.
-    conditions : mapping of str to ndarray, shape (N,)
-        Numbers in ``condition_units``, or words; those of the settings.
-    condition_units : mapping of str to str
-        Unit of each condition that is a number; words have none.
-    tool, recording : ndarray of str, shape (N,)
-        Which tool, and which recording or part of one.
-    time : ndarray, shape (N,)
-        Beginning of the window in its recording [s].
-    progress : ndarray, shape (N,)
-        Use of the tool, as the settings name it; it orders the windows of a life.
-    progress_unit : str
-        ``"s"`` of the recording's time, ``"1"`` of the recording's number.
-    """
+    """N windows of C channels and L samples, with the wear that they were recorded at."""
 
     values: Singles
+    """In ``units``; shape (N, C, L)."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
+    """C each."""
     rate_Hz: float
+    """Rate of the samples [Hz]."""
     wear: Floats
+    """Flank wear [um], or 1 worn and 0 not; in ``wear_unit``.  NaN where it is not known, which
+    only recordings whose wear is to be estimated have; shape (N,)."""
     wear_unit: str
+    """``"um"``, or ``"1"`` for a class."""
     measured: Bools
+    """False where the wear was interpolated between measurements of the same tool; shape (N,)."""
     conditions: Mapping[str, Any]
+    """Numbers in ``condition_units``, or words; those of the settings; shape (N,)."""
     condition_units: Mapping[str, str]
+    """Unit of each condition that is a number; words have none."""
     tool: Words
     recording: Words
+    """Which tool, and which recording or part of one; shape (N,)."""
     time: Floats
+    """Beginning of the window in its recording [s]; shape (N,)."""
     progress: Floats
+    """Use of the tool, as the settings name it; it orders the windows of a life; shape (N,)."""
     progress_unit: str
+    """``"s"`` of the recording's time, ``"1"`` of the recording's number."""
 
     def __len__(self) -> int:
         return len(self.wear)
@@ -175,21 +154,14 @@ class LifeFile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolLife:
-    """All that was recorded of one tool.
-
-    Parameters
-    ----------
-    tool : str
-        Its name.
-    files : tuple of LifeFile
-        Recordings, in the order of progress.
-    windows : WearWindows
-        In the order of progress.
-    """
+    """All that was recorded of one tool."""
 
     tool: str
+    """Its name."""
     files: tuple[LifeFile, ...]
+    """Recordings, in the order of progress."""
     windows: WearWindows
+    """In the order of progress."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,24 +11,16 @@ import pandas as pd
 
 @dataclass(frozen=True, kw_only=True)
 class StateSegment:
-    """Contiguous segment of a day in which every input is known.
-
-    Parameters
-    ----------
-    day : str
-        Day of the plant, ``YYYY-MM-DD``.
-    frame : DataFrame
-        One row a step, index the UTC time of the step's beginning.
-    step : float
-        Step [s].
-    bridged : int
-        Steps whose inputs were unknown and held from before.
-    """
+    """Contiguous segment of a day in which every input is known."""
 
     day: str
+    """Day of the plant, ``YYYY-MM-DD``."""
     frame: pd.DataFrame
+    """One row a step, index the UTC time of the step's beginning."""
     step: float
+    """Step [s]."""
     bridged: int
+    """Steps whose inputs were unknown and held from before."""
 
 
 def state_days(clean: Path, start: str | None = None, end: str | None = None) -> list[str]:

@@ -47,22 +47,16 @@ Labels = np.ndarray[Any, np.dtype[np.str_]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Residuals:
-    """Errors of predictions of groups that the predicting model did not see.
-
-    Parameters
-    ----------
-    error : ndarray, shape (N,)
-        Measured minus predicted, in the unit of the quantity; what is not finite does not count.
-    regime, group : ndarray of str, shape (N,)
-        Of each sample.
-    t : ndarray, shape (N,)
-        Time of the sample within its group, not falling [s].
-    """
+    """Errors of predictions of groups that the predicting model did not see."""
 
     error: Floats
+    """Measured minus predicted, in the unit of the quantity; what is not finite does not count;
+    shape (N,)."""
     regime: Labels
     group: Labels
+    """Of each sample; shape (N,)."""
     t: Floats
+    """Time of the sample within its group, not falling [s]; shape (N,)."""
 
     def __post_init__(self) -> None:
         lengths = [len(values) for values in (self.error, self.regime, self.group, self.t)]

@@ -26,78 +26,55 @@ M = TypeVar("M", bound=Model)
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """A signal that a prediction looks at, and since when it is known.
-
-    Parameters
-    ----------
-    name, unit : str
-        Of the signal.
-    older_than_s : float or None
-        A measurement that may be used when it is at least this old [s]; None for what is known
-        before the motion: commands, programs, conditions.
-    """
+    """A signal that a prediction looks at, and since when it is known."""
 
     name: str
     unit: str
+    """Of the signal."""
     older_than_s: float | None = None
+    """A measurement that may be used when it is at least this old [s]; None for what is known
+    before the motion: commands, programs, conditions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Target:
-    """A quantity that is predicted, and what its errors are held against.
-
-    Parameters
-    ----------
-    quantity, unit : str
-        What and in which unit.
-    regime : str
-        Of the prediction, such as a horizon; empty where there is one only.
-    limits : mapping of str to float
-        Greatest value of an error, by its name in :class:`~pipeline.schema.verdict.Figures`.
-        A target without limits and coverage is shown and decides nothing.
-    baselines : tuple of str
-        Predictions that are made beside the model's, simpler or in hindsight.
-    must_beat : tuple of str
-        Those that the model has to be better than, on MAE and on RMSE both, over all groups.
-    each_group : bool
-        Whether it has to be so in every group.
-    resolution : float
-        Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0
-        where the column ``step`` of a prediction or the grid of its measured values tells it.
-    coverage : (float, float) or None
-        Least and greatest share of samples inside the 90 % interval over all groups that decide
-        [1]; None where no interval is asked for.
-    most_percent : float
-        Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
-        none is asked for.
-    least_auc : float
-        Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0
-        where none is asked for.
-    widens : bool
-        Whether the predictor itself widens the interval outside of the learnt conditions; else the
-        judge does.
-    widest : float
-        Greatest half width of a 90 % interval over the RMSE with which it is said [1]; 1.64 is that
-        of normal errors.  Beyond it the interval is "not known", and the prediction stands alone.
-    alone : int
-        Groups that must keep their limits for a single one that does not to be named instead of
-        deciding; 0 where each decides.
-    """
+    """A quantity that is predicted, and what its errors are held against."""
 
     quantity: str
     unit: str
+    """What and in which unit."""
     regime: str = ""
+    """Regime of the prediction, such as a horizon; empty where there is one only."""
     limits: Mapping[str, float] = field(default_factory=dict)
+    """Greatest value of an error, by its name in :class:`~pipeline.schema.verdict.Figures`. A
+    target without limits and coverage is shown and decides nothing."""
     baselines: tuple[str, ...] = ()
+    """Predictions that are made beside the model's, simpler or in hindsight."""
     must_beat: tuple[str, ...] = ()
+    """Those that the model has to be better than, on MAE and on RMSE both, over all groups."""
     each_group: bool = False
+    """Whether it has to be so in every group."""
     resolution: float = 0.0
+    """Step of the sensor [unit]; a shortfall that its rounding leaves open is "not decided"; 0
+    where the column ``step`` of a prediction or the grid of its measured values tells it."""
     coverage: tuple[float, float] | None = None
+    """Least and greatest share of samples inside the 90 % interval over all groups that decide [1];
+    None where no interval is asked for."""
     most_percent: float = 0.0
+    """Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
+    none is asked for."""
     least_auc: float = 0.0
+    """Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0 where
+    none is asked for."""
     widens: bool = False
+    """Whether the predictor itself widens the interval outside of the learnt conditions; else the
+    judge does."""
     widest: float = 2.5
+    """Greatest half width of a 90 % interval over the RMSE with which it is said [1]; 1.64 is that
+    of normal errors.  Beyond it the interval is "not known", and the prediction stands alone."""
     alone: int = 0
+    """Groups that must keep their limits for a single one that does not to be named instead of
+    deciding; 0 where each decides."""
 
     def unknown_interval(self, score: Score, trained: int) -> str:
         """Why the interval of a score over all groups is not known; empty where it is of use.
@@ -127,25 +104,17 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a predictor says of one case.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Long: ``quantity``, ``unit``, ``regime``, ``t``, ``measured``, ``predicted`` and, where
-        there are some, ``low``, ``high``, ``scored`` and ``baseline_<name>``.
-    facts : mapping of str to Fact
-        What else is to be said of the case.
-    note : str
-        Why it is not judged, where it is not; or what limits what can be compared.
-    cause : str
-        Fault of the case's record that would explain its errors; "" where none is known.
-    """
+    """What a predictor says of one case."""
 
     frame: "pd.DataFrame"
+    """Long: ``quantity``, ``unit``, ``regime``, ``t``, ``measured``, ``predicted`` and, where there
+    are some, ``low``, ``high``, ``scored`` and ``baseline_<name>``."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
+    """What else is to be said of the case."""
     note: str = ""
+    """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
+    """Fault of the case's record that would explain its errors; "" where none is known."""
 
 
 Predictor = Callable[[Case], Prediction]

@@ -24,45 +24,31 @@ from pipeline.submodels.statistics import gains
 
 @dataclass(frozen=True, kw_only=True)
 class PromotionSettings(Ranged, section="promotion"):
-    """What a challenger may lose.
-
-    Parameters
-    ----------
-    tolerance : float
-        Greatest rise of the mean absolute error of any target over the champion's [1].
-    """
+    """What a challenger may lose."""
 
     tolerance: NotNegative = 0.05
+    """Greatest rise of the mean absolute error of any target over the champion's [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """One target of a sub-model, predicted by champion and challenger.
-
-    Parameters
-    ----------
-    submodel, quantity, regime, unit : str
-        Of the target.
-    groups : int
-        That both predicted.
-    champion, challenger : float
-        Mean absolute error, averaged over the groups [unit].
-    better : bool
-        Whether the challenger's squared errors are significantly lower over the groups, by more
-        than trainings with other seeds differ.
-    worse : bool
-        Whether its mean error is above the champion's by more than the tolerance.
-    """
+    """One target of a sub-model, predicted by champion and challenger."""
 
     submodel: str
     quantity: str
     regime: str
     unit: str
+    """Of the target."""
     groups: int
+    """That both predicted."""
     champion: float
     challenger: float
+    """Mean absolute error, averaged over the groups [unit]."""
     better: bool
+    """Whether the challenger's squared errors are significantly lower over the groups, by more than
+    trainings with other seeds differ."""
     worse: bool
+    """Whether its mean error is above the champion's by more than the tolerance."""
 
     @property
     def words(self) -> str:
@@ -77,24 +63,16 @@ class Compared:
 
 @dataclass(frozen=True, kw_only=True)
 class Contest:
-    """Champion and challenger of one sub-model on the same cases.
-
-    Parameters
-    ----------
-    submodel : str
-        Which.
-    compared : tuple of Compared
-        By target that has limits; none where no case could be compared.
-    status : Status
-        Of the challenger against its limits, on the cases that were looked at.
-    note : str
-        Why nothing was compared.
-    """
+    """Champion and challenger of one sub-model on the same cases."""
 
     submodel: str
+    """Which."""
     compared: tuple[Compared, ...]
+    """By target that has limits; none where no case could be compared."""
     status: Status = "not judged"
+    """Status of the challenger against its limits, on the cases that were looked at."""
     note: str = ""
+    """Why nothing was compared."""
 
     @property
     def words(self) -> str:

@@ -31,24 +31,18 @@ def drawn_again(members: Floats) -> dict[str, Floats]:
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How well a fit determines its parameters.
-
-    Parameters
-    ----------
-    covariance : ndarray, shape (D, D)
-        Of the parameters, robust against residuals that hang together within a block.
-    half_width : ndarray, shape (D,)
-        Half of the 95 % interval; infinite when there are no more blocks than parameters.
-    condition : float
-        Condition number of the Jacobian with columns scaled to length one.
-    correlation : ndarray, shape (D, D)
-        Of the parameters.
-    """
+    """How well a fit determines its parameters."""
 
     covariance: Floats
+    """Covariance of the parameters, robust against residuals that hang together within a block;
+    shape (D, D)."""
     half_width: Floats
+    """Half of the 95 % interval; infinite when there are no more blocks than parameters;
+    shape (D,)."""
     condition: float
+    """Condition number of the Jacobian with columns scaled to length one."""
     correlation: Floats
+    """Correlation of the parameters; shape (D, D)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -35,61 +35,41 @@ FEED_RANGE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class CutJob:
-    """Blank, tools and cutting coefficients of a cut.
-
-    Parameters
-    ----------
-    stock : Stock
-        Blank, in the coordinates of the work offset ``offset``.
-    tools : mapping of int to Tool
-        By number.
-    force_laws : mapping of int to ForceLaw
-        Of each of them in the blank's material.
-    resolution : float
-        Of the blank [m].
-    offsets : mapping of str to Vector
-        Work offsets before the program [mm, deg].
-    offset : str, optional
-        That the blank is measured in; by default that of the first cut.
-    """
+    """Blank, tools and cutting coefficients of a cut."""
 
     stock: Stock
+    """Blank, in the coordinates of the work offset ``offset``."""
     tools: Mapping[int, Tool]
+    """By number."""
     force_laws: Mapping[int, ForceLaw]
+    """Force laws of each of them in the blank's material."""
     resolution: float
+    """Resolution of the blank [m]."""
     offsets: Mapping[str, Vector] = field(default_factory=dict)
+    """Work offsets before the program [mm, deg]."""
     offset: str | None = None
+    """That the blank is measured in; by default that of the first cut."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cut:
-    """The cut of a program of M rows; a row is a block.
-
-    Parameters
-    ----------
-    plan : Plan
-        Speeds as the control reaches them.
-    path : CuttingPath
-        Through the blank.
-    numbers, tools, force_laws : tuple
-        Of the tools that cut.
-    engagement : Engagement
-        N stations.
-    blank, left : HeightMap
-        Before and after.
-    table : LoadTable
-        Loads of each block.
-    """
+    """The cut of a program of M rows; a row is a block."""
 
     plan: Plan = field(repr=False)
+    """Speeds as the control reaches them."""
     path: CuttingPath = field(repr=False)
+    """Through the blank."""
     numbers: tuple[int, ...]
     tools: tuple[Tool, ...] = field(repr=False)
     force_laws: tuple[ForceLaw, ...] = field(repr=False)
+    """Of the tools that cut."""
     engagement: Engagement = field(repr=False)
+    """N stations."""
     blank: HeightMap = field(repr=False)
     left: HeightMap = field(repr=False)
+    """Before and after."""
     table: LoadTable = field(repr=False)
+    """Loads of each block."""
 
     @cached_property
     def tool(self) -> Rows:

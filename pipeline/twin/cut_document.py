@@ -85,21 +85,14 @@ class CutBasis:
 
 @dataclass(frozen=True, kw_only=True)
 class AssessedCut:
-    """A cut with its results, the arcs of its stations and its stability.
-
-    Parameters
-    ----------
-    found : CutResults
-        Blocks, life, energy, limits, cost.
-    arcs : Stations
-        Of its stations.
-    stable : Stability or None
-        None where no dynamics are known.
-    """
+    """A cut with its results, the arcs of its stations and its stability."""
 
     found: CutResults
+    """Blocks, life, energy, limits, cost."""
     arcs: StationArcs
+    """Arcs of its stations."""
     stable: Stability | None
+    """None where no dynamics are known."""
 
 
 def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:

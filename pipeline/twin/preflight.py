@@ -39,41 +39,28 @@ SAID = {"S": ("spindle speed", "rev/min"), "F": ("feed", "mm/min"), "length": ("
 
 @dataclass(frozen=True, kw_only=True)
 class Violation:
-    """A line of a program that the machine cannot carry out.
-
-    Parameters
-    ----------
-    line : int
-        Of the program, or of the subprogram ``file``.
-    file : str
-        Name of the subprogram; empty for the program itself.
-    what : str
-        Letter of the axis or word, ``length`` of a tool, its ``shank`` or ``holder``, or
-        ``rapid``.
-    value : float
-        Position in machine coordinates, value of the word, or depth in the material [mm, deg,
-        rev/min, mm/min].
-    limit : (float, float)
-        Range of the machine in the same unit.
-    frame : str
-        Work coordinate system in force, where the position of an axis is meant.
-    tool : int
-        In the spindle; -1 before the first.
-    tool_length_mm : float or None
-        Length of that tool in the machine's file [mm].
-    body : str
-        Diameter of shank or holder and where it begins, in words.
-    """
+    """A line of a program that the machine cannot carry out."""
 
     line: int
+    """Line of the program, or of the subprogram ``file``."""
     file: str = ""
+    """Name of the subprogram; empty for the program itself."""
     what: str
+    """Letter of the axis or word, ``length`` of a tool, its ``shank`` or ``holder``, or
+    ``rapid``."""
     value: float
+    """Position in machine coordinates, value of the word, or depth in the material
+    [mm, deg, rev/min, mm/min]."""
     limit: tuple[float, float]
+    """Range of the machine in the same unit."""
     frame: str = ""
+    """Work coordinate system in force, where the position of an axis is meant."""
     tool: int = -1
+    """In the spindle; -1 before the first."""
     tool_length_mm: float | None = None
+    """Length of that tool in the machine's file [mm]."""
     body: str = ""
+    """Diameter of shank or holder and where it begins, in words."""
 
     @property
     def words(self) -> str:
@@ -109,22 +96,15 @@ class Violation:
 
 @dataclass(frozen=True, kw_only=True)
 class Preflight:
-    """What of a program the machine cannot do, and what of it was not checked.
-
-    Parameters
-    ----------
-    violations : tuple of Violation
-        In the order of the program; a modal word counts once for each time that it is set.
-    not_checked : tuple of str
-        What the machine's file does not list, in words.
-    clearance : tuple of str, optional
-        What of the tools' shanks and holders was not held against the part; None where no blank
-        was given.
-    """
+    """What of a program the machine cannot do, and what of it was not checked."""
 
     violations: tuple[Violation, ...] = ()
+    """In the order of the program; a modal word counts once for each time that it is set."""
     not_checked: tuple[str, ...] = ()
+    """What the machine's file does not list, in words."""
     clearance: tuple[str, ...] | None = None
+    """What of the tools' shanks and holders was not held against the part; None where no blank was
+    given."""
 
 
 def limits_of(

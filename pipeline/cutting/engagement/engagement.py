@@ -38,27 +38,20 @@ class ToolPath:
     """Q straight pieces, in the order in which they are cut; the tool's axis is parallel to z.
 
     Arcs come as chords.  The same pieces hold whatever F and S are.
-
-    Parameters
-    ----------
-    start, end : ndarray, shape (Q, 3)
-        Of the tool's tip [m].
-    block : ndarray of int32, shape (Q,)
-        Which block of the program each belongs to, never falling.
-    tool : ndarray of int32, shape (Q,)
-        Index into the tools that go with the path.
-    feed : ndarray of bool, shape (Q,)
-        Whether it moves at feed; False for rapids.
-    direction : ndarray of int8, shape (Q,)
-        Of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4), 0 when it stands.
     """
 
     start: Floats
     end: Floats
+    """Of the tool's tip [m]; shape (Q, 3)."""
     block: Indices
+    """Which block of the program each belongs to, never falling; shape (Q,)."""
     tool: Indices
+    """Index into the tools that go with the path; shape (Q,)."""
     feed: Bools
+    """Whether it moves at feed; False for rapids; shape (Q,)."""
     direction: NDArray[np.int8]
+    """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4), 0 when it
+    stands; shape (Q,)."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -168,45 +161,32 @@ class Engagement:
 
     Engagement over less than a cell across the feed is right on the average of a stretch of several
     cells; a block shorter than that may by chance have no station.
-
-    Parameters
-    ----------
-    piece, block, tool : ndarray of int32, shape (N,)
-        Piece of the path, block of the program, index of the tool.
-    along : ndarray, shape (N,)
-        Where on its piece the station begins [m].
-    length : ndarray, shape (N,)
-        Of the stretch that it stands for [m].
-    lower, upper : ndarray of float32, shape (N, F)
-        Part of the tool's envelope in the material at each of F angles, as heights above the tip
-        [m]; nothing where ``upper <= lower``.  Angle k is (k + 1/2) 2 pi / F.
-    volume : ndarray, shape (N,)
-        Material removed [m^3].
-    slope : ndarray, shape (N,)
-        dz / ds of the motion: -1 straight down (a plunge), 0 in the plane.
-    feed : ndarray of bool, shape (N,)
-        False where a rapid went through material.
-    blocks : int
-        Blocks of the program, B; those without a station cut air.
-    resolution : float
-        Of the height map [m].
-    rings : EndRings
-        Of the stations whose end goes down over less than its whole flat.
     """
 
     piece: Indices
     block: Indices
     tool: Indices
+    """Piece of the path, block of the program, index of the tool; shape (N,)."""
     along: Floats
+    """Where on its piece the station begins [m]; shape (N,)."""
     length: Floats
+    """Length of the stretch that it stands for [m]; shape (N,)."""
     lower: Singles
     upper: Singles
+    """Part of the tool's envelope in the material at each of F angles, as heights above the tip
+    [m]; nothing where ``upper <= lower``.  Angle k is (k + 1/2) 2 pi / F; shape (N, F)."""
     volume: Floats
+    """Material removed [m^3]; shape (N,)."""
     slope: Floats
+    """dz / ds of the motion: -1 straight down (a plunge), 0 in the plane; shape (N,)."""
     feed: Bools
+    """False where a rapid went through material; shape (N,)."""
     blocks: int
+    """Blocks of the program, B; those without a station cut air."""
     resolution: float
+    """Resolution of the height map [m]."""
     rings: EndRings = field(default_factory=whole_ends)
+    """Rings of the stations whose end goes down over less than its whole flat."""
 
     def __len__(self) -> int:
         return len(self.piece)

@@ -21,21 +21,14 @@ NEGLIGIBLE_DEPTH = 1e-9
 
 @dataclass(slots=True, kw_only=True)
 class Hole:
-    """One hole, in program coordinates.
-
-    Parameters
-    ----------
-    run : Run
-        Interpretation that records the moves; it holds the words of the cycle.
-    line : int
-        Of the block.
-    point : list of 6 floats
-        Position of the tool; its coordinate ``normal`` changes as it moves [mm, deg].
-    """
+    """One hole, in program coordinates."""
 
     run: Run
+    """Interpretation that records the moves; it holds the words of the cycle."""
     line: int
+    """Line of the block."""
     point: list[float]
+    """Position of the tool; its coordinate ``normal`` changes as it moves [mm, deg]."""
 
     @property
     def words(self) -> dict[str, float]:

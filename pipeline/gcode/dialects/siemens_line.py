@@ -168,52 +168,36 @@ CALLS: dict[str, str] = {
 
 @dataclass(slots=True)
 class ModalMemory:
-    """Modal data of a Sinumerik program that later lines refer to.
-
-    Parameters
-    ----------
-    tools : dict of str to int
-        Number of each tool's name.
-    selected, tool : Expression
-        Number of the tool called by T, and of the one in the spindle.
-    motion : float
-        G code of group 1 in force.
-    drilling : tuple or None
-        Token and arguments of the drilling cycle that MCALL put in force.
-    feed, speed : Expression
-        Last F and S.
-    unit : float
-        Millimetres in the program's unit of length.
-    plane : float
-        17, 18 or 19.
-    frame : (3, 3) array
-        AROT: from the program's axes to the workpiece's.
-    shift : dict of str to Expression
-        TRANS and ATRANS by axis.
-    absolute, shifted, transformed : bool
-        G90, TRANS by more than 0, TRAORI.
-    at : dict of str to (float or None)
-        Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg].
-    defined : dict of str to str
-        Type of each variable that has one, by its name in small letters.
-    """
+    """Modal data of a Sinumerik program that later lines refer to."""
 
     tools: dict[str, int]
+    """Number of each tool's name."""
     selected: Expression = field(default_factory=lambda: Number(0.0))
     tool: Expression = field(default_factory=lambda: Number(0.0))
+    """Number of the tool called by T, and of the one in the spindle."""
     motion: float = 0.0
+    """G code of group 1 in force."""
     drilling: tuple[Token, tuple[Expression, ...]] | None = None
+    """Token and arguments of the drilling cycle that MCALL put in force."""
     feed: Expression = field(default_factory=lambda: Number(0.0))
     speed: Expression = field(default_factory=lambda: Number(0.0))
+    """Last F and S."""
     unit: float = 1.0
+    """Millimetres in the program's unit of length."""
     plane: float = 17.0
+    """17, 18 or 19."""
     frame: Matrix = field(default_factory=lambda: UNROTATED)
+    """AROT: from the program's axes to the workpiece's."""
     shift: dict[str, Expression] = field(default_factory=dict)
+    """TRANS and ATRANS by axis."""
     absolute: bool = True
     shifted: bool = False
     transformed: bool = False
+    """G90, TRANS by more than 0, TRAORI."""
     at: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys("BCXY"))
+    """Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg]."""
     defined: dict[str, str] = field(default_factory=dict)
+    """Type of each variable that has one, by its name in small letters."""
 
     def tool_number(self, name: str) -> float:
         """Number of a tool in the tool table."""

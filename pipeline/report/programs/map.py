@@ -64,27 +64,18 @@ def map_figure(moves: ProgramMoves, classes: FeedClasses, label: str) -> Markup:
 
 @dataclass(frozen=True, kw_only=True)
 class PathMap:
-    """Path of a program in a frame.
-
-    Parameters
-    ----------
-    cut : Pieces
-        Straight pieces of the path.
-    moves : ProgramMoves
-        That they belong to.
-    kind : array (M,)
-        Class of the feed of each move.
-    classes : FeedClasses
-        Of the machine's programs.
-    shown : View
-        The frame.
-    """
+    """Path of a program in a frame."""
 
     cut: Pieces
+    """Straight pieces of the path."""
     moves: ProgramMoves
+    """That they belong to."""
     kind: np.ndarray
+    """Class of the feed of each move."""
     classes: FeedClasses
+    """Classes of the machine's programs."""
     shown: View
+    """The frame."""
 
     def panel(self, axes: tuple[int, int], widest: float, label: str) -> Markup:
         """One view, across and up two of the axes X, Y, Z."""

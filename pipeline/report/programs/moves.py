@@ -26,36 +26,25 @@ UNKNOWN = -1  # class of a cutting move whose feed is not known
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramMoves:
-    """M moves.
-
-    Parameters
-    ----------
-    start, end, centre : array (M, 3)
-        In the machine's frame [mm]; ``centre`` is NaN unless the move is an arc.
-    angle : array (M,)
-        That an arc sweeps about its plane's normal, anticlockwise positive [rad].
-    plane : array (M,)
-        17, 18 or 19.
-    kind : array (M,) of str
-        What the move is, in lower case.
-    programmed, reached : array (M,)
-        Feed asked for, and the greatest that the block reaches [mm/min]; NaN where there is none.
-    time : array (M,)
-        What the move takes [s].
-    tool : array (M,)
-        Number of the tool.
-    """
+    """M moves."""
 
     start: np.ndarray
     end: np.ndarray
     centre: np.ndarray
+    """In the machine's frame [mm]; ``centre`` is NaN unless the move is an arc."""
     angle: np.ndarray
+    """That an arc sweeps about its plane's normal, anticlockwise positive [rad]."""
     plane: np.ndarray
+    """17, 18 or 19."""
     kind: np.ndarray
+    """What the move is, in lower case."""
     programmed: np.ndarray
     reached: np.ndarray
+    """Feed asked for, and the greatest that the block reaches [mm/min]; NaN where there is none."""
     time: np.ndarray
+    """What the move takes [s]."""
     tool: np.ndarray
+    """Number of the tool."""
 
     @property
     def cutting(self) -> np.ndarray:

@@ -47,28 +47,19 @@ LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothin
 
 @dataclass(frozen=True, kw_only=True)
 class Timeline:
-    """Means over columns of equal time; NaN where nothing is cut.
-
-    Parameters
-    ----------
-    total : float
-        Time of the program [s].
-    programmed, reached : array (BINS,)
-        Mean feed while cutting [mm/min].
-    share : array (BINS,)
-        Reached feed over programmed feed, 1 at most [1].
-    doing : array (BINS,)
-        Index into :data:`DOING` of what takes most of the column.
-    tools : list of (number, start, end)
-        Spans of one tool that a column can show, as shares of the time [1].
-    """
+    """Means over columns of equal time; NaN where nothing is cut."""
 
     total: float
+    """Time of the program [s]."""
     programmed: np.ndarray
     reached: np.ndarray
+    """Mean feed while cutting [mm/min]."""
     share: np.ndarray
+    """Reached feed over programmed feed, 1 at most [1]."""
     doing: np.ndarray
+    """Index into :data:`DOING` of what takes most of the column."""
     tools: list[tuple[int, float, float]]
+    """Spans of one tool that a column can show, as shares of the time [1]."""
 
 
 def timeline(moves: ProgramMoves) -> Timeline | None:

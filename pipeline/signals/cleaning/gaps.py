@@ -41,22 +41,15 @@ STEADY_SHARE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReportingInterval:
-    """How often an item reports.
-
-    Parameters
-    ----------
-    typical_s : float
-        Median interval [s]; NaN when it is not known.
-    long_s : float
-        Interval that one in a thousand exceeds, up to the next power of two [s].
-    steady : bool
-        Whether the item reports all the time, so that its silence means something: at least every
-        few seconds (``FAST_S``), and almost never less often.
-    """
+    """How often an item reports."""
 
     typical_s: float = float("nan")
+    """Median interval [s]; NaN when it is not known."""
     long_s: float = float("nan")
+    """Interval that one in a thousand exceeds, up to the next power of two [s]."""
     steady: bool = False
+    """Whether the item reports all the time, so that its silence means something: at least every
+    few seconds (``FAST_S``), and almost never less often."""
 
     def threshold_s(self, settings: CleanSettings) -> float:
         """The longest interval that is no silence [s]."""

@@ -35,33 +35,23 @@ THIN = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Index:
-    """What has to be known of one file before its rows are read again.
-
-    Parameters
-    ----------
-    file, sha256 : str
-        Path under the machine's folder, and the hash of its bytes.
-    live_start, last : int
-        First and last time [ns] that it reports anew; both -1 when there is none.
-    late, restated : int
-        Rows out of order, rows that restate what was known before.
-    days : list of str
-        Days with rows.
-    intervals : dict of str to dict of str to int
-        Counted intervals of each item: bin -> count (see ``reporting``).
-    conditions : list
-        Rows of :class:`~pipeline.signals.cleaning.alarms.Said`.
-    """
+    """What has to be known of one file before its rows are read again."""
 
     file: str
     sha256: str
+    """Path under the machine's folder, and the hash of its bytes."""
     live_start: int = -1
     last: int = -1
+    """First and last time [ns] that it reports anew; both -1 when there is none."""
     late: int = 0
     restated: int = 0
+    """Rows out of order, rows that restate what was known before."""
     days: list[str] = field(default_factory=list)
+    """Days with rows."""
     intervals: dict[str, dict[str, int]] = field(default_factory=dict)
+    """Counted intervals of each item: bin -> count (see ``reporting``)."""
     conditions: list[Said] = field(default_factory=list)
+    """Rows of :class:`~pipeline.signals.cleaning.alarms.Said`."""
 
 
 def files_of(signals: Path) -> list[Path]:

@@ -17,21 +17,15 @@ Values = npt.NDArray[Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Series:
-    """Reports of one data item.
-
-    Parameters
-    ----------
-    time : array of int64, shape (T,)
-        When [ns since 1970, UTC], ascending.
-    value : array of float64 or object, shape (T,)
-        NaN, or None for words: not known from here on.
-    fresh : array of bool, shape (T,)
-        Whether the value was reported at that time; False for what was carried over from before.
-    """
+    """Reports of one data item."""
 
     time: Ints
+    """When [ns since 1970, UTC], ascending; shape (T,)."""
     value: Values
+    """NaN, or None for words: not known from here on; shape (T,)."""
     fresh: Bools
+    """Whether the value was reported at that time; False for what was carried over from before;
+    shape (T,)."""
 
     @property
     def text(self) -> bool:

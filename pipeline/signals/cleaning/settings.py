@@ -14,29 +14,20 @@ NS = 1_000_000_000
 
 @dataclass(frozen=True, kw_only=True)
 class PositionControl:
-    """Data items that show when a spindle is held by its position loop.
-
-    Parameters
-    ----------
-    angle : str
-        Data item of the C axis' angle [DEGREE].
-    speed : str
-        Data item of the same spindle's speed [REVOLUTION/MINUTE].
-    rate : str or None
-        Data item of the C axis' angular velocity [DEGREE/SECOND]: it shows a motion that ended
-        between two reports of the angle.
-    tool_speed : str or None
-        Data item of a second spindle's speed [REVOLUTION/MINUTE] that carries driven tools: while
-        it turns and this spindle stands, the work is held for it.
-    mode : str or None
-        Data item of the spindle's MTConnect rotary mode; where it is known it decides alone.
-    """
+    """Data items that show when a spindle is held by its position loop."""
 
     angle: str
+    """Data item of the C axis' angle [DEGREE]."""
     speed: str
+    """Data item of the same spindle's speed [REVOLUTION/MINUTE]."""
     rate: str | None = None
+    """Data item of the C axis' angular velocity [DEGREE/SECOND]: it shows a motion that ended
+    between two reports of the angle."""
     tool_speed: str | None = None
+    """Data item of a second spindle's speed [REVOLUTION/MINUTE] that carries driven tools: while it
+    turns and this spindle stands, the work is held for it."""
     mode: str | None = None
+    """Data item of the spindle's MTConnect rotary mode; where it is known it decides alone."""
 
     @property
     def signals(self) -> dict[str, str]:
@@ -55,18 +46,6 @@ class PositionControl:
 class CleanMachine:
     """How the canonical signals are found in one machine's records.
 
-    Parameters
-    ----------
-    signals : mapping of str to str
-        Canonical signal -> name of the data item or of the trace channel.
-    position_control : PositionControl or None
-        For machines whose spindle also works as a C axis.
-    warm_up_programs : tuple of str
-        Programs that only warm the machine up.
-    time_zone : str
-        Of the plant's clock, as ``America/New_York``: days, and with them golden sets, go from
-        midnight to midnight of it.
-
     Raises
     ------
     ValueError
@@ -75,9 +54,14 @@ class CleanMachine:
     """
 
     signals: Mapping[str, str] = field(default_factory=dict)
+    """Canonical signal -> name of the data item or of the trace channel."""
     position_control: PositionControl | None = None
+    """For machines whose spindle also works as a C axis."""
     warm_up_programs: tuple[str, ...] = ()
+    """Programs that only warm the machine up."""
     time_zone: str = UTC
+    """Of the plant's clock, as ``America/New_York``: days, and with them golden sets, go from
+    midnight to midnight of it."""
 
     def __post_init__(self) -> None:
         """Check the names against the table of signals."""
@@ -116,42 +100,6 @@ class CleanMachine:
 class CleanSettings(Ranged, section="cleaning"):
     """By which rules records are cleaned.
 
-    Parameters
-    ----------
-    period_s : float
-        Period of the state table [s].
-    off_after_s : float
-        A machine that is silent for longer was off [s]; shorter gaps stay in the table as nulls.
-    lookahead_s : float
-        How far a day looks into the next one, to judge and to join its last values [s].
-    silence_factor : float
-        A silence is this many times as long as an item's habitual interval [1].
-    silence_min_s : float
-        No silence is shorter [s].
-    bridge_s : float
-        Longest run of removed values over which a signal still counts as known [s].
-    settle_s : float
-        A level that lasts this long is a new level, not a glitch [s].
-    temperature_step_K, temperature_slew_K_per_s, temperature_reach_s : float
-        From one report to the next a temperature changes by at most
-        ``step + slew * min(elapsed, reach)``: an item that reports on change would have reported
-        in between.
-    counter_slack_s : float
-        How far a counter of seconds may run ahead of the clock [s].
-    linear_intervals : float
-        Values further apart than this many typical intervals are held, not joined by a line [1].
-    turning_rpm : float
-        A spindle turns above this speed [rev/min].
-    cold_after_s : float
-        A machine that was off for this long starts cold [s].
-    warm_up_min_s : float
-        Shortest warm-up [s].
-    segment_min_s : float
-        Shorter segments join the one before [s].
-    load_margin, load_spreads : float
-        A load is above no-load by more than ``max(load_margin, load_spreads * spread)``
-        [PERCENT, 1].
-
     Raises
     ------
     ValueError
@@ -159,23 +107,40 @@ class CleanSettings(Ranged, section="cleaning"):
     """
 
     period_s: Annotated[float, Range(least=1e-3, most=3600, unit="s")] = 1.0
+    """Period of the state table [s]."""
     off_after_s: Annotated[float, Range(least=1, most=7 * 86400, unit="s")] = 900.0
+    """A machine that is silent for longer was off [s]; shorter gaps stay in the table as nulls."""
     lookahead_s: Annotated[float, Range(least=60, most=86400, unit="s")] = 3600.0
+    """How far a day looks into the next one, to judge and to join its last values [s]."""
     silence_factor: Annotated[float, Range(least=1, most=1000)] = 5.0
+    """A silence is this many times as long as an item's habitual interval [1]."""
     silence_min_s: Annotated[float, Range(least=0.1, most=86400, unit="s")] = 10.0
+    """No silence is shorter [s]."""
     bridge_s: Annotated[float, Range(least=0, most=86400, unit="s")] = 60.0
+    """Longest run of removed values over which a signal still counts as known [s]."""
     settle_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 60.0
+    """A level that lasts this long is a new level, not a glitch [s]."""
     temperature_step_K: Annotated[float, Range(least=0.1, most=50, unit="K")] = 5.0
     temperature_slew_K_per_s: Annotated[float, Range(least=1e-4, most=10, unit="K/s")] = 0.1
     temperature_reach_s: Annotated[float, Range(least=1, most=3600, unit="s")] = 60.0
+    """From one report to the next a temperature changes by at most ``step + slew * min(elapsed,
+    reach)``: an item that reports on change would have reported in between."""
     counter_slack_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 5.0
+    """How far a counter of seconds may run ahead of the clock [s]."""
     linear_intervals: Annotated[float, Range(least=1, most=100)] = 3.0
+    """Values further apart than this many typical intervals are held, not joined by a line [1]."""
     turning_rpm: Annotated[float, Range(least=0.1, most=1000, unit="rev/min")] = 5.0
+    """A spindle turns above this speed [rev/min]."""
     cold_after_s: Annotated[float, Range(least=60, most=30 * 86400, unit="s")] = 7200.0
+    """A machine that was off for this long starts cold [s]."""
     warm_up_min_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 120.0
+    """Shortest warm-up [s]."""
     segment_min_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 3.0
+    """Shorter segments join the one before [s]."""
     load_margin: Annotated[float, Range(least=0, most=100, unit="PERCENT")] = 2.0
     load_spreads: Annotated[float, Range(least=1, most=20)] = 4.0
+    """A load is above no-load by more than ``max(load_margin, load_spreads * spread)``
+    [PERCENT, 1]."""
 
     def __post_init__(self) -> None:
         """Check every range."""

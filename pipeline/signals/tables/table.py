@@ -202,37 +202,25 @@ LISTED = 100
 
 @dataclass(frozen=True, kw_only=True)
 class RawTable:
-    """A table as found in a file.
-
-    Parameters
-    ----------
-    columns : dict of str to pyarrow array, shape (T,)
-        Raw name -> cells, for the columns of :func:`columns_to_read`.
-    lines : ndarray of int64, shape (T,)
-        Line of the file, or number of the record, of each row; from 1.
-    units : dict of str to str
-        Raw name -> unit that the file itself states.
-    rejected : list of Rejection
-        Rows that did not become cells.
-    left_out : list of str
-        Columns of the file that are not read.
-    notes : dict
-        What else the file holds (constants beside the channels).
-    rate, start : float or None, str or None
-        Sampling rate [Hz] and first instant that the file itself states.
-    excerpt : callable
-        Beginning of the row with a number (from 0) in ``lines``.
-    """
+    """A table as found in a file."""
 
     columns: dict[str, Cells]
+    """Raw name -> cells, for the columns of :func:`columns_to_read`; shape (T,)."""
     lines: Ints
+    """Line of the file, or number of the record, of each row; from 1; shape (T,)."""
     units: dict[str, str] = field(default_factory=dict)
+    """Raw name -> unit that the file itself states."""
     rejected: list[Rejection] = field(default_factory=list)
+    """Rows that did not become cells."""
     left_out: list[str] = field(default_factory=list)
+    """Columns of the file that are not read."""
     notes: dict[str, Any] = field(default_factory=dict)
+    """What else the file holds (constants beside the channels)."""
     rate: float | None = None
     start: str | None = None
+    """Sampling rate [Hz] and first instant that the file itself states."""
     excerpt: Callable[[int], str] | None = None
+    """Beginning of the row with a number (from 0) in ``lines``."""
 
 
 def layout_of(source: RecordSource) -> TableLayout:

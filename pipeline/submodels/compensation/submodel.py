@@ -48,21 +48,15 @@ COMPARED = 400
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationLimits(Ranged, section="compensation_limits"):
-    """Limits on recordings that no network was trained on.
-
-    Parameters
-    ----------
-    coverage : (float, float)
-        Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
-        aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more
-        than a dozen draws.
-    most_percent : float
-        Greatest RMSE over the RMS of the following error itself [%]: at 70 half of its mean square
-        is predicted, whatever the interval holds and whichever method serves.
-    """
+    """Limits on recordings that no network was trained on."""
 
     coverage: tuple[Share, ...] = (0.8, 1.0)
+    """Least and greatest share of samples inside the 90 % interval over all recordings [1].  The
+    aim is 0.9; samples of a recording hang together, and a dozen recordings are hardly more than a
+    dozen draws."""
     most_percent: Positive = 70.0
+    """Greatest RMSE over the RMS of the following error itself [%]: at 70 half of its mean square
+    is predicted, whatever the interval holds and whichever method serves."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

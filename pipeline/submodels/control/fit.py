@@ -34,40 +34,27 @@ TOLERANCE = 1e-5
 
 @dataclass(frozen=True, kw_only=True)
 class SearchSettings(Ranged, section="control_fit"):
-    """Settings of the search for an optimum.
-
-    Parameters
-    ----------
-    loose_s : float
-        Width about the start of the weak prior on waiting times [s]; that of rates is a factor e.
-    step : float
-        Of the differences that the Jacobian is made of [1 on the logarithmic scale, s].
-    evaluations : int
-        Jacobians at most.
-    """
+    """Settings of the search for an optimum."""
 
     loose_s: Positive = 5.0
+    """Width about the start of the weak prior on waiting times [s]; that of rates is a factor e."""
     step: Positive = 0.02
+    """Of the differences that the Jacobian is made of [1 on the logarithmic scale, s]."""
     evaluations: Count = 60
+    """Jacobians at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """Where a search ended.
-
-    Parameters
-    ----------
-    values : ndarray, shape (D,)
-        Of all parameters, in their units.
-    jacobian : ndarray, shape (N, D)
-        Of the residuals, on the scale of the search [1]; 0 by what was not fitted.
-    residuals : ndarray, shape (N,)
-        In units of the scale beyond which they count linearly [1].
-    """
+    """Where a search ended."""
 
     values: Floats
+    """Values of all parameters, in their units; shape (D,)."""
     jacobian: Floats
+    """Jacobian of the residuals, on the scale of the search [1]; 0 by what was not fitted;
+    shape (N, D)."""
     residuals: Floats
+    """In units of the scale beyond which they count linearly [1]; shape (N,)."""
 
     @property
     def weight(self) -> Floats:
@@ -78,19 +65,13 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """What the runs say of parameters that they do not determine; shapes (D,).
-
-    Parameters
-    ----------
-    values : ndarray
-        Where the search left each, in its unit.
-    felt : ndarray
-        One over the half width that the residuals leave to it, were all others known; on the scale
-        of the search.
-    """
+    """What the runs say of parameters that they do not determine; shapes (D,)."""
 
     values: Floats
+    """Where the search left each, in its unit."""
     felt: Floats
+    """One over the half width that the residuals leave to it, were all others known; on the scale
+    of the search."""
 
 
 def optimum(
@@ -195,52 +176,36 @@ class ControlFitSettings(SearchSettings, section="control_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFit:
-    """Identified control with its intervals.
-
-    Parameters
-    ----------
-    free : tuple of FreeParameter
-        The parameters that were fitted.
-    values : ndarray, shape (D,)
-        In the units of ``free``.
-    low, high : ndarray, shape (D,)
-        95 % interval; NaN of what is not determined.
-    determined : ndarray of bool, shape (D,)
-        Whether the logs say anything of it.
-    from_speeds : ndarray of bool, shape (D,)
-        Whether it was read from logged speeds, not fitted to durations.
-    control : dict of str to ControlParameters
-        Of each unit; what is not determined near what is known of its kind.
-    ends : dict of str to tuple of 2 ControlParameters
-        Of each unit of which something is not determined, with that at its slow and its fast end.
-    apart : frozenset of str
-        Parameters that units do not share, or that runs of one unit alone determine.
-    differ : frozenset of str
-        Names with the unit of those of them that units do not share.
-    left : Left
-        Of what is not determined.
-    uncertainty : Uncertainty
-        Of those fitted to durations, on the scale of the search.
-    rmse_s : float
-        Of the residuals, without outliers beyond 10 times the noise [s].
-    segments : int
-        How many.
-    """
+    """Identified control with its intervals."""
 
     free: tuple[FreeParameter, ...]
+    """The parameters that were fitted."""
     values: Floats
+    """In the units of ``free``; shape (D,)."""
     low: Floats
     high: Floats
+    """95 % interval; NaN of what is not determined; shape (D,)."""
     determined: Bools
+    """Whether the logs say anything of it; shape (D,)."""
     from_speeds: Bools
+    """Whether it was read from logged speeds, not fitted to durations; shape (D,)."""
     control: dict[str, ControlParameters]
+    """Control of each unit; what is not determined near what is known of its kind."""
     ends: dict[str, tuple[ControlParameters, ControlParameters]]
+    """Ends of each unit of which something is not determined, with that at its slow and its fast
+    end."""
     apart: frozenset[str]
+    """Parameters that units do not share, or that runs of one unit alone determine."""
     differ: frozenset[str]
+    """Names with the unit of those of them that units do not share."""
     left: Left
+    """Of what is not determined."""
     uncertainty: Uncertainty
+    """Of those fitted to durations, on the scale of the search."""
     rmse_s: float
+    """Rmse of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
+    """How many."""
 
     def lenders(self, place: int) -> list[str]:
         """Units whose value a parameter has that the runs of its own unit do not excite."""

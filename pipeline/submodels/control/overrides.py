@@ -173,32 +173,22 @@ def plateau(ratio: Floats, width: float = WIDTH) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Operator:
-    """Line by line; index 0 is no line.
-
-    Parameters
-    ----------
-    feed : ndarray, shape (lines + 1,)
-        Feed in force over programmed feed [1].
-    rapid : ndarray, shape (lines + 1,)
-        Rapid override in force [1].
-    spindle : ndarray, shape (lines + 1,)
-        Speed of the spindle over programmed speed [1].
-    said : ndarray, shape (lines + 1,)
-        Feed override as the log says it; 1 where it says none [1].
-    stops : tuple of (float, float)
-        Spans in which the operator held the machine: the control said so, or an override was 0
-        while a line that heeds it was executed [s].
-    feed_read : float
-        Share of the cutting lines whose feed was read from plateaus; that of the rest is as the log
-        says it, or as on the nearest line that was read [1].
-    """
+    """Line by line; index 0 is no line."""
 
     feed: Floats
+    """Feed in force over programmed feed [1]; shape (lines + 1,)."""
     rapid: Floats
+    """Rapid override in force [1]; shape (lines + 1,)."""
     spindle: Floats
+    """Speed of the spindle over programmed speed [1]; shape (lines + 1,)."""
     said: Floats
+    """Feed override as the log says it; 1 where it says none [1]; shape (lines + 1,)."""
     stops: tuple[Span, ...]
+    """Spans in which the operator held the machine: the control said so, or an override was 0 while
+    a line that heeds it was executed [s]."""
     feed_read: float
+    """Share of the cutting lines whose feed was read from plateaus; that of the rest is as the log
+    says it, or as on the nearest line that was read [1]."""
 
 
 def operator_of(run: Run, moves: Moves) -> Operator:

@@ -22,35 +22,24 @@ MANY = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FreeParameter:
-    """One parameter.
-
-    Parameters
-    ----------
-    name : str
-        As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the
-        unit behind it.
-    unit : str
-        Of its value.
-    low, high : float
-        No machine tool is outside.
-    start : float
-        Where the search begins.
-    log_scale : bool
-        Whether it is fitted on a logarithmic scale; times are not, they may be 0.
-    remedy : str
-        What to record when it is not determined.
-    units : tuple of str
-        Machines of the kind that it holds for; all when empty.
-    """
+    """One parameter."""
 
     name: str
+    """As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit
+    behind it."""
     unit: str
+    """Unit of its value."""
     low: float
     high: float
+    """No machine tool is outside."""
     start: float
+    """Where the search begins."""
     log_scale: bool
+    """Whether it is fitted on a logarithmic scale; times are not, they may be 0."""
     remedy: str
+    """What to record when it is not determined."""
     units: tuple[str, ...] = ()
+    """Machines of the kind that it holds for; all when empty."""
 
     @property
     def shared(self) -> str:

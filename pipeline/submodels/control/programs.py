@@ -24,19 +24,13 @@ LATE = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """Lines of a run that are lines of a program: program's line = run's line - ``shift``.
-
-    Parameters
-    ----------
-    first, last : int
-        Of the run.
-    shift : int
-        0 where the run is of this very program.
-    """
+    """Lines of a run that are lines of a program: program's line = run's line - ``shift``."""
 
     first: int
     last: int
+    """Of the run."""
     shift: int
+    """0 where the run is of this very program."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,22 +56,15 @@ COMPLETED = frozenset({"PROGRAM_COMPLETED"})
 
 @dataclass(frozen=True, kw_only=True)
 class Activity:
-    """From becoming active to completing or stopping.
-
-    Parameters
-    ----------
-    start, end : float
-        When the control became active and when it ceased to be, in the recording's time [s].
-    completed : bool
-        Whether the program ran to its end.
-    held : tuple of (float, float)
-        Spans in which the control said that it was held [s].
-    """
+    """From becoming active to completing or stopping."""
 
     start: float
     end: float
+    """When the control became active and when it ceased to be, in the recording's time [s]."""
     completed: bool
+    """Whether the program ran to its end."""
     held: tuple[Span, ...] = ()
+    """Spans in which the control said that it was held [s]."""
 
 
 def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
@@ -156,34 +149,23 @@ UNSAID = Series(time=np.empty(0), value=np.empty(0))
 
 @dataclass(frozen=True, kw_only=True)
 class Run(Activity):
-    """One execution of a program.
-
-    Parameters
-    ----------
-    recording : str
-        The file it is from.
-    number : int
-        Which run of that file, counting from 1.
-    line : Series
-        Line of the program, as polled.
-    feed : Series
-        Speed along the path [mm/s].
-    speed : Series
-        Of the spindle [rev/min].
-    tool : Series
-        Tool in the spindle; 0 while it is changed.
-    feed_override, rapid_override : Series
-        [%]; empty where never said.
-    """
+    """One execution of a program."""
 
     recording: str
+    """The file it is from."""
     number: int
+    """Which run of that file, counting from 1."""
     line: Series
+    """Line of the program, as polled."""
     feed: Series = UNSAID
+    """Speed along the path [mm/s]."""
     speed: Series = UNSAID
+    """Speed of the spindle [rev/min]."""
     tool: Series = UNSAID
+    """Tool in the spindle; 0 while it is changed."""
     feed_override: Series = UNSAID
     rapid_override: Series = UNSAID
+    """[%]; empty where never said."""
 
     @property
     def name(self) -> str:

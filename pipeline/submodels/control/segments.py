@@ -26,38 +26,26 @@ TOGETHER = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """One run, or matched part of one, with the rows of its program.
-
-    Parameters
-    ----------
-    run : Run
-        Lines numbered as in the program.
-    program : str
-        Its name.
-    moves : Moves
-        Of the program.
-    operator : Operator
-        What the operator did.
-    unit : str
-        Which of several machines of a kind.
-    begin, end : ndarray of float, shape (N,)
-        Of each segment in the recording [s].
-    measured : ndarray of float, shape (N,)
-        Its duration without stops [s].
-    first, after : ndarray of int, shape (N,)
-        Rows that it covers: ``first`` to before ``after``.
-    """
+    """One run, or matched part of one, with the rows of its program."""
 
     run: Run
+    """Lines numbered as in the program."""
     program: str
+    """Its name."""
     moves: Moves
+    """Moves of the program."""
     operator: Operator
+    """What the operator did."""
     unit: str
+    """Which of several machines of a kind."""
     begin: Floats
     end: Floats
+    """Of each segment in the recording [s]; shape (N,)."""
     measured: Floats
+    """Its duration without stops [s]; shape (N,)."""
     first: Ints
     after: Ints
+    """Rows that it covers: ``first`` to before ``after``; shape (N,)."""
 
     @property
     def overrides(self) -> Overrides:
@@ -141,19 +129,14 @@ def _cuts(time: Floats, row: Ints, moves: Moves, shortest_s: float) -> Ints:
 
 @dataclass(frozen=True, kw_only=True)
 class Share:
-    """Time of the rows of one type in a run [s].
-
-    Parameters
-    ----------
-    measured, predicted : float
-        What was measured of a segment goes to its types in proportion to what is predicted of them.
-    late : float
-        Half width of the interval that late stamps at the ends of the segments leave.
-    """
+    """Time of the rows of one type in a run [s]."""
 
     measured: float
     predicted: float
+    """What was measured of a segment goes to its types in proportion to what is predicted of
+    them."""
     late: float
+    """Half width of the interval that late stamps at the ends of the segments leave."""
 
 
 def shares(observed: Observed, times: Floats) -> dict[str, Share]:

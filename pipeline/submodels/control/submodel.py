@@ -56,19 +56,13 @@ LENT = "of {others}, not determined here"
 
 @dataclass(frozen=True, kw_only=True)
 class ControlLimits(Ranged, section="control_limits"):
-    """Limits on the errors of a control's times.
-
-    Parameters
-    ----------
-    total_percent : float
-        Greatest error of the time of a run that was not fitted on [%].
-    alone : int
-        Runs within it beside which a single one beyond it is named and does not decide; 0 where
-        each decides.
-    """
+    """Limits on the errors of a control's times."""
 
     total_percent: NotNegative = 5.0
+    """Greatest error of the time of a run that was not fitted on [%]."""
     alone: Annotated[int, Range(least=0)] = 4
+    """Runs within it beside which a single one beyond it is named and does not decide; 0 where each
+    decides."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -151,19 +151,14 @@ def _angles(bottom: float) -> list[Markup]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class NoLoadCurve:
-    """No-load power as it is drawn.
-
-    Parameters
-    ----------
-    speed, power : ndarray, shape (T,)
-        Fitted curve [rev/min], [W]; empty unless every coefficient is determined.
-    levels : ndarray, shape (N, 4)
-        Speed [rev/min], fitted power, half width of its interval and measured power [W], by speed.
-    """
+    """No-load power as it is drawn."""
 
     speed: Floats
     power: Floats
+    """Fitted curve [rev/min], [W]; empty unless every coefficient is determined; shape (T,)."""
     levels: Floats
+    """Speed [rev/min], fitted power, half width of its interval and measured power [W], by speed;
+    shape (N, 4)."""
 
 
 def no_load_curve(model: CuttingModel | None) -> NoLoadCurve | None:

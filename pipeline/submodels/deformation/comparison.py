@@ -21,22 +21,15 @@ GROWTH = "growth"
 
 @dataclass(frozen=True, kw_only=True)
 class Errors:
-    """Errors of one prediction.
-
-    Parameters
-    ----------
-    rmse, largest : float
-        [um].
-    r : float or None
-        Correlation [1].
-    mape : float
-        [%], growth below the floor counting as the floor.
-    """
+    """Errors of one prediction."""
 
     rmse: float
     largest: float
+    """[um]."""
     r: float | None
+    """Correlation [1]."""
     mape: float
+    """Mape [%], growth below the floor counting as the floor."""
 
 
 def errors_of(predicted: Floats, measured: Floats) -> Errors:

@@ -39,81 +39,54 @@ EACH = "each_sensor"
 
 @dataclass(frozen=True, kw_only=True)
 class Term:
-    """A coefficient times an input since the start, low-passed.
-
-    Parameters
-    ----------
-    input : str
-        A sensor or the ambient temperature, above its value at the start [K]; the square of the
-        speed in 1000 rev/min less that at the start.
-    lags_s : tuple of float
-        Time constants of the lags, one after the other [s]; none, one or two.
-    um : float
-        Coefficient [um per unit of the input].
-    """
+    """A coefficient times an input since the start, low-passed."""
 
     input: str
+    """A sensor or the ambient temperature, above its value at the start [K]; the square of the
+    speed in 1000 rev/min less that at the start."""
     lags_s: tuple[float, ...]
+    """Time constants of the lags, one after the other [s]; none, one or two."""
     um: float
+    """Coefficient [um per unit of the input]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class StartTerm:
-    """A coefficient times an input at the start times 1 - exp(-t / lag).
-
-    Parameters
-    ----------
-    input : str
-        A temperature at the start [degC], or ``1``.
-    lag_s : float
-        Time constant [s].
-    um : float
-        Coefficient [um per degC], [um] of the input 1.
-    """
+    """A coefficient times an input at the start times 1 - exp(-t / lag)."""
 
     input: str
+    """A temperature at the start [degC], or ``1``."""
     lag_s: float
+    """Time constant [s]."""
     um: float
+    """Coefficient [um per degC], [um] of the input 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Correction:
-    """Growth as a sum of terms, what it was compared with, and where it holds.
-
-    Parameters
-    ----------
-    inputs : tuple of str
-        That are read: sensors from front to rear, the ambient temperature, the speed.
-    period_s : float
-        Time between two rows [s].
-    terms, starts : tuple of Term, tuple of StartTerm
-        Of the sum.
-    exact : bool
-        Whether the method that serves is such a sum.
-    largest_um, rmse_um : float
-        Difference to the method that serves, over ``recordings`` training recordings [um].
-    recordings : int
-        [1].
-    growth_um : (float, float)
-        Least and greatest growth of these recordings [um].
-    ranges : mapping of str to Learnt
-        In which the model answers: what was learnt of each input and of growth, and the share of
-        it beyond its ends that the model accepts.
-    bands : mapping of str to Band
-        90 % intervals of the method by regime [um].
-    """
+    """Growth as a sum of terms, what it was compared with, and where it holds."""
 
     inputs: tuple[str, ...]
+    """That are read: sensors from front to rear, the ambient temperature, the speed."""
     period_s: float
+    """Time between two rows [s]."""
     terms: tuple[Term, ...]
     starts: tuple[StartTerm, ...]
+    """Of the sum."""
     exact: bool
+    """Whether the method that serves is such a sum."""
     largest_um: float
     rmse_um: float
+    """Difference to the method that serves, over ``recordings`` training recordings [um]."""
     recordings: int
+    """Recordings [1]."""
     growth_um: tuple[float, float]
+    """Least and greatest growth of these recordings [um]."""
     ranges: Mapping[str, Learnt]
+    """In which the model answers: what was learnt of each input and of growth, and the share of it
+    beyond its ends that the model accepts."""
     bands: Mapping[str, Band]
+    """90 % intervals of the method by regime [um]."""
 
     @property
     def chains(self) -> tuple[tuple[float, ...], ...]:

@@ -25,30 +25,20 @@ AT_TOP_SPEED = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inputs:
-    """What the methods predict from: T samples of S sensors in C groups.
-
-    Parameters
-    ----------
-    state : State
-        Complete.
-    rises : ndarray, shape (T, S)
-        Temperature of each sensor above its first [K].
-    groups : ndarray, shape (T, C)
-        Temperature of each group above its first [K].
-    group_temperatures : ndarray, shape (T, C)
-        [degC].
-    linear : ndarray, shape (T, K)
-        Groups, their lags, speed, ambient and relaxation from the start.
-    each_sensor : ndarray, shape (T, M)
-        The same with every sensor in the place of the groups.
-    """
+    """What the methods predict from: T samples of S sensors in C groups."""
 
     state: State
+    """Complete."""
     rises: Floats
+    """Temperature of each sensor above its first [K]; shape (T, S)."""
     groups: Floats
+    """Temperature of each group above its first [K]; shape (T, C)."""
     group_temperatures: Floats
+    """Group temperatures [degC]; shape (T, C)."""
     linear: Floats
+    """Groups, their lags, speed, ambient and relaxation from the start; shape (T, K)."""
     each_sensor: Floats
+    """The same with every sensor in the place of the groups; shape (T, M)."""
 
     def __len__(self) -> int:
         return len(self.state)
@@ -61,21 +51,14 @@ class Inputs:
 
 @dataclass(frozen=True, kw_only=True)
 class InputMaker:
-    """Makes the inputs of every recording alike; stored with the model.
-
-    Parameters
-    ----------
-    weights : tuple of tuple of float, C by S
-        Of each sensor in the temperature of a group [1].
-    lags_s : tuple of float
-        Time constants [s].
-    top_speed : float
-        Highest speed learnt [rev/min]; 0 where none is recorded.
-    """
+    """Makes the inputs of every recording alike; stored with the model."""
 
     weights: tuple[tuple[float, ...], ...]
+    """Weights of each sensor in the temperature of a group [1]."""
     lags_s: tuple[float, ...]
+    """Time constants [s]."""
     top_speed: float
+    """Highest speed learnt [rev/min]; 0 where none is recorded."""
 
     @cached_property
     def _weights(self) -> Floats:

@@ -36,31 +36,22 @@ FEWEST = 3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recorded:
-    """One recording as it is drawn: T samples.
-
-    Parameters
-    ----------
-    time : ndarray, shape (T,)
-        Since the start [s].
-    measured, predicted, low, high : ndarray, shape (T,)
-        Growth [um].
-    temperatures : mapping of str to ndarray, each shape (T',)
-        [degC] by the CSS class and the name of the sensor, joined by a blank; empty where the
-        signals are not there.
-    speed : ndarray, shape (T',) or None
-        [rev/min].
-    clock : ndarray, shape (T',)
-        Times of temperatures and speed [s].
-    """
+    """One recording as it is drawn: T samples."""
 
     time: Floats
+    """Since the start [s]; shape (T,)."""
     measured: Floats
     predicted: Floats
     low: Floats
     high: Floats
+    """Growth [um]; shape (T,)."""
     temperatures: Mapping[str, Floats] = field(default_factory=dict)
+    """Temperatures [degC] by the CSS class and the name of the sensor, joined by a blank; empty
+    where the signals are not there; shape (T',)."""
     speed: Floats | None = None
+    """Speed [rev/min]; shape (T',) or None."""
     clock: Floats = field(default_factory=lambda: np.zeros(0))
+    """Times of temperatures and speed [s]; shape (T',)."""
 
     @property
     def span(self) -> tuple[float, float]:
@@ -142,23 +133,16 @@ def _outline(one: Recorded, span: tuple[float, float], into: Band) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Transitions:
-    """Errors after a start or a stop, in steps of time: K steps.
-
-    Parameters
-    ----------
-    minutes : ndarray, shape (K,)
-        Middle of each step [min].
-    low, middle, high : ndarray, shape (K,)
-        5, 50 and 95 % of the samples lie below [um]; NaN with too few.
-    count : int
-        Starts or stops [1].
-    """
+    """Errors after a start or a stop, in steps of time: K steps."""
 
     minutes: Floats
+    """Middle of each step [min]; shape (K,)."""
     low: Floats
     middle: Floats
     high: Floats
+    """5, 50 and 95 % of the samples lie below [um]; NaN with too few; shape (K,)."""
     count: int
+    """Starts or stops [1]."""
 
     @property
     def widest(self) -> float:

@@ -56,52 +56,35 @@ FEWEST_PROFILES = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthFit:
-    """What the training recordings say.
-
-    Parameters
-    ----------
-    sensors, inputs
-        Check of the sensors, and maker of the inputs.
-    champion : str
-        Method with the least RMSE on recordings left out.
-    ensembles : mapping of str to Ensemble
-        Every method, fitted on all training recordings.
-    compared : mapping of str to MethodScore
-        On recordings left out.
-    treatment : Treatment
-        Of faulty sensors.
-    faults : tuple of TrainingFault
-        Found in the training recordings.
-    later_starts : int
-        Of each recording, that were learnt from as well.
-    learnt : mapping of str to Learnt
-        Range of each input.
-    bands : mapping of str to Band
-        Intervals by regime.
-    adaptive_step : float
-        Of the interval that follows the probe.
-    parameters : mapping of str to Parameter
-        Growth for a kelvin of each group of sensors.
-    second : str
-        Method that the champion has to agree with; empty without another.
-    agreement_um : float
-        Difference between the two from which neither is to be trusted [um].
-    """
+    """What the training recordings say."""
 
     sensors: SensorModel
     inputs: InputMaker
+    """Check of the sensors, and maker of the inputs."""
     champion: str
+    """Method with the least RMSE on recordings left out."""
     ensembles: Mapping[str, Ensemble]
+    """Every method, fitted on all training recordings."""
     compared: Mapping[str, MethodScore]
+    """On recordings left out."""
     treatment: Treatment
+    """Of faulty sensors."""
     faults: tuple[TrainingFault, ...]
+    """Found in the training recordings."""
     later_starts: int
+    """Later starts of each recording, that were learnt from as well."""
     learnt: Mapping[str, Learnt]
+    """Range of each input."""
     bands: Mapping[str, Band]
+    """Intervals by regime."""
     adaptive_step: float
+    """Adaptive step of the interval that follows the probe."""
     parameters: Mapping[str, Parameter]
+    """Growth for a kelvin of each group of sensors."""
     second: str
+    """Method that the champion has to agree with; empty without another."""
     agreement_um: float
+    """Difference between the two from which neither is to be trusted [um]."""
 
 
 def fit_growth(

@@ -39,73 +39,49 @@ Seen = Shown[DeformationModel]
 
 @dataclass(frozen=True, kw_only=True)
 class FirstHour:
-    """Growth in the first hour of one recording.
-
-    Parameters
-    ----------
-    case : str
-        The recording in which the spindle grew most.
-    growth, low, high : float
-        Largest predicted growth within the hour, with its 90 % interval [um].
-    measured : float
-        What the probe read then [um].
-    speed : float or None
-        Highest speed of the recording [rev/min].
-    settled_min : float
-        Time from which the growth stays within ``within_um`` of its last value [min].
-    within_um : float
-        [um].
-    others : int
-        Recordings of an hour or more, this one included.
-    """
+    """Growth in the first hour of one recording."""
 
     case: str
+    """The recording in which the spindle grew most."""
     growth: float
     low: float
     high: float
+    """Largest predicted growth within the hour, with its 90 % interval [um]."""
     measured: float
+    """What the probe read then [um]."""
     speed: float | None
+    """Highest speed of the recording [rev/min]."""
     settled_min: float
+    """Time from which the growth stays within ``within_um`` of its last value [min]."""
     within_um: float
+    """[um]."""
     others: int
+    """Recordings of an hour or more, this one included."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorFault:
-    """A sensor that is faulty in one recording or several.
-
-    Parameters
-    ----------
-    sensor, kind : str
-        Its name; what is wrong with it.
-    case : str
-        First recording in which it was noticed.
-    minute : float
-        When, since that recording's start [min].
-    worst_K : float or None
-        Largest departure [K], above zero where it reads too high; None where it gives no value.
-    cases : int
-        Recordings in which it is faulty.
-    lasts : bool
-        Whether the last recording is among them.
-    place : str
-        Where it sits, as far as the machine's file says.
-    moment : str
-        When it was noticed, by the recording's clock.
-    last : str
-        The last recording in which it is faulty.
-    """
+    """A sensor that is faulty in one recording or several."""
 
     sensor: str
     kind: str
+    """Its name; what is wrong with it."""
     case: str
+    """First recording in which it was noticed."""
     minute: float
+    """When, since that recording's start [min]."""
     worst_K: float | None
+    """Largest departure [K], above zero where it reads too high; None where it gives no value."""
     cases: int
+    """Recordings in which it is faulty."""
     lasts: bool
+    """Whether the last recording is among them."""
     place: str
+    """Where it sits, as far as the machine's file says."""
     moment: str
+    """When it was noticed, by the recording's clock."""
     last: str
+    """The last recording in which it is faulty."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

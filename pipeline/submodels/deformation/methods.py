@@ -45,18 +45,12 @@ class Example:
 
 @dataclass(frozen=True, kw_only=True)
 class Budget:
-    """Budget of a fit, the same for all networks.
-
-    Parameters
-    ----------
-    training : TrainingSettings
-        Passes and the like.
-    every_s : float
-        Time between two samples that networks and physical models learn from [s].
-    """
+    """Budget of a fit, the same for all networks."""
 
     training: TrainingSettings
+    """Passes and the like."""
     every_s: float
+    """Time between two samples that networks and physical models learn from [s]."""
 
 
 class Fitted(ABC):
@@ -143,18 +137,12 @@ class Ridge(Fitted):
 
 @dataclass(frozen=True, kw_only=True)
 class Linear(Method):
-    """Ridge regression whose penalty has the least error on recordings left out in turn.
-
-    Parameters
-    ----------
-    label : str
-        For a person.
-    inputs : str
-        Field of :class:`~pipeline.submodels.deformation.features.Inputs`.
-    """
+    """Ridge regression whose penalty has the least error on recordings left out in turn."""
 
     label: str
+    """For a person."""
     inputs: str
+    """Field of :class:`~pipeline.submodels.deformation.features.Inputs`."""
     seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Ridge:
@@ -356,24 +344,16 @@ class _Network(Fitted):
 
 @dataclass(frozen=True, kw_only=True)
 class Network(Method):
-    """A network of :mod:`pipeline.nets` and the way in which it is trained.
-
-    Parameters
-    ----------
-    label : str
-        For a person.
-    kind : NetworkSettings
-        Which network.
-    method : str
-        How it is trained.
-    inputs : str
-        Field of the inputs that its rules are linear in.
-    """
+    """A network of :mod:`pipeline.nets` and the way in which it is trained."""
 
     label: str
+    """For a person."""
     kind: NetworkSettings
+    """Which network."""
     method: str
+    """How it is trained."""
     inputs: str = "linear"
+    """Field of the inputs that its rules are linear in."""
     seeded: ClassVar[bool] = True
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:

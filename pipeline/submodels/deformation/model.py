@@ -32,90 +32,61 @@ error has no meaning."""
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationFitSettings(Ranged, section="deformation_fit"):
-    """How the methods are fitted and compared.
-
-    Parameters
-    ----------
-    lags_s : tuple of float
-        Time constants of the lags among the inputs [s].
-    folds : int
-        Groups of whole training recordings that are left out in turn.
-    seeds : int
-        Fits of each method that depends on a seed; what is served is their mean.
-    seeds_left_out : int
-        Fits of such a method on each fold.
-    later_starts : tuple of int
-        Each training recording is also learnt from with its start moved to so many later times: a
-        machine that is warm when the probe is set to zero.  Of these numbers the one with which the
-        linear regression errs least on recordings left out.
-    methods : tuple of str
-        That are compared; unless named all that the recorded channels allow.
-    training : TrainingSettings
-        Budget of each network, the same for all.
-    every_s : float
-        Time between two samples that networks and physical models learn from [s]; neighbours say
-        nearly the same.
-    sensors : SensorSettings
-        Of the check of the temperature sensors.
-    rate_s : float
-        Time constant over which warming and cooling are told from steady [s].
-    steady_K_h : float
-        Rate below which the spindle counts as steady [K/h].
-    widening : float
-        Temperatures and speeds up to this share of the learnt range beyond its ends are
-        accepted [1].
-    probe_delay_s : float
-        A reading of the probe is known to the adaptive interval this long after its time [s].
-    adaptive_steps : tuple of float
-        Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed.
-    compute : {"serial", "threads", "processes"}
-        Where the fits run.
-    """
+    """How the methods are fitted and compared."""
 
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 2400.0, 7200.0)
+    """Time constants of the lags among the inputs [s]."""
     folds: Annotated[int, Range(least=2)] = 7
+    """Groups of whole training recordings that are left out in turn."""
     seeds: Count = 5
+    """Fits of each method that depends on a seed; what is served is their mean."""
     seeds_left_out: Count = 2
+    """Fits of such a method on each fold."""
     later_starts: tuple[Annotated[int, Range(least=0)], ...] = (0, 2, 5)
+    """Each training recording is also learnt from with its start moved to so many later times: a
+    machine that is warm when the probe is set to zero.  Of these numbers the one with which the
+    linear regression errs least on recordings left out."""
     methods: tuple[str, ...] = ()
+    """That are compared; unless named all that the recorded channels allow."""
     training: TrainingSettings = field(default_factory=TrainingSettings)
+    """Budget of each network, the same for all."""
     every_s: Positive = 360.0
+    """Time between two samples that networks and physical models learn from [s]; neighbours say
+    nearly the same."""
     sensors: SensorSettings = field(default_factory=SensorSettings)
+    """Of the check of the temperature sensors."""
     rate_s: Positive = 600.0
+    """Time constant over which warming and cooling are told from steady [s]."""
     steady_K_h: Positive = 2.0
+    """Rate below which the spindle counts as steady [K/h]."""
     widening: NotNegative = 0.25
+    """Temperatures and speeds up to this share of the learnt range beyond its ends are accepted
+    [1]."""
     probe_delay_s: NotNegative = 600.0
+    """A reading of the probe is known to the adaptive interval this long after its time [s]."""
     adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
+    """Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed."""
     compute: Compute = "processes"
+    """Where the fits run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MethodScore:
-    """Errors of a method on training recordings left out of its fit.
-
-    Parameters
-    ----------
-    label : str
-        For a person.
-    seeds : int
-        Fits on each fold [1].
-    rmse_um, max_um : float
-        Of the mean prediction over the seeds [um].
-    r : float or None
-        Correlation with what was measured [1]; None where the prediction is constant.
-    mape_percent : float
-        Mean relative error, growth below 5 um counting as 5 um [%].
-    seed_rmse_um : (float, float)
-        Least and greatest RMSE of a single seed [um].
-    """
+    """Errors of a method on training recordings left out of its fit."""
 
     label: str
+    """For a person."""
     seeds: int
+    """Fits on each fold [1]."""
     rmse_um: float
     max_um: float
+    """Of the mean prediction over the seeds [um]."""
     r: float | None
+    """Correlation with what was measured [1]; None where the prediction is constant."""
     mape_percent: float
+    """Mean relative error, growth below 5 um counting as 5 um [%]."""
     seed_rmse_um: tuple[float, float]
+    """Least and greatest RMSE of a single seed [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,87 +118,58 @@ are not read at all, others replaced; all are kept as they are."""
 
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What happens to faulty sensors, and why.
-
-    Parameters
-    ----------
-    chosen : str
-        One of the treatments.
-    ignored : tuple of str
-        Sensors that are not read.
-    rmse_um : mapping of str to float
-        Of the linear regression on training recordings left out, by treatment [um]; empty where no
-        training recording has a faulty sensor.  That with all kept is shown and never chosen.
-    """
+    """What happens to faulty sensors, and why."""
 
     chosen: str
+    """One of the treatments."""
     ignored: tuple[str, ...] = ()
+    """Sensors that are not read."""
     rmse_um: Mapping[str, float] = field(default_factory=dict)
+    """Rmse of the linear regression on training recordings left out, by treatment [um]; empty where
+    no training recording has a faulty sensor.  That with all kept is shown and never chosen."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationModel(Model):
-    """The content of ``model.json``; the fits of all methods stand in ``methods.json``.
-
-    Parameters
-    ----------
-    sensors : SensorModel
-        Check and replacement of the temperature sensors.
-    inputs : InputMaker
-        Of the methods.
-    uses_speed : bool
-        Whether the spindle speed is among the inputs.
-    uses_ambient : bool
-        Whether the ambient temperature is.
-    champion : str
-        Method that serves: the one with the least RMSE on recordings left out.
-    compared : mapping of str to MethodScore
-        All methods, on training recordings left out.
-    treatment : Treatment
-        Of faulty sensors.
-    training_faults : tuple of TrainingFault
-        Found in the training recordings.
-    later_starts : int
-        Later starts of each training recording that were learnt from as well [1].
-    learnt : mapping of str to Learnt
-        Range of each input, and of growth since any start.
-    widening : float
-        Share of a range by which an input may lie beyond it [1].
-    rate_s, steady_K_h : float
-        Which tell the regimes [s], [K/h].
-    bands : mapping of str to Band
-        90 % intervals by regime [um].
-    adaptive_step : float
-        Step of the interval that follows the probe [1].
-    probe_delay_s : float
-        Age at which a reading of the probe is known to it [s].
-    second : str
-        Method that the one which serves has to agree with; empty where there is no other.
-    agreement_um : float
-        Difference between the two from which there is no correction [um].
-    places : mapping of str to str
-        Where sensors sit, in words, by their names, as far as the machine's file says.
-    """
+    """The content of ``model.json``; the fits of all methods stand in ``methods.json``."""
 
     sensors: SensorModel
+    """Check and replacement of the temperature sensors."""
     inputs: InputMaker
+    """Inputs of the methods."""
     uses_speed: bool
+    """Whether the spindle speed is among the inputs."""
     uses_ambient: bool
+    """Whether the ambient temperature is."""
     champion: str
+    """Method that serves: the one with the least RMSE on recordings left out."""
     compared: Mapping[str, MethodScore]
+    """All methods, on training recordings left out."""
     treatment: Treatment
+    """Of faulty sensors."""
     training_faults: tuple[TrainingFault, ...]
+    """Found in the training recordings."""
     later_starts: int
+    """Later starts of each training recording that were learnt from as well [1]."""
     learnt: Mapping[str, Learnt]
+    """Range of each input, and of growth since any start."""
     widening: float
+    """Share of a range by which an input may lie beyond it [1]."""
     rate_s: float
     steady_K_h: float
+    """Which tell the regimes [s], [K/h]."""
     bands: Mapping[str, Band]
+    """90 % intervals by regime [um]."""
     adaptive_step: float
+    """Step of the interval that follows the probe [1]."""
     probe_delay_s: float
+    """Age at which a reading of the probe is known to it [s]."""
     second: str = ""
+    """Method that the one which serves has to agree with; empty where there is no other."""
     agreement_um: float = 0.0
+    """Difference between the two from which there is no correction [um]."""
     places: Mapping[str, str] = field(default_factory=dict)
+    """Where sensors sit, in words, by their names, as far as the machine's file says."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,29 +44,6 @@ RPM = 60 / (2 * np.pi)
 class DeformationRecords(Ranged, section="deformation_records"):
     """Recordings of growth in the machine's file.
 
-    Parameters
-    ----------
-    recordings : tuple of str
-        Patterns of raw files below the machine's folder.
-    temperatures : mapping of str to Channel
-        Name of each sensor -> its channel; three or more, from the front of the spindle to its
-        rear.
-    displacement : Channel
-        Reading of the probe at the spindle's nose, positive where the spindle grows.
-    speed : Channel or None
-        Spindle speed.
-    ambient : Channel or None
-        Temperature of the air beside the machine.
-    period_s : float
-        Time between two samples of the grid [s].
-    longest_gap_s : float
-        A row older than this is no sample [s].
-    places : mapping of str to str
-        Where sensors sit, in words, by their names.
-    probe_is_zeroed : bool
-        Whether the probe was set to zero when the recording began; else the first reading is
-        subtracted.
-
     Raises
     ------
     ValueError
@@ -74,14 +51,25 @@ class DeformationRecords(Ranged, section="deformation_records"):
     """
 
     recordings: tuple[str, ...]
+    """Patterns of raw files below the machine's folder."""
     temperatures: Mapping[str, Channel]
+    """Name of each sensor -> its channel; three or more, from the front of the spindle to its
+    rear."""
     displacement: Channel
+    """Reading of the probe at the spindle's nose, positive where the spindle grows."""
     speed: Channel | None = None
+    """Spindle speed."""
     ambient: Channel | None = None
+    """Temperature of the air beside the machine."""
     period_s: Positive = 60.0
+    """Time between two samples of the grid [s]."""
     longest_gap_s: Annotated[float, Range(above=0.0)] = 180.0
+    """A row older than this is no sample [s]."""
     probe_is_zeroed: bool = True
+    """Whether the probe was set to zero when the recording began; else the first reading is
+    subtracted."""
     places: Mapping[str, str] = field(default_factory=dict)
+    """Where sensors sit, in words, by their names."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,24 +107,16 @@ def _kind(channel: Channel, quantity: str) -> Channel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """What a prediction looks at: T samples of S sensors on an even grid.
-
-    Parameters
-    ----------
-    period : float
-        Time between two samples [s].
-    temperatures : ndarray, shape (T, S)
-        From front to rear [degC]; NaN where a sensor gives none.
-    speed : ndarray, shape (T,)
-        Spindle speed [rev/min]; zero where none is recorded.
-    ambient : ndarray, shape (T,)
-        Temperature of the air [degC]; NaN where none is recorded.
-    """
+    """What a prediction looks at: T samples of S sensors on an even grid."""
 
     period: float
+    """Time between two samples [s]."""
     temperatures: Floats
+    """From front to rear [degC]; NaN where a sensor gives none; shape (T, S)."""
     speed: Floats
+    """Spindle speed [rev/min]; zero where none is recorded; shape (T,)."""
     ambient: Floats
+    """Temperature of the air [degC]; NaN where none is recorded; shape (T,)."""
 
     def __len__(self) -> int:
         return len(self.temperatures)
@@ -172,21 +152,14 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """One recording: its state and the growth that was measured.
-
-    Parameters
-    ----------
-    name : str
-        Of the raw file.
-    state : State
-        What a prediction looks at.
-    growth : ndarray, shape (T,)
-        Displacement since the start [um]; NaN where there is no reading.
-    """
+    """One recording: its state and the growth that was measured."""
 
     name: str
+    """Name of the raw file."""
     state: State
+    """What a prediction looks at."""
     growth: Floats = field(default_factory=lambda: np.zeros(0))
+    """Displacement since the start [um]; NaN where there is no reading; shape (T,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -50,62 +50,42 @@ ROUNDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSettings(Ranged, section="deformation_fit.sensors"):
-    """How sensors are checked.
-
-    Parameters
-    ----------
-    range_degC : (float, float)
-        Temperatures that a working sensor can show; an open or shorted line lies outside.
-    dead_s : float
-        A sensor without a value for so long is dead [s].
-    held_s : float
-        So is one whose value has not changed at all for so long, while those of the others have
-        moved by four times ``least_K`` in the median [s].
-    settle_s : float
-        What the lags hold at the start of a recording is not known; so long they settle [s], and
-        ten times the departure is tolerated.
-    smooth_s : float
-        Time constant of the mean over which a departure counts [s].
-    lags_s : tuple of float
-        Time constants of the low-passed temperatures in the regressions [s].
-    times : float
-        A sensor is faulty when its departure is so many times the median, over the training
-        recordings, of the largest departure in each after it has settled [1].
-    least_K : float
-        A smaller departure is never a fault [K].
-    """
+    """How sensors are checked."""
 
     range_degC: tuple[float, float] = (-30.0, 150.0)
+    """Temperatures that a working sensor can show; an open or shorted line lies outside."""
     dead_s: NotNegative = 300.0
+    """A sensor without a value for so long is dead [s]."""
     held_s: Positive = 1200.0
+    """So is one whose value has not changed at all for so long, while those of the others have
+    moved by four times ``least_K`` in the median [s]."""
     settle_s: NotNegative = 1800.0
+    """What the lags hold at the start of a recording is not known; so long they settle [s], and ten
+    times the departure is tolerated."""
     smooth_s: Positive = 600.0
+    """Time constant of the mean over which a departure counts [s]."""
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
+    """Time constants of the low-passed temperatures in the regressions [s]."""
     times: Annotated[float, Range(above=1.0)] = 4.0
+    """A sensor is faulty when its departure is so many times the median, over the training
+    recordings, of the largest departure in each after it has settled [1]."""
     least_K: Positive = 0.5
+    """A smaller departure is never a fault [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """A faulty sensor in one recording.
-
-    Parameters
-    ----------
-    sensor : str
-        Its name.
-    kind : str
-        ``"dead"``, ``"loose"``, ``"shifted"``, ``"drifting"`` or ``"erratic"``.
-    since_s : float
-        When it was noticed, since the start of the recording [s].
-    departure_K : float or None
-        Largest departure from what the other sensors say [K], above zero where it reads too high;
-        None where it gives no value.
-    """
+    """A faulty sensor in one recording."""
 
     sensor: str
+    """Its name."""
     kind: str
+    """``"dead"``, ``"loose"``, ``"shifted"``, ``"drifting"`` or ``"erratic"``."""
     since_s: float
+    """When it was noticed, since the start of the recording [s]."""
     departure_K: float | None
+    """Largest departure from what the other sensors say [K], above zero where it reads too high;
+    None where it gives no value."""
 
     @property
     def sentence(self) -> str:
@@ -116,22 +96,15 @@ class Fault:
 
 @dataclass(frozen=True, kw_only=True)
 class Checked:
-    """A state whose faulty sensors are replaced.
-
-    Parameters
-    ----------
-    states : tuple of State
-        One for each set of faulty sensors in the order of time: every state is complete and holds
-        the whole recording as it appears once the faults of that set are known.
-    since : tuple of int
-        First sample of each state [1].
-    faults : tuple of Fault
-        In the order in which they were noticed.
-    """
+    """A state whose faulty sensors are replaced."""
 
     states: tuple[State, ...]
+    """One for each set of faulty sensors in the order of time: every state is complete and holds
+    the whole recording as it appears once the faults of that set are known."""
     since: tuple[int, ...]
+    """First sample of each state [1]."""
     faults: tuple[Fault, ...] = ()
+    """In the order in which they were noticed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,39 +112,27 @@ class SensorModel:
     """Mean and covariance of temperatures, and how far each sensor departs from the others.
 
     C channels: S sensors and the ambient temperature where it is recorded; L lags.
-
-    Parameters
-    ----------
-    sensors : tuple of str
-        From front to rear.
-    channels : int
-        C [1].
-    period_s : float
-        Of the samples [s].
-    mean : tuple of float, length C (1 + L)
-        Of the present temperatures, then of those low-passed by each lag [degC].
-    covariance : tuple of tuple of float, C (1 + L) by C (1 + L)
-        [K^2].
-    tolerance_K : tuple of float, length S
-        Departure from which a sensor is faulty [K].
-    jump_K : tuple of float, length S
-        Change of the departure within a sample from which it is [K]; empty for any change.
-    held_s : tuple of float, length S
-        How long each may show the same value while the others move [s]: longer than a sensor of
-        its resolution usually does; empty for ``settings.held_s``.
-    settings : SensorSettings
-        Of the check.
     """
 
     sensors: tuple[str, ...]
+    """From front to rear."""
     channels: int
+    """C [1]."""
     period_s: float
+    """Period of the samples [s]."""
     mean: tuple[float, ...]
+    """Mean of the present temperatures, then of those low-passed by each lag [degC]."""
     covariance: tuple[tuple[float, ...], ...]
+    """Covariance [K^2]."""
     tolerance_K: tuple[float, ...]
+    """Departure from which a sensor is faulty [K]."""
     settings: SensorSettings = field(default_factory=SensorSettings)
+    """Settings of the check."""
     held_s: tuple[float, ...] = ()
+    """How long each may show the same value while the others move [s]: longer than a sensor of its
+    resolution usually does; empty for ``settings.held_s``."""
     jump_K: tuple[float, ...] = ()
+    """Change of the departure within a sample from which it is [K]; empty for any change."""
 
     @cached_property
     def _arrays(self) -> tuple[Floats, Floats]:

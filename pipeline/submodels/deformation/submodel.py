@@ -63,25 +63,19 @@ EVEN = 0.02
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationLimits(Ranged, section="deformation_limits"):
-    """Limits on the error of growth on every recording that no method was fitted on.
-
-    Parameters
-    ----------
-    max_um, rmse_um : float
-        Largest error and RMSE in each regime of a recording [um]; FFNN2015 names 6 um on a range
-        of 50 um.
-    coverage : (float, float)
-        Least and greatest share of samples inside the 90 % interval that follows the probe [1].
-        The aim is 0.88 to 0.92.  Samples of a recording hang together, so that a dozen recordings
-        are hardly more than a dozen draws: an interval that is right covers them with a standard
-        deviation of 0.02 to 0.05, and a narrower limit would decide by chance.  The upper one
-        decides from ``MANY_GROUPS`` training recordings on: with fewer the width is that of the
-        worst of them, wider than 90 % by design.
-    """
+    """Limits on the error of growth on every recording that no method was fitted on."""
 
     max_um: Positive = 6.0
     rmse_um: Positive = 3.0
+    """Largest error and RMSE in each regime of a recording [um]; FFNN2015 names 6 um on a range of
+    50 um."""
     coverage: tuple[Annotated[float, Range(least=0.0, most=1.0)], ...] = (0.85, 0.95)
+    """Least and greatest share of samples inside the 90 % interval that follows the probe [1]. The
+    aim is 0.88 to 0.92.  Samples of a recording hang together, so that a dozen recordings are
+    hardly more than a dozen draws: an interval that is right covers them with a standard deviation
+    of 0.02 to 0.05, and a narrower limit would decide by chance.  The upper one decides from
+    ``MANY_GROUPS`` training recordings on: with fewer the width is that of the worst of them, wider
+    than 90 % by design."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -33,25 +33,17 @@ LISTED = ("position_gain", "velocity_gain", "integral_gain")
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ForceComparison:
-    """Recorded and modelled force of one axis while it moves in air, N rows.
-
-    Parameters
-    ----------
-    measured, modelled : ndarray, shape (N,)
-        In the drive's unit of force.
-    direction : ndarray, shape (N,)
-        Of motion, -1 or 1.
-    time : ndarray, shape (N,)
-        Since the recording began [s].
-    period : float
-        Sampling period of the rows [s].
-    """
+    """Recorded and modelled force of one axis while it moves in air, N rows."""
 
     measured: Floats = field(repr=False)
     modelled: Floats = field(repr=False)
+    """In the drive's unit of force; shape (N,)."""
     direction: Floats = field(repr=False)
+    """Of motion, -1 or 1; shape (N,)."""
     time: Floats = field(repr=False)
+    """Since the recording began [s]; shape (N,)."""
     period: float
+    """Sampling period of the rows [s]."""
 
     @property
     def seconds(self) -> float:
@@ -100,20 +92,14 @@ def constant_level(training: Sequence[ForceComparison]) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FollowingComparison:
-    """Recorded and modelled following error of one axis, T samples.
-
-    Parameters
-    ----------
-    measured, modelled, guessed : ndarray, shape (T,)
-        Reference less position [m]; ``guessed`` is speed over loop gain.
-    command : ndarray, shape (T,)
-        Modelled [A].
-    """
+    """Recorded and modelled following error of one axis, T samples."""
 
     measured: Floats = field(repr=False)
     modelled: Floats = field(repr=False)
     guessed: Floats = field(repr=False)
+    """Reference less position [m]; ``guessed`` is speed over loop gain; shape (T,)."""
     command: Floats = field(repr=False)
+    """Modelled [A]; shape (T,)."""
 
 
 def following_comparison(
@@ -210,21 +196,14 @@ def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoPar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisComparison:
-    """One axis in one recording against the twin.
-
-    Parameters
-    ----------
-    force : ForceComparison
-        Of the recorded motion.
-    following : FollowingComparison or str
-        Of the closed loop; or why there is none.
-    disturbance : Disturbance or None
-        Of the recorded channel; None where there is none.
-    """
+    """One axis in one recording against the twin."""
 
     force: ForceComparison
+    """Force of the recorded motion."""
     following: FollowingComparison | str
+    """Following of the closed loop; or why there is none."""
     disturbance: Disturbance | None
+    """Disturbance of the recorded channel; None where there is none."""
 
 
 def axis_comparison(

@@ -82,32 +82,23 @@ ALIKE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """Where and how a recorded disturbance enters.
-
-    Parameters
-    ----------
-    entry : str
-        A key of ``PLACES``.
-    factor : Factor or None
-        SI quantity at the entry for one unit of the channel; of a force against positive motion.
-        None where it is not determined: then the disturbance is left out.
-    unit : str
-        Of the quantity at the entry.
-    delay, delay_half_width : float
-        Of the entry behind the channel, with half of its 95 % interval [s].
-    share : float
-        Of the squared error of its equation that it explains [1].
-    words : str
-        What is to be said, without a full stop; "" where the channel is what it was declared to be.
-    """
+    """Where and how a recorded disturbance enters."""
 
     entry: Entry
+    """A key of ``PLACES``."""
     factor: Factor | None = None
+    """SI quantity at the entry for one unit of the channel; of a force against positive motion.
+    None where it is not determined: then the disturbance is left out."""
     unit: str = ""
+    """Unit of the quantity at the entry."""
     delay: float = 0.0
     delay_half_width: float = inf
+    """Of the entry behind the channel, with half of its 95 % interval [s]."""
     share: float = 0.0
+    """Share of the squared error of its equation that it explains [1]."""
     words: str = ""
+    """What is to be said, without a full stop; "" where the channel is what it was declared to
+    be."""
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:

@@ -30,28 +30,19 @@ EARLIEST, LATEST = -0.01, 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class EntryFit:
-    """Fit of one place where a disturbance may enter.
-
-    Parameters
-    ----------
-    factor : Factor
-        SI quantity at the place for one unit of the channel.
-    delay, delay_half_width : float
-        Of the place behind the channel, with half of its 95 % interval [s].
-    share : float
-        Of the equation's squared error that it explains [1].
-    gain : float
-        Of log-likelihood over the equation without the disturbance [1].
-    likelihood : float
-        Logarithm of it, less a constant that all fits of the same recorded signal share [1].
-    """
+    """Fit of one place where a disturbance may enter."""
 
     factor: Factor
+    """SI quantity at the place for one unit of the channel."""
     delay: float
     delay_half_width: float
+    """Of the place behind the channel, with half of its 95 % interval [s]."""
     share: float
+    """Share of the equation's squared error that it explains [1]."""
     gain: float
+    """Of log-likelihood over the equation without the disturbance [1]."""
     likelihood: float
+    """Logarithm of it, less a constant that all fits of the same recorded signal share [1]."""
 
     @property
     def clear(self) -> bool:

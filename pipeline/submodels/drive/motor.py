@@ -131,33 +131,25 @@ _TAKES_PART = 0.01  # in a combination, of its greatest member
 
 @dataclass(frozen=True, kw_only=True)
 class SplitFit:
-    """Fit of linear parameters by two halves of the samples.
-
-    Parameters
-    ----------
-    values : ndarray, shape (D,)
-        0 where the regressor is not excited.
-    half_width : ndarray, shape (D,)
-        Of the 95 % interval; infinite for what is not excited, or interchangeable.
-    excited : ndarray of bool, shape (D,)
-        Whether the halves agree on the regressor.
-    interchangeable : ndarray of bool, shape (D,)
-        Whether it takes part in a combination of excited regressors that they do not agree on.
-    condition : float
-        Of the excited regressors, each scaled to length one.
-    correlation : ndarray, shape (D, D)
-        Of the parameters; 0 beside the diagonal for those that are not excited.
-    rms : float
-        Of the residuals, in the unit of what is fitted.
-    """
+    """Fit of linear parameters by two halves of the samples."""
 
     values: Floats
+    """0 where the regressor is not excited; shape (D,)."""
     half_width: Floats
+    """Half width of the 95 % interval; infinite for what is not excited, or interchangeable;
+    shape (D,)."""
     excited: Bools
+    """Whether the halves agree on the regressor; shape (D,)."""
     interchangeable: Bools
+    """Whether it takes part in a combination of excited regressors that they do not agree on;
+    shape (D,)."""
     condition: float
+    """Condition of the excited regressors, each scaled to length one."""
     correlation: Floats
+    """Correlation of the parameters; 0 beside the diagonal for those that are not excited;
+    shape (D, D)."""
     rms: float
+    """Rms of the residuals, in the unit of what is fitted."""
 
 
 def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
@@ -246,28 +238,19 @@ REMEDY = (
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MotorFit(Estimates):
-    """Parameters of a motor; values are nan where the record does not determine them.
-
-    Parameters
-    ----------
-    units : tuple of str, length D
-        Of the parameters.
-    reasons : dict of str to str
-        Why those that are not determined are not.
-    condition : float
-        Condition number of the regressors that are excited, each scaled to length one [1].
-    correlation : ndarray, shape (D, D)
-        Of the parameters.
-    windows, left_out : int
-        Windows fitted, and left out because a sample in them is not finite.
-    """
+    """Parameters of a motor; values are nan where the record does not determine them."""
 
     units: tuple[str, ...]
+    """Units of the parameters."""
     reasons: dict[str, str]
+    """Why those that are not determined are not."""
     condition: float
+    """Condition number of the regressors that are excited, each scaled to length one [1]."""
     correlation: Floats
+    """Correlation of the parameters; shape (D, D)."""
     windows: int
     left_out: int
+    """Windows fitted, and left out because a sample in them is not finite."""
 
 
 def identify_motor(

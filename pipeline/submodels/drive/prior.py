@@ -113,15 +113,10 @@ def _number(name: str, given: Number, constants: Mapping[str, float]) -> float |
 
 @dataclass(frozen=True, kw_only=True)
 class DrivePrior:
-    """Prior knowledge of the drives of a machine.
-
-    Parameters
-    ----------
-    axes : mapping of str to AxisPrior
-        By the axis' letter.
-    """
+    """Prior knowledge of the drives of a machine."""
 
     axes: Mapping[str, AxisPrior] = field(default_factory=dict)
+    """By the axis' letter."""
 
     def axis(self, letter: str) -> AxisPrior:
         """Prior knowledge of one axis; nothing when it is not named."""
@@ -156,37 +151,25 @@ FINEST = 1000
 
 @dataclass(frozen=True, kw_only=True)
 class DriveFitSettings(Ranged, section="drive_fit"):
-    """Settings of the identification of drives.
-
-    Parameters
-    ----------
-    method : {"least_squares", "genetic"}
-        Method whose optimum is kept.
-    compare : bool
-        Whether the other method runs too, for the report.
-    bandwidth_Hz : float, optional
-        Of the parallel filter on motion and force [Hz]; chosen from the records when None.
-    shortest_s : float
-        Least duration of a stretch of constant speed [s].
-    widest : float
-        Relative half width of the 95 % interval beyond which a parameter is not determined [1].
-    substeps : int
-        Of the closed-loop simulation in one sample.
-    folds : int
-        Drives that are identified without some of the recordings for the intervals of an axis, at
-        most.
-    genetic : GeneticSettings
-        Of the genetic algorithm.
-    """
+    """Settings of the identification of drives."""
 
     method: Literal["least_squares", "genetic"] = "least_squares"
+    """Method whose optimum is kept."""
     compare: bool = True
+    """Whether the other method runs too, for the report."""
     bandwidth_Hz: Annotated[float | None, Range(above=0.0, unit="Hz")] = None
+    """Of the parallel filter on motion and force [Hz]; chosen from the records when None."""
     shortest_s: Annotated[float, Range(above=0.0, unit="s")] = 0.2
+    """Least duration of a stretch of constant speed [s]."""
     widest: Positive = 0.5
+    """Relative half width of the 95 % interval beyond which a parameter is not determined [1]."""
     substeps: Annotated[int, Range(above=0.0, most=FINEST)] = 4
+    """Of the closed-loop simulation in one sample."""
     folds: Annotated[int, Range(least=2)] = 5
+    """Drives that are identified without some of the recordings for the intervals of an axis, at
+    most."""
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
+    """Of the genetic algorithm."""
 
 
 def check_axes(records: DriveRecords, prior: DrivePrior) -> None:

@@ -17,32 +17,23 @@ BLOCK = " (block "
 
 @dataclass(frozen=True, kw_only=True)
 class AxisChannels:
-    """Channels of one axis, by their names in the recordings.
-
-    Parameters
-    ----------
-    command : str, optional
-        Torque command: current or voltage; without it the loop gain alone can be found.
-    reference, position, velocity_reference, velocity, acceleration_reference, acceleration : \
-str, optional
-        Commanded and measured motion; velocity and acceleration that are not recorded are derived
-        from the position.
-    load : str, optional
-        Disturbance, or a pattern of its name; used where a recording has it, where the records show
-        it to enter.  Declared is a force against positive motion.
-    reversed : bool
-        Whether a positive command pushes in the negative direction.
-    """
+    """Channels of one axis, by their names in the recordings."""
 
     command: str | None = None
+    """Torque command: current or voltage; without it the loop gain alone can be found."""
     reference: str | None = None
     position: str | None = None
     velocity_reference: str | None = None
     velocity: str | None = None
     acceleration_reference: str | None = None
     acceleration: str | None = None
+    """str, optional Commanded and measured motion; velocity and acceleration that are not recorded
+    are derived from the position."""
     load: str | None = None
+    """Disturbance, or a pattern of its name; used where a recording has it, where the records show
+    it to enter.  Declared is a force against positive motion."""
     reversed: bool = False
+    """Whether a positive command pushes in the negative direction."""
 
     def __post_init__(self) -> None:
         if self.position is None and self.velocity is None:
@@ -54,47 +45,31 @@ str, optional
 
 @dataclass(frozen=True, kw_only=True)
 class AirRows:
-    """Rows free of cutting load.
-
-    Parameters
-    ----------
-    channel : str
-        Channel of words.
-    values : tuple of str
-        Its words in those rows.
-    """
+    """Rows free of cutting load."""
 
     channel: str
+    """Channel of words."""
     values: tuple[str, ...]
+    """Its words in those rows."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class MotorRecords:
-    """Recordings of a motor's voltages and currents.
-
-    Parameters
-    ----------
-    recordings : str
-        Pattern of their names below the machine's folder.
-    axis : str
-        Letter of the axis that it drives.
-    channels : mapping of str to str
-        ``u_d``, ``u_q``, ``i_d``, ``i_q``, ``speed`` and, where recorded, ``torque`` -> channel.
-    pole_pairs : int
-        p of the motor.
-    held : bool
-        Whether the voltages are the inverter's commands, each held until the next sample, as drives
-        record them; else they are sampled like the currents.
-    dc_link : float, optional
-        Voltage between the inverter's rails [V], from its data sheet.
-    """
+    """Recordings of a motor's voltages and currents."""
 
     recordings: str
+    """Pattern of their names below the machine's folder."""
     axis: str
+    """Letter of the axis that it drives."""
     channels: Mapping[str, str]
+    """``u_d``, ``u_q``, ``i_d``, ``i_q``, ``speed`` and, where recorded, ``torque`` -> channel."""
     pole_pairs: int
+    """p of the motor."""
     held: bool = True
+    """Whether the voltages are the inverter's commands, each held until the next sample, as drives
+    record them; else they are sampled like the currents."""
     dc_link: float | None = None
+    """Voltage between the inverter's rails [V], from its data sheet."""
 
     def __post_init__(self) -> None:
         missing = {"u_d", "u_q", "i_d", "i_q", "speed"} - set(self.channels)
@@ -110,65 +85,42 @@ class MotorRecords:
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftChannels:
-    """Channels of both ends of an axis' drive train, by their names in the recordings.
-
-    Parameters
-    ----------
-    motor : str
-        Position of the motor's encoder, as travel of the carriage.
-    load : str
-        Position of the carriage, by a scale.
-    command : str
-        Current of the motor, or another command that its force is proportional to.
-    reversed : bool
-        Whether a positive command pushes in the negative direction.
-    """
+    """Channels of both ends of an axis' drive train, by their names in the recordings."""
 
     motor: str
+    """Position of the motor's encoder, as travel of the carriage."""
     load: str
+    """Position of the carriage, by a scale."""
     command: str
+    """Current of the motor, or another command that its force is proportional to."""
     reversed: bool = False
+    """Whether a positive command pushes in the negative direction."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftRecords:
-    """Recordings of both ends of drive trains.
-
-    Parameters
-    ----------
-    recordings : str
-        Pattern of their names below the machine's folder.
-    axes : mapping of str to ShaftChannels
-        By the axis' letter.
-    """
+    """Recordings of both ends of drive trains."""
 
     recordings: str
+    """Pattern of their names below the machine's folder."""
     axes: Mapping[str, ShaftChannels]
+    """By the axis' letter."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DriveRecords:
-    """Recordings of a machine's drives and their use.
-
-    Parameters
-    ----------
-    recordings : str
-        Pattern of their names below the machine's folder.
-    axes : mapping of str to AxisChannels
-        By the axis' letter.
-    air : AirRows, optional
-        Rows to fit; all when absent.
-    motor : MotorRecords, optional
-        Recordings of a motor's voltages and currents.
-    shaft : ShaftRecords, optional
-        Recordings of both ends of drive trains.
-    """
+    """Recordings of a machine's drives and their use."""
 
     recordings: str
+    """Pattern of their names below the machine's folder."""
     axes: Mapping[str, AxisChannels]
+    """By the axis' letter."""
     air: AirRows | None = None
+    """Rows to fit; all when absent."""
     motor: MotorRecords | None = None
+    """Recordings of a motor's voltages and currents."""
     shaft: ShaftRecords | None = None
+    """Recordings of both ends of drive trains."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,47 +205,32 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """One stretch of a recording on a uniform grid of T samples.
-
-    Parameters
-    ----------
-    name : str
-        Of the raw file; " (part 2)" is added where a gap in time cuts it into parts.
-    trained : bool
-        Whether the drives are fitted on it.
-    period : float
-        Sampling period [s].
-    air : ndarray of bool, shape (T,)
-        Recorded samples, not interpolated ones, that are free of cutting load.
-    axes : mapping of str to AxisRecord
-        Axes that it shows, by letter.
-    tracked : mapping of str to Tracked
-        Axes whose commanded and actual position it has, with or without a command of the motor.
-    lacking : mapping of str to str
-        Axes that it does not show, with reason and remedy.
-    motor : mapping of str to ndarray, shape (T,)
-        Of a motor's recording: ``u_d``, ``u_q`` [V], ``i_d``, ``i_q`` [A], ``speed`` [rad/s] and,
-        where recorded, ``torque`` [N m].
-    shafts : mapping of str to mapping of str to ndarray, shape (T,)
-        Of a recording of both ends of drive trains, by the axis' letter: positions ``motor`` and
-        ``load`` [m], and ``command`` in the command's unit.
-    notes : tuple of str
-        Changes to its rows.
-    sha256 : str
-        Of the raw file.
-    """
+    """One stretch of a recording on a uniform grid of T samples."""
 
     name: str
+    """Name of the raw file; " (part 2)" is added where a gap in time cuts it into parts."""
     trained: bool
+    """Whether the drives are fitted on it."""
     period: float = inf
+    """Sampling period [s]."""
     air: Bools = field(default_factory=lambda: np.zeros(0, bool))
+    """Recorded samples, not interpolated ones, that are free of cutting load; shape (T,)."""
     axes: Mapping[str, AxisRecord] = field(default_factory=dict)
+    """Axes that it shows, by letter."""
     tracked: Mapping[str, Tracked] = field(default_factory=dict)
+    """Axes whose commanded and actual position it has, with or without a command of the motor."""
     lacking: Mapping[str, str] = field(default_factory=dict)
+    """Axes that it does not show, with reason and remedy."""
     motor: Mapping[str, Floats] = field(default_factory=dict)
+    """Motor of a motor's recording: ``u_d``, ``u_q`` [V], ``i_d``, ``i_q`` [A], ``speed`` [rad/s]
+    and, where recorded, ``torque`` [N m]; shape (T,)."""
     shafts: Mapping[str, Mapping[str, Floats]] = field(default_factory=dict)
+    """Shafts of a recording of both ends of drive trains, by the axis' letter: positions ``motor``
+    and ``load`` [m], and ``command`` in the command's unit; shape (T,)."""
     notes: tuple[str, ...] = ()
+    """Changes to its rows."""
     sha256: str = ""
+    """Of the raw file."""
 
     @property
     def file(self) -> str:

@@ -65,62 +65,41 @@ NO_FLANKS = "not determined: the shaft's force hardly changes its flank"
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rounds:
-    """A fit, and what it was made of.
-
-    Parameters
-    ----------
-    shared : ndarray, shape (7,)
-        Factors of the columns that recordings share.
-    sides, sure : tuple of ndarray
-        Flank of each recording's samples, and where it is sure.
-    whole : tuple of ndarray
-        Normal equations (7, 7), (7,).
-    ways : tuple of ndarray
-        What leaving out each way of motion takes from them, (B, 7, 7), (B, 7).
-    left : float
-        Root mean square of what it leaves over [m].
-    lasting : float
-        The same of the part that outlasts the filter, an error of the equation [m].
-    noise : float
-        Sum of squares of its derivative, if it is white before the filter [m^2/s^2].
-    out : tuple of int
-        Columns that are left out.
-    """
+    """A fit, and what it was made of."""
 
     shared: Floats
+    """Factors of the columns that recordings share; shape (7,)."""
     sides: tuple[Floats, ...]
     sure: tuple[Bools, ...]
+    """Flank of each recording's samples, and where it is sure."""
     whole: tuple[Floats, Floats]
+    """Normal equations (7, 7), (7,)."""
     ways: tuple[Floats, Floats]
+    """What leaving out each way of motion takes from them, (B, 7, 7), (B, 7)."""
     left: float
+    """Root mean square of what it leaves over [m]."""
     lasting: float
+    """The same of the part that outlasts the filter, an error of the equation [m]."""
     noise: float
+    """Sum of squares of its derivative, if it is white before the filter [m^2/s^2]."""
     out: tuple[int, ...]
+    """Columns that are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShaftFit:
-    """Shaft of an axis as fitted.
-
-    Parameters
-    ----------
-    shared : ndarray, shape (7,)
-        Factors of the columns that recordings share.
-    parameters : dict of str to Parameter
-        ``shaft_stiffness``, ``shaft_damping``, ``backlash``, ``motor_mass``.
-    samples : int
-        That were fitted [1].
-    twist_um : float
-        Root mean square of the twist that the records show [um].
-    left_um : float
-        The same of what the fit leaves over [um].
-    """
+    """Shaft of an axis as fitted."""
 
     shared: Floats
+    """Factors of the columns that recordings share; shape (7,)."""
     parameters: dict[str, Parameter]
+    """``shaft_stiffness``, ``shaft_damping``, ``backlash``, ``motor_mass``."""
     samples: int
+    """That were fitted [1]."""
     twist_um: float
+    """Root mean square of the twist that the records show [um]."""
     left_um: float
+    """The same of what the fit leaves over [um]."""
 
 
 def identify_shaft(

@@ -40,33 +40,22 @@ C, MASS, VISCOUS, COULOMB, DAMPING, LAG, PLAY = range(7)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Signals:
-    """Filtered signals of one recording, T samples.
-
-    Parameters
-    ----------
-    twist : ndarray, shape (T,)
-        Motor's position less the carriage's [m].
-    columns : ndarray, shape (T, 7)
-        Of the fit, in SI; that of the flank is empty.
-    nuisance : ndarray, shape (T, N)
-        Columns of what encoders and screw err by.
-    speed : ndarray, shape (T,)
-        Of the motor [m/s].
-    good : ndarray of bool, shape (T,)
-        Recorded samples, away from the ends.
-    period : float
-        Of the samples [s].
-    turn : ndarray, shape (T,), or None
-        Angle of the motor [rad]; None where the lead is not known.
-    """
+    """Filtered signals of one recording, T samples."""
 
     twist: Floats
+    """Motor's position less the carriage's [m]; shape (T,)."""
     columns: Floats
+    """Columns of the fit, in SI; that of the flank is empty; shape (T, 7)."""
     nuisance: Floats
+    """Columns of what encoders and screw err by; shape (T, N)."""
     speed: Floats
+    """Speed of the motor [m/s]; shape (T,)."""
     good: Bools
+    """Recorded samples, away from the ends; shape (T,)."""
     period: float
+    """Period of the samples [s]."""
     turn: Floats | None = None
+    """Angle of the motor [rad]; None where the lead is not known; shape (T,)."""
 
 
 def _filtered(values: Floats, order: int = 0) -> Floats:

@@ -72,18 +72,12 @@ SHOWN = 4000
 
 @dataclass(frozen=True, kw_only=True)
 class DriveLimits(Ranged, section="drive_limits"):
-    """Limits on every recording that the drives were not identified from.
-
-    Parameters
-    ----------
-    force_percent : float
-        On the error of the force over the measured force [%].
-    following_percent : float
-        On the error of the following error, RMS over its RMS and maximum over its maximum [%].
-    """
+    """Limits on every recording that the drives were not identified from."""
 
     force_percent: Positive = 15.0
+    """On the error of the force over the measured force [%]."""
     following_percent: Positive = 10.0
+    """On the error of the following error, RMS over its RMS and maximum over its maximum [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)

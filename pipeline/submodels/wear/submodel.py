@@ -39,28 +39,20 @@ from pipeline.submodels.wear.table import windows_of_table
 
 @dataclass(frozen=True, kw_only=True)
 class WearLimits(Ranged, section="wear_limits"):
-    """Limits on the error of each tool that no method was fitted on.
-
-    Parameters
-    ----------
-    rmse_um : float
-        RMSE of flank wear over a tool's life [um]: a tenth of the usual criterion of 300 um (ISO
-        8688-2).
-    rmse_class : float
-        RMSE of the probability of a worn tool [1]; 0.5 is what a coin has.
-    least_auc : float
-        Least area under the ROC curve of worn tools over all that were held out [1]; 0.7 is
-        "acceptable" discrimination (Hosmer, Lemeshow and Sturdivant 2013, Applied Logistic
-        Regression, 5.2.4), a coin has 0.5.
-    coverage : (float, float)
-        Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
-        from ``MANY_GROUPS`` training tools on: fewer may differ more than those to come.
-    """
+    """Limits on the error of each tool that no method was fitted on."""
 
     rmse_um: Positive = 30.0
+    """RMSE of flank wear over a tool's life [um]: a tenth of the usual criterion of 300 um (ISO
+    8688-2)."""
     rmse_class: Positive = 0.5
+    """RMSE of the probability of a worn tool [1]; 0.5 is what a coin has."""
     least_auc: Share = 0.7
+    """Least area under the ROC curve of worn tools over all that were held out [1]; 0.7 is
+    "acceptable" discrimination (Hosmer, Lemeshow and Sturdivant 2013, Applied Logistic Regression,
+    5.2.4), a coin has 0.5."""
     coverage: tuple[Share, ...] = (0.8, 0.98)
+    """Least and greatest share of readings inside the 90 % interval [1].  The upper one decides
+    from ``MANY_GROUPS`` training tools on: fewer may differ more than those to come."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

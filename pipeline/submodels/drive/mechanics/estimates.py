@@ -33,21 +33,14 @@ UNEQUAL = "taken as 0: motion cannot tell it from Coulomb friction that differs 
 
 @dataclass(frozen=True, kw_only=True)
 class GravitySplit:
-    """Split of the Coulomb levels into Coulomb friction and constant force.
-
-    Parameters
-    ----------
-    equal : bool
-        Whether Coulomb friction is taken as equal in both directions.
-    reason : str
-        Why.
-    unequal_share : float
-        Relative difference of Coulomb friction that remains possible [1].
-    """
+    """Split of the Coulomb levels into Coulomb friction and constant force."""
 
     equal: bool
+    """Whether Coulomb friction is taken as equal in both directions."""
     reason: str
+    """Why."""
     unequal_share: float = 0.0
+    """Relative difference of Coulomb friction that remains possible [1]."""
 
 
 def gravity_split(found: Dynamics, coulomb: Coulomb) -> GravitySplit:
@@ -125,63 +118,44 @@ REMEDY = {
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Estimates:
-    """Named parameters of a part of an axis, D of them.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of a feed drive :data:`NAMES`, then ``force_constant`` or ``load_factor`` where a load
-        determines it.
-    values, low, high : ndarray, shape (D,)
-        With the 95 % interval [SI, force in the fit's unit]; no result where not determined.
-    determined : ndarray of bool, shape (D,)
-        Whether the recordings determine it.
-    how, remedy : tuple of str
-        Where each value comes from, and what to record where it is not determined.
-    """
+    """Named parameters of a part of an axis, D of them."""
 
     names: tuple[str, ...]
+    """Names of a feed drive :data:`NAMES`, then ``force_constant`` or ``load_factor`` where a load
+    determines it."""
     values: Floats
     low: Floats
     high: Floats
+    """With the 95 % interval [SI, force in the fit's unit]; no result where not determined;
+    shape (D,)."""
     determined: Bools
+    """Whether the recordings determine it; shape (D,)."""
     how: tuple[str, ...]
     remedy: tuple[str, ...]
+    """Where each value comes from, and what to record where it is not determined."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisFit(Estimates):
-    """Parameters of a part of an axis, and how well they explain the recordings.
-
-    Parameters
-    ----------
-    units : tuple of str, length D
-        Of the parameters.
-    methods : tuple of Method
-        Each method that was tried.
-    samples : int
-        Rows that were fitted.
-    relative_error_percent : float
-        Of what is modelled, over what was measured on those rows [%].
-    bandwidth_Hz : float
-        Below which model and recording were compared [Hz]; nan where they were taken as they are.
-    condition, rank
-        Of the Jacobian with columns scaled to length one.
-    correlated : tuple of str
-        Names of the S parameters that were fitted.
-    correlation : ndarray, shape (S, S)
-        Of these.
-    """
+    """Parameters of a part of an axis, and how well they explain the recordings."""
 
     units: tuple[str, ...]
+    """Units of the parameters."""
     methods: tuple[Method, ...] = ()
+    """Each method that was tried."""
     samples: int = 0
+    """Rows that were fitted."""
     relative_error_percent: float = np.nan
+    """Of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
+    """Below which model and recording were compared [Hz]; nan where they were taken as they are."""
     condition: float = np.nan
     rank: int = 0
+    """Of the Jacobian with columns scaled to length one."""
     correlated: tuple[str, ...] = ()
+    """Names of the S parameters that were fitted."""
     correlation: Floats
+    """Of these; shape (S, S)."""
 
 
 def compared_methods(

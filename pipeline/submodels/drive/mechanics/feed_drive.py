@@ -106,25 +106,17 @@ RANK = 1e-6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeedDriveFit(AxisFit):
-    """Feed drive identified from records.
-
-    Parameters
-    ----------
-    command_unit, force_unit : str
-        Of the motor's command; of forces, the command's where the force constant is not listed.
-    feed_drive : FeedDriveParameters
-        With all parameters, for the twin.
-    points : tuple of FrictionPoint
-        Friction at constant speed.
-    delay : float
-        Of the motion behind the command [s].
-    """
+    """Feed drive identified from records."""
 
     command_unit: str
     force_unit: str
+    """Of the motor's command; of forces, the command's where the force constant is not listed."""
     feed_drive: FeedDriveParameters
+    """With all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()
+    """Friction at constant speed."""
     delay: float = 0.0
+    """Delay of the motion behind the command [s]."""
 
 
 def identify_feed_drive(

@@ -30,25 +30,17 @@ NORMAL = 1.96
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One stretch of constant speed.
-
-    Parameters
-    ----------
-    recording : str
-        Its name.
-    velocity, force : float
-        Means [m/s], [N].
-    error : float
-        Standard error of ``force`` [N].
-    seconds : float
-        Duration [s].
-    """
+    """One stretch of constant speed."""
 
     recording: str
+    """Its name."""
     velocity: float
     force: float
+    """Means [m/s], [N]."""
     error: float
+    """Standard error of ``force`` [N]."""
     seconds: float
+    """Duration [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,22 +127,15 @@ PARAMETERS = 4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CurveFit:
-    """Curves of both directions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (2, 4)
-        Coulomb level [N], F_s - F_c [N], ln v_s, mu_v [N s/m], of the positive and the negative
-        direction.
-    error : float
-        Root mean square of the force, weighted [N].
-    evaluations : int
-        Curves that were tried.
-    """
+    """Curves of both directions."""
 
     values: Floats
+    """Coulomb level [N], F_s - F_c [N], ln v_s, mu_v [N s/m], of the positive and the negative
+    direction; shape (2, 4)."""
     error: float
+    """Root mean square of the force, weighted [N]."""
     evaluations: int
+    """Curves that were tried."""
 
 
 def curve_force(speed: Floats, values: Floats) -> Floats:

@@ -39,45 +39,31 @@ STEPS_A_DECADE = 24
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Regressors:
-    """Regression table: N rows of filtered motion and force.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
-        second-order lag of the motion adds, then ``load`` and ``load_zero``, the reading of the
-        load's sensor without load [N], where a recording has it.
-    force : ndarray, shape (N,)
-        Of the motor.
-    linear : ndarray, shape (N, K)
-        Columns by ``names``.
-    stribeck : ndarray, shape (V,)
-        Velocities v_s of the table [m/s].
-    stribeck_table : ndarray, shape (2, N, V)
-        Columns of F_s - F_c in the positive and the negative direction.
-    instruments : ndarray, shape (N, K), optional
-        ``linear`` of the reference.
-    position, velocity : ndarray, shape (N,)
-        [m], [m/s].
-    stroke : ndarray of int, shape (N,)
-        Number of the stretch without a reversal of each row, over all recordings.
-    stretch : ndarray of int, shape (N,)
-        Number of the stretch without a gap between rows.
-    period : float
-        From row to row within a stretch [s].
-    """
+    """Regression table: N rows of filtered motion and force."""
 
     names: tuple[str, ...]
+    """Of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
+    second-order lag of the motion adds, then ``load`` and ``load_zero``, the reading of the load's
+    sensor without load [N], where a recording has it."""
     force: Floats
+    """Force of the motor; shape (N,)."""
     linear: Floats
+    """Columns by ``names``; shape (N, K)."""
     stribeck: Floats
+    """Velocities v_s of the table [m/s]; shape (V,)."""
     stribeck_table: Floats
+    """Columns of F_s - F_c in the positive and the negative direction; shape (2, N, V)."""
     instruments: Floats | None
+    """``linear`` of the reference; shape (N, K)."""
     position: Floats
     velocity: Floats
+    """[m], [m/s]; shape (N,)."""
     stroke: Ints
+    """Number of the stretch without a reversal of each row, over all recordings; shape (N,)."""
     stretch: Ints
+    """Number of the stretch without a gap between rows; shape (N,)."""
     period: float
+    """From row to row within a stretch [s]."""
 
     def stribeck_columns(self, log_velocity: Floats) -> Floats:
         """Columns of F_s - F_c at ln v_s of both directions; shape (N, 2)."""
@@ -234,33 +220,22 @@ RIDGE = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Dynamics:
-    """Optimum of the inverse dynamics.
-
-    Parameters
-    ----------
-    names : tuple of str
-        Of the D parameters.
-    values : ndarray, shape (D,)
-        In SI; 0 of those that were not fitted.
-    fitted : ndarray of bool, shape (D,)
-        Whether each was fitted.
-    weights : ndarray, shape (N,)
-        Of the rows, at most 1.
-    residuals : ndarray, shape (N,)
-        Measured less modelled force [N].
-    evaluations : int
-        How often the model was evaluated on all rows.
-    limits : (ndarray, ndarray) or None
-        Least and greatest value of each parameter that was searched, shape (D,) each.
-    """
+    """Optimum of the inverse dynamics."""
 
     names: tuple[str, ...]
+    """Names of the D parameters."""
     values: Floats
+    """In SI; 0 of those that were not fitted; shape (D,)."""
     fitted: Bools
+    """Whether each was fitted; shape (D,)."""
     weights: Floats
+    """Weights of the rows, at most 1; shape (N,)."""
     residuals: Floats
+    """Measured less modelled force [N]; shape (N,)."""
     evaluations: int
+    """How often the model was evaluated on all rows."""
     limits: tuple[Floats, Floats] | None = None
+    """Least and greatest value of each parameter that was searched, shape (D,) each."""
 
     @property
     def cost(self) -> float:

@@ -125,47 +125,32 @@ guides and screws have 10 to 50 micrometres (Armstrong-Helouvry, Dupont and Canu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """One axis in one recording, ready for regression; N samples.
-
-    Parameters
-    ----------
-    recording : str
-        Its name.
-    period : float
-        From sample to sample [s].
-    bandwidth : float or None
-        Of the parallel filter still to be applied [Hz]; None for none.
-    time : ndarray, shape (N,)
-        [s].
-    position : ndarray, shape (N,)
-        [m]; integrated speed where only the speed was recorded.
-    velocity, acceleration : ndarray, shape (N,)
-        [m/s], [m/s^2].
-    force : ndarray, shape (N,)
-        Of the motor: command times force constant.
-    load : ndarray, shape (N,), optional
-        Against positive motion [N].
-    instruments : tuple of ndarray, shape (N,), optional
-        Velocity and acceleration of the reference, free of the noise of measurement.
-    known : ndarray of bool, shape (N,)
-        Recorded, free of cutting and away from the ends of the record.
-    moving : ndarray of bool, shape (N,)
-        Whether the axis slides: the speed has a significant sign, and has kept it for longer than
-        presliding.
-    """
+    """One axis in one recording, ready for regression; N samples."""
 
     recording: str
+    """Its name."""
     period: float
+    """From sample to sample [s]."""
     bandwidth: float | None
+    """Bandwidth of the parallel filter still to be applied [Hz]; None for none."""
     time: Floats
+    """Time [s]; shape (N,)."""
     position: Floats
+    """Position [m]; integrated speed where only the speed was recorded; shape (N,)."""
     velocity: Floats
     acceleration: Floats
+    """[m/s], [m/s^2]; shape (N,)."""
     force: Floats
+    """Force of the motor: command times force constant; shape (N,)."""
     load: Floats | None
+    """Against positive motion [N]; shape (N,)."""
     instruments: tuple[Floats, Floats] | None
+    """Velocity and acceleration of the reference, free of the noise of measurement; shape (N,)."""
     known: Bools
+    """Recorded, free of cutting and away from the ends of the record; shape (N,)."""
     moving: Bools
+    """Whether the axis slides: the speed has a significant sign, and has kept it for longer than
+    presliding; shape (N,)."""
 
 
 def motion(

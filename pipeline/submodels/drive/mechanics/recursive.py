@@ -36,22 +36,6 @@ from pipeline.submodels.drive.records import Recording
 class RecursiveSettings(Ranged, section="recursive"):
     """Settings of the recursive estimator.
 
-    Parameters
-    ----------
-    forgetting : float
-        lambda for each update [1], 0.9 to 1: the memory is about 1 / (1 - lambda) updates.
-    inertia : float
-        Initial J_0 [kg m^2] (a mass [kg] for a linear axis); a factor of a hundred off is enough.
-    prior : float
-        Variance of the scaled parameters at the start, in units of the residuals' [1].
-    excitation : float
-        Spread of torque below which the inertia is not updated, as a share of its scale [1].
-        It must be above the noise of torque and speed; 0 updates always.
-    trace_bound : float
-        Greatest trace of the scaled P [1], at least three times ``prior``.
-    speed_scale, torque_scale : float, optional
-        Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given.
-
     Raises
     ------
     ValueError
@@ -59,12 +43,19 @@ class RecursiveSettings(Ranged, section="recursive"):
     """
 
     forgetting: Annotated[float, Range(least=0.9, most=1.0)] = 0.99
+    """lambda for each update [1], 0.9 to 1: the memory is about 1 / (1 - lambda) updates."""
     inertia: Positive = 1e-3
+    """Initial J_0 [kg m^2] (a mass [kg] for a linear axis); a factor of a hundred off is enough."""
     prior: Positive = 1e4
+    """Variance of the scaled parameters at the start, in units of the residuals' [1]."""
     excitation: Annotated[float, Range(least=0.0, below=1.0)] = 0.1
+    """Spread of torque below which the inertia is not updated, as a share of its scale [1]. It must
+    be above the noise of torque and speed; 0 updates always."""
     trace_bound: Positive = 1e6
+    """Greatest trace of the scaled P [1], at least three times ``prior``."""
     speed_scale: Positive | None = None
     torque_scale: Positive | None = None
+    """Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,37 +68,25 @@ class RecursiveSettings(Ranged, section="recursive"):
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveTrace:
-    """Estimates at each sample; nan where they were not determined.
-
-    Parameters
-    ----------
-    inertia : ndarray, shape (T,)
-        J [kg m^2], or the mass [kg] of a linear axis.
-    damping : ndarray, shape (T,)
-        B [N m s/rad] or [N s/m].
-    load : ndarray, shape (T,)
-        T_l [N m] or [N], Coulomb friction of the present direction in it.
-    deviation : ndarray, shape (T,)
-        Standard deviation of ``inertia`` from P and the residuals' variance; infinite where it is
-        not determined.
-    covariance_trace : ndarray, shape (T,)
-        Of the scaled P [1].
-    excited : ndarray of bool, shape (T,)
-        Whether the inertia was updated at that sample.
-    freedom : float
-        Degrees of freedom of the last deviation.
-    skipped : int
-        Samples without a finite speed or torque, left out.
-    """
+    """Estimates at each sample; nan where they were not determined."""
 
     inertia: Floats
+    """J [kg m^2], or the mass [kg] of a linear axis; shape (T,)."""
     damping: Floats
+    """B [N m s/rad] or [N s/m]; shape (T,)."""
     load: Floats
+    """T_l [N m] or [N], Coulomb friction of the present direction in it; shape (T,)."""
     deviation: Floats
+    """Standard deviation of ``inertia`` from P and the residuals' variance; infinite where it is
+    not determined; shape (T,)."""
     covariance_trace: Floats
+    """Covariance trace of the scaled P [1]; shape (T,)."""
     excited: Bools
+    """Whether the inertia was updated at that sample; shape (T,)."""
     freedom: float
+    """Degrees of freedom of the last deviation."""
     skipped: int
+    """Samples without a finite speed or torque, left out."""
 
 
 def recursive_inertia(
@@ -177,21 +156,15 @@ def _scale(series: Floats, given: float | None) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MassTrace:
-    """Recursive estimate of the mass of one axis over one recording.
-
-    Parameters
-    ----------
-    recording, unit : str
-        Its name, and the unit of ``value``.
-    time, value, half_width : ndarray, shape (K,)
-        [s], and mass with half of its 95 % interval.
-    """
+    """Recursive estimate of the mass of one axis over one recording."""
 
     recording: str
     unit: str
+    """Its name, and the unit of ``value``."""
     time: Floats
     value: Floats
     half_width: Floats
+    """[s], and mass with half of its 95 % interval; shape (K,)."""
 
 
 MEMORY = 0.99

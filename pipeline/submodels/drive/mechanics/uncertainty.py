@@ -77,21 +77,14 @@ STEADY = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class PositionDisturbance:
-    """Disturbance of the force that repeats with position.
-
-    Parameters
-    ----------
-    variance : float
-        [N^2].
-    length : float
-        Distance over which it is correlated [m].
-    strokes : int
-        Strokes that show at least half of the variance.
-    """
+    """Disturbance of the force that repeats with position."""
 
     variance: float
+    """Variance [N^2]."""
     length: float
+    """Distance over which it is correlated [m]."""
     strokes: int
+    """Strokes that show at least half of the variance."""
 
     @property
     def quantile(self) -> float:
@@ -198,19 +191,13 @@ WEAKEST = 1e-3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Instrumental:
-    """Estimates by instrumental variables of the parameters that enter linearly.
-
-    Parameters
-    ----------
-    index : ndarray of int, shape (L,)
-        Their indices in the vector of parameters.
-    values, half_width : ndarray, shape (L,)
-        With half of the 95 % interval.
-    """
+    """Estimates by instrumental variables of the parameters that enter linearly."""
 
     index: Ints
+    """Their indices in the vector of parameters; shape (L,)."""
     values: Floats
     half_width: Floats
+    """With half of the 95 % interval; shape (L,)."""
 
 
 def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:

@@ -62,33 +62,22 @@ REMEDY = {
 
 @dataclass(frozen=True, kw_only=True)
 class Nominal:
-    """Gains of the control's list; 1 in SI where it does not name one.
-
-    Parameters
-    ----------
-    position_gain : float
-        P_p [1/s].
-    velocity_gain : float
-        V_p [A s/m].
-    integral_gain : float
-        V_i [A/m].
-    velocity_feedforward : float
-        f_v [1].
-    acceleration_feedforward : float
-        f_a [A s^2/m].
-    current_limit : float, optional
-        Greatest command [A].
-    unnamed : frozenset of str
-        Gains among these that the list does not name.
-    """
+    """Gains of the control's list; 1 in SI where it does not name one."""
 
     position_gain: float
+    """P_p [1/s]."""
     velocity_gain: float
+    """V_p [A s/m]."""
     integral_gain: float
+    """V_i [A/m]."""
     velocity_feedforward: float
+    """f_v [1]."""
     acceleration_feedforward: float
+    """f_a [A s^2/m]."""
     current_limit: float | None
+    """Greatest command [A]."""
     unnamed: frozenset[str]
+    """Gains among these that the list does not name."""
 
     @classmethod
     def of(cls, constants: AxisConstants) -> "Nominal":
@@ -169,22 +158,15 @@ PERIODS = 40.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ServoRecord:
-    """Signals of a servo in one stretch of a recording, T samples.
-
-    Parameters
-    ----------
-    reference, position : ndarray, shape (T,)
-        [m].
-    command : ndarray, shape (T,)
-        [A].
-    period : float
-        [s].
-    """
+    """Signals of a servo in one stretch of a recording, T samples."""
 
     reference: Floats = field(repr=False)
     position: Floats = field(repr=False)
+    """[m]; shape (T,)."""
     command: Floats = field(repr=False)
+    """Command [A]; shape (T,)."""
     period: float
+    """Period [s]."""
 
     def rows(self, first: int, after: int) -> "ServoRecord":
         """Samples ``first`` to before ``after``."""
@@ -281,33 +263,23 @@ _EDGE = 2
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ServoEquation:
-    """Columns and command of all recordings, N rows.
-
-    Parameters
-    ----------
-    nominal : Nominal
-        Gains that the parameters scale.
-    columns : ndarray, shape (N, NODES * 7 + 1)
-        Signals at whole delays, and the command; the mean of each stretch is taken off.
-    triangle : ndarray, shape (M, NODES * 7 + 1)
-        R of their QR decomposition.
-    node : float
-        Distance of delays [s].
-    period : float
-        Longest sampling period of the recordings [s].
-    stretch : ndarray of int, shape (N,)
-        Which stretch of a recording each row is from.
-    difference : str
-        Of the reference, by which it is fed forward.
-    """
+    """Columns and command of all recordings, N rows."""
 
     nominal: Nominal
+    """Gains that the parameters scale."""
     columns: Floats = field(repr=False)
+    """Signals at whole delays, and the command; the mean of each stretch is taken off;
+    shape (N, NODES * 7 + 1)."""
     triangle: Floats = field(repr=False)
+    """R of their QR decomposition; shape (M, NODES * 7 + 1)."""
     node: float
+    """Distance of delays [s]."""
     period: float
+    """Longest sampling period of the recordings [s]."""
     stretch: Ints = field(repr=False)
+    """Which stretch of a recording each row is from; shape (N,)."""
     difference: Difference = "central"
+    """Difference of the reference, by which it is fed forward."""
 
     @property
     def longest(self) -> float:

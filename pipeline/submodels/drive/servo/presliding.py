@@ -69,18 +69,12 @@ class Estimate(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class PreslidingFit:
-    """Friction of an axis before it slides.
-
-    Parameters
-    ----------
-    stiffness : Estimate
-        [N/m].
-    time : Estimate or None
-        In which friction lets go of a standing axis, to 1/e [s].
-    """
+    """Friction of an axis before it slides."""
 
     stiffness: Estimate
+    """Stiffness [N/m]."""
     time: Estimate | None = None
+    """In which friction lets go of a standing axis, to 1/e [s]."""
 
     def parameters(self, force_unit: str) -> dict[str, Parameter]:
         """Both as they are stored."""

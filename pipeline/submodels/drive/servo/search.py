@@ -39,24 +39,16 @@ _BEYOND = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class ServoOptimum:
-    """Optimum of a search.
-
-    Parameters
-    ----------
-    values : ndarray, shape (D,)
-        In the order of ``TERMS``.
-    fitted : ndarray of bool, shape (D,)
-        The others are as they were given.
-    error : float
-        RMSE of the command [A].
-    evaluations : int
-        Number of servos evaluated.
-    """
+    """Optimum of a search."""
 
     values: Floats
+    """In the order of ``TERMS``; shape (D,)."""
     fitted: Bools
+    """The others are as they were given; shape (D,)."""
     error: float
+    """RMSE of the command [A]."""
     evaluations: int
+    """Number of servos evaluated."""
 
 
 def closed_forms(equation: ServoEquation, share: float, values: Floats) -> Floats:
