@@ -170,11 +170,12 @@ def test_intervals_are_those_of_the_forest_where_it_is_used_and_of_the_network_e
     runs = days_left_out(cases, pieces_of(cases), replace(RECIPE, forest=small), settings)
     for used, name in ((True, "predicted"), (False, "physics")):
         found = calibrated(runs, settings, 3600.0, forest_used=used)
-        worst = max(
-            np.nanquantile(run.windows.measured - getattr(run.windows, name), 0.95)
-            for run in runs.values()
-        )
-        assert found is not None and found.windows[""].upper == pytest.approx(worst, rel=0.2)
+        errors = [
+            np.abs(run.windows.measured - getattr(run.windows, name)) for run in runs.values()
+        ]
+        pooled = np.nanquantile(np.concatenate(errors), 0.9)
+        worst = max(np.nanquantile(error, 0.9) for error in errors)
+        assert found is not None and pooled < found.windows[""].upper < worst
 
 
 def test_a_day_without_records_gives_no_run() -> None:
