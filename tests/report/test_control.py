@@ -20,6 +20,9 @@ from page_reader import every_word, evidence, outline, section
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.pages import write_report
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.verdict import Verdict
+from pipeline.twin.control import WHOLE
 
 
 @pytest.fixture(scope="module")
@@ -45,6 +48,18 @@ def test_without_documents_there_is_no_section(tmp_path):
     page = tmp_path / "out" / "m.html"
     assert [section(page, key) for key in ("control", "times", "programs")] == ["", "", ""]
     assert "program times" not in every_word(page)
+
+
+def test_an_interval_that_the_judge_calls_not_known_is_no_number(tmp_path):
+    folders = with_control(machine(tmp_path, "m", days=3))
+    path = folders.models / "control/verdict.json"
+    verdict = read_json(path, Verdict)
+    scores = [replace(s, unknown_interval="90 % interval not known: 2 cases")
+              if s.regime == WHOLE else s for s in verdict.scores]  # fmt: skip
+    write_json(replace(verdict, scores=tuple(scores)), path)
+    said = report(folders, tmp_path)
+    assert "time of a whole program stands alone: 90 % interval not known: 2 cases." in said
+    assert "interval of the time of a whole program is" not in said
 
 
 def test_parameters_stand_with_interval_and_remedy(page):

@@ -285,7 +285,7 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
     return sections.Section(
         key="times",
         title="Programs: predicted against measured time",
-        text=[_score_words(runs, limit), RULES, _interval_words(seen.model)],
+        text=[_score_words(runs, limit), RULES, _interval_words(seen)],
         blocks=sections.present(
             _errors(runs, limit, made),
             _runs_table(runs, made),
@@ -297,9 +297,12 @@ def _times_section(seen: Seen, runs: Sequence[RunTime]) -> sections.Section | No
     )
 
 
-def _interval_words(model: ControlModelFile | None) -> str:
+def _interval_words(seen: Seen) -> str:
     """How sure a predicted time is, and from what that is known."""
-    band = None if model is None else model.intervals.get(WHOLE)
+    band = None if seen.model is None else seen.model.intervals.get(WHOLE)
+    unknown = {} if seen.verdict is None else seen.verdict.unknown_intervals
+    if why := unknown.get((TIME, WHOLE)):
+        return f"The time of a whole program stands alone: {why}."
     if band is None:
         return (
             "A predicted time has no interval: too few programs ran to the end to leave some out "

@@ -23,6 +23,7 @@ from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
 from pipeline.submodels.deformation import figures
 from pipeline.submodels.deformation.growth_facts import (
+    FirstHour,
     GrowthFacts,
     Seen,
     SensorFault,
@@ -33,7 +34,7 @@ from pipeline.submodels.deformation.growth_facts import (
     um,
     whole_um,
 )
-from pipeline.submodels.deformation.records import AMBIENT, SPEED
+from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
 
@@ -81,9 +82,16 @@ def _hour_words(facts: GrowthFacts) -> str:
         return ""
     at = f" at up to {_speed_words(hour.speed)}" if hour.speed is not None else ""
     return (
-        f"In its first hour{at} the spindle grows by up to {whole_um(hour.growth)} (90 % "
-        f"interval {fixed(hour.low, 0)} to {whole_um(hour.high)})"
+        f"In its first hour{at} the spindle grows by up to {whole_um(hour.growth)} "
+        f"({_interval_words(facts, hour)})"
     )
+
+
+def _interval_words(facts: GrowthFacts, hour: FirstHour) -> str:
+    unknown = facts.shown.verdict is not None and facts.shown.verdict.unknown_intervals
+    if unknown and (GROWTH, "") in unknown:
+        return "90 % interval not known"
+    return f"90 % interval {fixed(hour.low, 0)} to {whole_um(hour.high)}"
 
 
 def _warm_words(facts: GrowthFacts) -> str:
@@ -227,7 +235,7 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
         found.append(("Largest error of growth", um(_largest(facts)),
                       f"recordings held out{_limit_words(facts)}"))  # fmt: skip
     if (hour := facts.first_hour) is not None:
-        aside = f"90 %: {fixed(hour.low, 0)} to {whole_um(hour.high)}"
+        aside = _interval_words(facts, hour)
         if hour.speed is not None:
             aside += f", at up to {_speed_words(hour.speed)}"
         found.append(("Growth in the first hour", whole_um(hour.growth), aside))

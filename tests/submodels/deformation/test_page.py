@@ -71,6 +71,17 @@ def test_the_sentence_holds_the_largest_growth_of_a_first_hour_and_its_interval(
     assert f"interval {top['low']:.0f} to {top['high']:.0f} µm" in words
 
 
+def test_an_interval_that_the_judge_calls_not_known_is_no_number(built) -> None:
+    scores = tuple(
+        replace(s, unknown_interval="3 training cases") if (s.quantity, s.regime) == ("growth", "")
+        else s for s in built.verdict.scores
+    )  # fmt: skip
+    found = page(shown(built, verdict=replace(built.verdict, scores=scores, status="passed")))
+    assert found.verdict is not None
+    assert "(90 % interval not known)" in found.verdict.sentence
+    assert any("90 % interval not known" in aside for *_, aside in found.key_figures)
+
+
 def test_a_model_that_passed_offers_warming_up_or_the_correction(built) -> None:
     said = page(with_status(built, "passed")).verdict
     assert said is not None
