@@ -79,6 +79,19 @@ def test_a_recording_of_the_machine_has_its_conditions_in_the_table(project: Pat
     assert "T6_004.parquet" in said and "90 % interval" in said
 
 
+def test_an_interval_that_the_judge_calls_not_known_is_no_number(project: Path) -> None:
+    path = project / f"data/champion/{MACHINE}/wear/verdict.json"
+    verdict = read_json(path, Verdict)
+    why = "90 % interval not known: 4 training cases"
+    scores = [replace(s, unknown_interval=why) if (s.quantity, s.regime) == ("flank wear", "")
+              else s for s in verdict.scores]  # fmt: skip
+    write_json(replace(verdict, scores=tuple(scores)), path)
+    status, said = run(f"data/raw/{MACHINE}/wear/T6_004.parquet", "--json", "wear.json")
+    assert status == 0 and said.count("90 % interval") == said.count(why) == 1
+    (one,) = json.loads(Path("wear.json").read_text())["readings"]
+    assert (one["low"], one["high"]) == (None, None) and one["wear"] > 0
+
+
 def test_conditions_of_a_new_recording_are_given(project: Path) -> None:
     path = recording(project / "new.parquet")
     status, said = run(path)

@@ -54,6 +54,8 @@ class Written:
     """The correction."""
     models: Path
     """Folder of the model."""
+    unknown: str = ""
+    """Why the interval of the growth is not known, where the judge says so."""
 
     @property
     def simulated(self) -> str:
@@ -95,7 +97,7 @@ def write_compensation(
     done = Written(
         machine=machine, origin=file.origin, method=file.compared[file.champion].label,
         status=status, found=correction(growth, _training(machine, parameters, growth)),
-        models=folder,
+        models=folder, unknown=next(iter(SUBMODEL.unknown_columns(folder).values()), ""),
     )  # fmt: skip
     lines = table_lines(done) if kind == "csv" else control_lines(done, CONTROLS[kind])
     with replacing(out) as part:
@@ -146,7 +148,7 @@ def said(done: Written, out: Path, kind: str) -> Iterator[str]:
         f"model over {found.recordings} training recordings, growth {found.growth_um[0]:.0f} to "
         f"{found.growth_um[1]:.0f} um"
     )
-    yield f"90 % interval of the growth: -{below:.1f} to +{above:.1f} um"
+    yield done.unknown or f"90 % interval of the growth: -{below:.1f} to +{above:.1f} um"
     for name in found.inputs:
         one = found.ranges[name]
         yield f"  {name:<22} {one.low:>8g} to {one.high:<8g} {one.unit}"
@@ -169,7 +171,8 @@ def _head(done: Written) -> Iterator[str]:
         f"{found.recordings} training recordings"
     )
     yield f"Growth learnt: {found.growth_um[0]:.1f} to {found.growth_um[1]:.1f} um"
-    yield f"90 % interval of growth: -{below:.2f} to +{above:.2f} um, the difference included"
+    interval = f"-{below:.2f} to +{above:.2f} um, the difference included"
+    yield f"90 % interval of growth: {'not known' if done.unknown else interval}"
     yield f"Call or row every {found.period_s:g} s; growth counts from the first"
     yield "It holds for sound sensors inside these ranges only:"
     for name in found.ranges:

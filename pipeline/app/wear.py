@@ -107,7 +107,7 @@ def wear_of_files(
     records = structure(own, "wear_records", WearRecords)
     folder = stored_model(machine, model, SUBMODEL)
     status = passed_status(folder, "wear model", anyway=anyway)
-    wear = load_wear(folder)
+    wear, unknown = load_wear(folder), SUBMODEL.unknown_columns(folder)
     conditions = _given(given, records)
     with tempfile.TemporaryDirectory() as scratch:
         signals = Path(scratch) / "signals"
@@ -129,7 +129,8 @@ def wear_of_files(
         notes += _notes(life.tool, life.windows, wear.file)
         method, some = _readings(life.windows, wear)
         methods.append(NAMES[method])
-        readings += some
+        readings += [replace(one, low=None, high=None) for one in some] if unknown else some
+    notes += dict.fromkeys(unknown.values())
     return WearTold(
         machine=machine, origin=wear.file.origin, model=model, status=status,
         quantity=wear.file.quantity, unit=wear.file.wear_unit, use_unit=wear.file.progress_unit,
@@ -266,7 +267,9 @@ def said(told: WearTold) -> Iterator[str]:
         by_recording.setdefault(one.recording, []).append(one)
     width = max(map(len, by_recording), default=0)
     is_class = told.unit == "1"
-    head = f"{'worn, 1':>8}" if is_class else f"{'VB, um':>8}  90 % interval, um"
+    ends_known = any(one.low is not None for one in told.readings)
+    head = f"{'worn, 1' if is_class else 'VB, um':>8}"
+    head += "  90 % interval, um" if ends_known else ""
     yield f"{'recording':<{width}}  {'time, s':>9}  {head}"
     for name, some in by_recording.items():
         places = np.unique(np.linspace(0, len(some) - 1, min(SHOWN, len(some))).round().astype(int))
