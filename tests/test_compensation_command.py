@@ -66,11 +66,12 @@ def judged(project: Path, status: str, home: str = "champion") -> None:
 def test_an_interval_that_the_judge_calls_not_known_is_no_number(project: Path) -> None:
     path = project / f"data/champion/{MACHINE}/deformation/verdict.json"
     verdict = read_json(path, Verdict)
-    scores = [replace(s, unknown_interval="90 % interval not known: 4 training cases")
-              if (s.quantity, s.regime) == ("growth", "") else s for s in verdict.scores]  # fmt: skip
+    why = "90 % interval not known: 4 training cases"
+    scores = [replace(s, unknown_interval=why) if (s.quantity, s.regime) == ("growth", "") else s
+              for s in verdict.scores]  # fmt: skip
     write_json(replace(verdict, scores=tuple(scores)), path)
     status, said = run("--out", "growth.csv")
-    assert status == 0 and "90 % interval not known: 4 training cases" in said
+    assert status == 0 and why in said
     assert "90 % interval of growth: not known" in Path("growth.csv").read_text()
 
 
