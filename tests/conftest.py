@@ -83,8 +83,8 @@ def compiled_templates() -> Iterator[None]:
     known: dict[object, CodeType] = {}
 
     def compiled(self: Environment, source: Any, *where: Any, **how: Any) -> Any:
-        finalize, autoescape = self.finalize, self.autoescape
-        key = source, where, *how.items(), finalize, autoescape, self.trim_blocks, self.lstrip_blocks
+        rules = self.finalize, self.autoescape, self.trim_blocks, self.lstrip_blocks
+        key = source, where, *how.items(), rules
         if key not in known:
             known[key] = original(self, source, *where, **how)
         return known[key]
