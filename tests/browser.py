@@ -22,8 +22,9 @@ def look(browser, page: Path, width: int, scheme: str) -> None:
         {"width": width, "height": 800, "deviceScaleFactor": 1, "mobile": width < 600},
     )
     browser.get(page.as_uri())
-    for details in browser.find_elements("tag name", "details"):
-        browser.execute_script("arguments[0].open = true", details)
+    browser.execute_script(
+        "for (const one of document.querySelectorAll('details')) one.open = true"
+    )
 
 
 def requests(browser) -> list[str]:

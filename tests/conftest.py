@@ -5,6 +5,7 @@ import os
 import pickle
 from collections.abc import Iterator
 from pathlib import Path
+from types import CodeType
 from typing import Any
 from unittest import mock
 
@@ -12,6 +13,7 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+from jinja2 import Environment
 
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
@@ -72,6 +74,23 @@ def parsed_texts() -> Iterator[None]:
 
     original = yaml.load
     with mock.patch.object(yaml, "load", load):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_templates() -> Iterator[None]:
+    """The same template is compiled once in a session; those of a report take 0.1 s."""
+    known: dict[object, CodeType] = {}
+
+    def compiled(self: Environment, source: Any, *where: Any, **how: Any) -> Any:
+        rules = self.finalize, self.autoescape, self.trim_blocks, self.lstrip_blocks
+        key = source, where, *how.items(), rules
+        if key not in known:
+            known[key] = original(self, source, *where, **how)
+        return known[key]
+
+    original = Environment.compile
+    with mock.patch.object(Environment, "compile", compiled):
         yield
 
 

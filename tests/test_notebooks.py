@@ -127,6 +127,26 @@ def held_against_the_tables(project: Path, machine: str) -> str:
 
 
 def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
+    """Three days of a second week, and one of the week before that does not count."""
+    project = new_project(tmp_path / "project")
+    clean, starts = project / "data/clean" / MACHINE, []
+    (clean / "state").mkdir(parents=True)
+    for k, day in enumerate(("2026-01-09", "2026-01-12", "2026-01-13", "2026-01-15")):
+        time = pd.date_range(f"{day}T06:00:00Z", periods=3600, freq="s", name="time")
+        execution = np.repeat(["READY", "ACTIVE", None], [900, 2000 + k, 700 - k])
+        values = {"spindle_speed": 3000.0, "spindle_temperature": 30.0 + k}
+        frame = pd.DataFrame({"time": time, "execution": execution, **values})
+        frame.to_parquet(clean / f"state/{day}.parquet")
+        starts += [time[900], time[1800]]
+    cycles = {"cycle": range(len(starts)), "program": ["O1", None] * 4, "start": starts}
+    ends = {"active_s": 600.0, "complete": True, "tool_changes": 2}
+    pd.DataFrame({**cycles, **ends}).to_parquet(clean / "cycles.parquet")
+    said = held_against_the_tables(project, MACHINE)
+    assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
+
+
+@pytest.mark.proof
+def test_a_week_of_a_machine_that_was_built(tmp_path: Path) -> None:
     project = new_project(tmp_path / "project")
     none = {"recorded": False}  # of which the state of the machine has nothing
     change(project, f"machine.{MACHINE}.shop", cutting=none, drives=none, growth=none)
@@ -135,6 +155,7 @@ def test_a_week_of_a_simulated_machine(tmp_path: Path) -> None:
     assert said.startswith(f"{MACHINE}: ") and ", simulated" in said
 
 
+@pytest.mark.proof
 @pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS names no folder of recordings")
 def test_a_day_of_a_recorded_machine(tmp_path: Path) -> None:
     project = new_project(tmp_path / "project")

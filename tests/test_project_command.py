@@ -7,6 +7,7 @@ import subprocess
 import sys
 import venv
 from pathlib import Path
+from zipfile import ZipFile
 
 import pytest
 import yaml
@@ -20,8 +21,8 @@ TAKEN = ("pipeline", "conf", "dvc.yaml", "pyproject.toml", "README.md", "LICENSE
 
 
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Commands of a fresh environment with Kerf's wheel; what it needs is borrowed from ours."""
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Kerf's wheel, built from a copy of what it takes."""
     folder = tmp_path_factory.mktemp("wheel")
     source = folder / "source"
     source.mkdir()
@@ -33,14 +34,21 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
             )
         else:
             shutil.copy(place, source / name)
-    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
+    code = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
     subprocess.run(
-        [*pip, "wheel", "--no-deps", "--no-build-isolation", "-w", str(folder), str(source)],
-        check=True, capture_output=True,
-    )  # fmt: skip
+        [sys.executable, "-c", code, str(folder)], cwd=source, check=True, capture_output=True
+    )
+    (built,) = folder.glob("kerf_twin-*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def installed(wheel: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Commands of a fresh environment with the wheel; what it needs is borrowed from ours."""
+    folder = tmp_path_factory.mktemp("installed")
+    pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "-q"]
     venv.create(folder / "venv", with_pip=False)
     python = folder / "venv/bin/python"
-    (wheel,) = folder.glob("kerf_twin-*.whl")
     subprocess.run([*pip, "--python", str(python), "install", "--no-deps", str(wheel)], check=True)
     (own,) = (folder / "venv/lib").glob("python*/site-packages")
     (own / "borrowed.pth").write_text("\n".join(site.getsitepackages()) + "\n")
@@ -53,6 +61,34 @@ def run(bin_: Path, *words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(words, cwd=cwd, env=env, capture_output=True, text=True, check=False)
 
 
+def test_the_files_of_a_wheel_make_a_project_and_compose_it(wheel: Path, tmp_path: Path) -> None:
+    """In one process that finds Kerf in the unpacked wheel alone, away from the checkout."""
+    with ZipFile(wheel) as packed:
+        packed.extractall(tmp_path / "unpacked")
+    code = (
+        "import os, pipeline\n"
+        "from pathlib import Path\n"
+        "from pipeline.app.project import new_project\n"
+        "from pipeline.stages.__main__ import run\n"
+        "print(pipeline.__file__)\n"
+        "print(new_project(Path('shop')))\n"
+        "os.chdir('shop')\n"
+        "run('compose', 'conf', 'params.yaml', 'data/settings')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(tmp_path / "unpacked")},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    where, said = done.stdout.splitlines()[:2]
+    assert Path(where).is_relative_to(tmp_path / "unpacked") and said == "made"
+    params = read_params(tmp_path / "shop/params.yaml")
+    assert params["fleet"]["name"] == "demo" and "mill00" in params["machine"]
+    stages = yaml.safe_load((tmp_path / "shop/dvc.yaml").read_text())["stages"]
+    assert stages["code"]["deps"] == [CODE]
+
+
+@pytest.mark.proof
 def test_a_project_of_an_installed_kerf_is_composed_and_built(
     installed: Path, tmp_path: Path
 ) -> None:

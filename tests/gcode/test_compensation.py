@@ -320,7 +320,7 @@ STRICTER = (
 @pytest.mark.skipif(not Path(RS274).exists(), reason=f"{RS274} is not installed")
 @pytest.mark.parametrize("plane", [17, 18])
 @pytest.mark.parametrize("block", range(4))
-@pytest.mark.parametrize("seeds", [10, pytest.param(50, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("seeds", [5, pytest.param(50, marks=pytest.mark.proof)])
 def test_path_is_rs274s(plane, block, seeds, tmp_path):
     same = 0
     for seed in range(seeds):

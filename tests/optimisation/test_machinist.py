@@ -24,6 +24,8 @@ from tests.optimisation.machinist import (
 ORDERS = pytest.mark.parametrize("order", [BRACKET, ALUMINIUM], ids=lambda one: one.name)
 UP, DOWN = 1.5, 0.5
 """Greatest change of feed per tooth and cutting speed by default."""
+SHORT = ("G1 X90. F420", "G1 X40. F420\nX40.02\nX90.")
+"""A slot with a block in it that is too short to reach its F."""
 EXACT = 1e-9
 """What a ratio of two printed numbers may differ by."""
 FINISHING = [(BRACKET, "FINISH FLOOR"), (BRACKET, "FINISH WALLS"), (BRACKET, "FINISH CONTOUR"),
@@ -180,7 +182,7 @@ def test_what_chatters_as_programmed_may_stay() -> None:
 
     A subprogram that cuts in one run and is in air in the next has one F, and drills no lobes.
     """
-    read = optimised(SLOTS)
+    read = optimised(SLOTS, edit=(SHORT,))
     document, rows = read.document, read.rows
     first = document["warnings"][0]["what"]
     assert first.startswith("T1 as programmed: chatter is predicted from")
@@ -194,8 +196,7 @@ def test_what_chatters_as_programmed_may_stay() -> None:
 
 def test_the_least_feed_of_a_short_block_is_that_of_its_word() -> None:
     """A block in the cut that is too short to reach its F keeps to the F of its neighbours."""
-    short = ("G1 X90. F420", "G1 X40. F420\nX40.02\nX90.")
-    rows = optimised(SLOTS, edit=(short,)).rows
+    rows = optimised(SLOTS, edit=(SHORT,)).rows
     slot = np.flatnonzero(rows.in_cut & (rows.tool == 1))[:3]
     assert rows.length[slot[1]] < 0.03
     assert rows.feed[1, slot[1]] >= 0.5 * rows.feed[0, slot[1]]

@@ -26,7 +26,7 @@ def test_it_loads_nothing_else_and_reports_no_error(browser, page):
     assert browser.get_log("browser") == [] and browser.title != "owned"
 
 
-@pytest.mark.parametrize("width", [380, 768, 1280])
+@pytest.mark.parametrize("width", [380, pytest.param(768, marks=pytest.mark.proof), 1280])
 def test_it_does_not_scroll_sideways(browser, page, width):
     look(browser, page, width, "light")
     beyond = browser.execute_script(

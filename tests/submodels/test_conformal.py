@@ -1,5 +1,7 @@
 """Calibrated intervals: coverage of groups not seen, drift, causality, few groups."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,9 +36,18 @@ def inside(error, low, high) -> float:
     return float(np.mean((low <= error) & (error <= high)))
 
 
-@pytest.mark.parametrize("samples", [1, 40])
-@pytest.mark.parametrize("count", [4, 10, 30])
-@pytest.mark.parametrize("between", [0.0, 0.5, 2.0])
+EXCHANGED = [(2.0, 4, 40), (0.0, 10, 1), (0.5, 30, 1)]
+"""Spread between groups, groups and samples of each: every value of each, all pairs in a proof."""
+
+
+@pytest.mark.parametrize(
+    ("between", "count", "samples"),
+    [
+        *EXCHANGED,
+        *(pytest.param(*one, marks=pytest.mark.proof)
+          for one in product((0.0, 0.5, 2.0), (4, 10, 30), (1, 40)) if one not in EXCHANGED),
+    ],
+)  # fmt: skip
 def test_exchangeable_groups_are_covered_and_no_wider_than_they_need(
     count: int, between: float, samples: int
 ) -> None:
@@ -56,7 +67,10 @@ def test_exchangeable_groups_are_covered_and_no_wider_than_they_need(
     assert np.median(widths) < 1.645 * {4: 1.5, 10: 1.25, 30: 1.1}[count]
 
 
-@pytest.mark.parametrize("between", [0.0, 0.5, 2.0, 20.0])
+@pytest.mark.parametrize(
+    "between",
+    [0.0, *(pytest.param(one, marks=pytest.mark.proof) for one in (0.5, 2.0)), 20.0],
+)
 def test_few_groups_of_kinds_get_the_widest_of_their_own_and_hold_their_share(
     between: float,
 ) -> None:

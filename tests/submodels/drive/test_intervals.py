@@ -44,7 +44,7 @@ def axis():
     return axis_of([strokes_at(speeds, seed) for seed, speeds in enumerate(SPEEDS)])
 
 
-@pytest.mark.parametrize("seed", [10, 11])
+@pytest.mark.parametrize("seed", [10, pytest.param(11, marks=pytest.mark.proof)])
 def test_the_intervals_hold_in_a_recording_that_is_new(axis, seed):
     new = strokes_at((0.006, 0.04, 0.15), seed, trained=False)
     found = comparison.axis_comparison(new, "X", identified_drive(axis), SETTINGS.substeps)

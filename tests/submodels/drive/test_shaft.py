@@ -100,8 +100,14 @@ def played(axis: PlayAxis, seed: int) -> ShaftFit:
     return fit
 
 
-@pytest.mark.parametrize("axis", PLAYED)
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.proof)])
+@pytest.mark.parametrize(
+    ("axis", "seed"),
+    [
+        (PLAYED[1], 0),
+        *(pytest.param(axis, seed, marks=pytest.mark.proof)
+          for axis in PLAYED for seed in (0, 1) if (axis, seed) != (PLAYED[1], 0)),
+    ],
+)  # fmt: skip
 def test_play_is_recovered_with_the_stiffness(axis: PlayAxis, seed: int) -> None:
     found = played(axis, seed).parameters
     assert found["backlash"].value == pytest.approx(axis.play, rel=0.04)
