@@ -8,6 +8,7 @@ import os
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
@@ -22,10 +23,9 @@ from tests.shared import made_once
 from tests.small_project import ROOT, inside
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
-pytestmark = [
-    pytest.mark.proof,  # the fit takes 8 s, that of each run left out as long again
-    pytest.mark.skipif(not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"),
-]
+pytestmark = pytest.mark.skipif(
+    not RECORDINGS, reason="KERF_RECORDINGS names no folder of real recordings"
+)
 MODEL = "data/models/hurco/control"
 BOX, PLATE = "logs/Box-OP2-Hurco02-{}of20.txt", "logs/Plate-Op1-Hurco04-{}of20.txt"
 JUDGED = {
@@ -36,10 +36,20 @@ JUDGED = {
 """Errors of the runs that are judged [%], as they were first found."""
 
 
-@pytest.fixture(scope="module")
-def project(tmp_path_factory) -> Path:
-    """Built from the logs."""
-    return made_once(tmp_path_factory, "recorded-control", build)
+@pytest.fixture(
+    scope="module",
+    params=["no interval", pytest.param("with intervals", marks=pytest.mark.proof)],
+)
+def project(request, tmp_path_factory) -> Path:
+    """Built from the logs; the fits that leave runs out take five of six seconds.
+
+    They give the interval of a time, on which no test here rests but the last.
+    """
+    name = f"recorded-control-{request.param.split()[0]}"
+    if request.param == "with intervals":
+        return made_once(tmp_path_factory, name, build)
+    with mock.patch("pipeline.submodels.control.submodel.time_bands", return_value={}):
+        return made_once(tmp_path_factory, name, build)
 
 
 def build(folder: Path) -> None:
@@ -173,6 +183,7 @@ def test_stops_of_the_operator_are_no_part_of_a_run(verdict):
     assert stops[PLATE.format("05")] == 0.0
 
 
-def test_times_have_an_interval_where_runs_were_left_out(model):
-    assert model.intervals
+def test_times_have_an_interval_where_runs_were_left_out(model, request):
+    fitted = request.node.callspec.params["project"] == "with intervals"
+    assert bool(model.intervals) == fitted
     assert all(band.lower > 0 and band.upper > 0 for band in model.intervals.values())
