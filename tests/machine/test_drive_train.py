@@ -127,7 +127,7 @@ def start(**values: float) -> np.ndarray:
 
 
 def test_two_masses_swing_at_their_resonance() -> None:
-    """Twisted and let go, three periods: a cosine whose amplitude and phase the order four keeps."""
+    """Twisted and let go, three periods: a cosine whose amplitude and phase order four keeps."""
     w = resonance(FREE.motor_inertia, FREE.load_inertia, FREE.stiffness)
     share = FREE.load_inertia / J
     y = start(th_m=0.01 * share, th_l=0.01 * (share - 1))
