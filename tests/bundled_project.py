@@ -4,12 +4,15 @@ The days are those of a network that is known; a model's error is set by its amb
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from hashlib import sha256
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
+from unittest import mock
 
 import numpy as np
 import pandas as pd
@@ -128,17 +131,30 @@ def spindle(root: Path, error_K: float = 0.0, mae_K: float = 5.0) -> Path:
 
 
 @cache
-def _empty_store() -> bytes:
+def empty_store() -> bytes:
     """A store with nothing in it: MLflow makes its tables by fifty migrations, in seconds."""
     with TemporaryDirectory() as folder:
         client_of(Path(folder))
         return (Path(folder) / DATABASE).read_bytes()
 
 
+@contextmanager
+def quick_stores() -> Iterator[None]:
+    """Each new SQLite store that MLflow makes is a copy of an empty one, migrated once."""
+    from mlflow.store.db import utils
+
+    def initialise(engine: Any) -> None:
+        Path(engine.url.database).write_bytes(known)
+
+    known = empty_store()
+    with mock.patch.object(utils, "_initialize_tables", initialise):
+        yield
+
+
 def registered(root: Path) -> None:
     """Run the stage ``champion``, as ``dvc repro`` does."""
     if not exists(root):
-        (root / DATABASE).write_bytes(_empty_store())
+        (root / DATABASE).write_bytes(empty_store())
     models, champions = root / f"data/models/{MACHINE}", root / "champions.json"
     champion(models, champions, root / f"data/champion/{MACHINE}", fleet=FLEET)
 

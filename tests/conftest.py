@@ -4,6 +4,7 @@ import gc
 import os
 import pickle
 from collections.abc import Iterator
+from hashlib import sha256
 from pathlib import Path
 from types import CodeType
 from typing import Any
@@ -17,6 +18,7 @@ from jinja2 import Environment
 
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
+from tests.shared import made_once
 
 # The same examples in every run, so that a change and not chance decides; other ones are sought by
 # `HYPOTHESIS_PROFILE=search pytest`.
@@ -42,16 +44,17 @@ def pytest_collection_finish() -> None:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def compositions() -> Iterator[None]:
-    """The same files of conf/ are composed once in a session: it takes Hydra a second."""
-    known: dict[object, str] = {}
+def compositions(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The same files of conf/ are composed once in a run: it takes Hydra a second."""
 
     def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
         files = [f for f in sorted(conf.rglob("*")) if f.is_file()]
-        key = overrides, tuple((str(f.relative_to(conf)), f.read_bytes()) for f in files)
-        if key not in known:
-            known[key] = original(conf, overrides)
-        return known[key]
+        key = overrides, [(str(f.relative_to(conf)), f.read_bytes()) for f in files]
+        name = f"composition-{sha256(repr(key).encode()).hexdigest()}"
+        made = made_once(
+            tmp_path_factory, name, lambda f: (f / "text").write_text(original(conf, overrides))
+        )
+        return (made / "text").read_text()
 
     original = compose.composed
     with mock.patch.object(compose, "composed", composed):

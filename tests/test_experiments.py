@@ -8,8 +8,11 @@ from pathlib import Path
 
 import pytest
 import yaml
+from dvc.repo import Repo
 
-from tests.small_project import with_conf
+from pipeline.parameters import SETTINGS
+from pipeline.stages import compose as composition
+from tests.small_project import inside, with_conf
 
 ROOT = Path(__file__).parents[1]
 PAGE = (ROOT / "docs/experiments.md").read_text()
@@ -22,12 +25,17 @@ Path("metrics.json").write_text(json.dumps({"limit": limit}))
 """
 
 
+def environment() -> dict[str, str]:
+    return {**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT),
+            "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
+            "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b",
+            "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}  # fmt: skip
+
+
 def run(folder: Path, *words: str) -> str:
-    env = {**os.environ, "COLUMNS": "200", "PYTHONPATH": str(ROOT),
-           "GIT_AUTHOR_NAME": "a", "GIT_AUTHOR_EMAIL": "a@b",
-           "GIT_COMMITTER_NAME": "a", "GIT_COMMITTER_EMAIL": "a@b",
-           "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}  # fmt: skip
-    done = subprocess.run(words, cwd=folder, env=env, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        words, cwd=folder, env=environment(), capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, f"{words}: {done.stdout}{done.stderr}"
     return done.stdout
 
@@ -48,13 +56,21 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     whole = {"vars": ["conf/fleet/active.yaml"], "stages": {"compose": compose, "plotted": plotted}}
     (root / "dvc.yaml").write_text(yaml.safe_dump(whole))
     run(root, "git", "init", "-q")
-    run(root, "dvc", "init", "-q")
-    for number in range(2):
-        with (root / "conf/config.yaml").open("a") as conf:
-            conf.write(f"# {number}\n")
-        run(root, "dvc", "repro", "-q")
-        run(root, "git", "add", ".")
-        run(root, "git", "commit", "-q", "-m", str(number))
+    with inside(root), pytest.MonkeyPatch.context() as patch:
+        for name, value in environment().items():
+            patch.setenv(name, value)
+        Repo.init().close()
+        for number in range(2):
+            with (root / "conf/config.yaml").open("a") as conf:
+                conf.write(f"# {number}\n")
+            with Repo() as repo:
+                if number == 0:
+                    repo.reproduce()
+                else:  # its commands in this process: only the composition has another input
+                    composition.compose(Path("conf"), Path("params.yaml"), Path(SETTINGS))
+                    repo.commit(force=True)
+            run(root, "git", "add", ".")
+            run(root, "git", "commit", "-q", "-m", str(number))
     return root
 
 

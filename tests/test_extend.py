@@ -40,7 +40,7 @@ def changed(text: str, path: str) -> str:
 def project(tmp_path: Path) -> Path:
     """A copy of the project after step 1 and 2 of the page, with days of records."""
     for folder in ("conf", "pipeline"):
-        shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__py*"))
+        shutil.copytree(ROOT / folder, tmp_path / folder)
     for path, text in files().items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
@@ -66,18 +66,19 @@ def project(tmp_path: Path) -> Path:
 
 
 def test_the_page_makes_a_sub_model_that_is_identified_and_judged(project: Path) -> None:
-    def run(*words: str) -> None:
-        answer = subprocess.run(
-            [sys.executable, "-m", "pipeline.stages", *words], cwd=project, text=True,
-            capture_output=True, check=False, env={"PYTHONPATH": str(project), "PATH": ""},
-        )  # fmt: skip
-        assert answer.returncode == 0, answer.stderr
-
-    run("compose", "conf", "params.yaml", "data/settings")
     reads = ["data/signals/mill01/manifest.json", "data/clean/mill01"]
     folder = project / "data/models/mill01/winding"
-    run("identify_winding@mill01", *reads, str(folder), "data/golden")
-    run("judge_winding@mill01", *reads, str(folder), "data/golden", "metrics.json", "plots")
+    stages = [
+        ["compose", "conf", "params.yaml", "data/settings"],
+        ["identify_winding@mill01", *reads, str(folder), "data/golden"],
+        ["judge_winding@mill01", *reads, str(folder), "data/golden", "metrics.json", "plots"],
+    ]
+    code = f"from pipeline.stages.__main__ import run\nfor words in {stages}: run(*words)"
+    answer = subprocess.run(
+        [sys.executable, "-c", code], cwd=project, text=True, capture_output=True, check=False,
+        env={"PYTHONPATH": str(project), "PATH": ""},
+    )  # fmt: skip
+    assert answer.returncode == 0, answer.stderr
     found = read_json(folder / "verdict.json", Verdict)
     assert (found.status, found.judged_role) == ("passed", "held_out")
     (total,) = found.of("spindle_temperature", group="all", role="held_out")

@@ -44,9 +44,7 @@ def _machine(warm: Simulated) -> dict[str, Any]:
     return read
 
 
-@pytest.mark.parametrize(
-    "warm", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
-)
+@pytest.mark.proof
 def test_the_same_bytes_every_time(warm: Simulated, tmp_path: Path) -> None:
     again = write_growth(tmp_path, shop_parameters(warm.parameters.machine))
     assert digests(tmp_path) == digests(warm.folder)

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from pipeline.parallel import Compute
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.parameters import (
@@ -65,14 +66,15 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     assert different == {"drives", "shafts", "parameters"}
 
 
-def test_processes_write_the_same_bytes(tmp_path: Path) -> None:
+@pytest.mark.parametrize("compute", ["threads", pytest.param("processes", marks=pytest.mark.proof)])
+def test_kinds_beside_each_other_write_the_same_bytes(compute: Compute, tmp_path: Path) -> None:
     """Kinds of records share no state: where each is written changes neither them nor the truth."""
     some = {"growth": {"numbers": [3]}, "wear": {"most": 2}}
     short = shop_parameters("mill01", weeks=1, **some, **NO_CUTS, **NO_DRIVES)
-    for compute in ("serial", "processes"):
-        simulate(tmp_path / compute, tmp_path / f"{compute}.json", short, compute)
-    assert digests(tmp_path / "serial") == digests(tmp_path / "processes")
-    assert (tmp_path / "serial.json").read_bytes() == (tmp_path / "processes.json").read_bytes()
+    for where in ("serial", compute):
+        simulate(tmp_path / where, tmp_path / f"{where}.json", short, where)
+    assert digests(tmp_path / "serial") == digests(tmp_path / compute)
+    assert (tmp_path / "serial.json").read_bytes() == (tmp_path / f"{compute}.json").read_bytes()
 
 
 @one_machine
