@@ -12,7 +12,9 @@ import pytest
 import yaml
 from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
+from jinja2 import Environment
 
+from pipeline.report import standalone_page
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
@@ -29,6 +31,7 @@ providers._get_local_constants = providers.Constants
 
 # DVC starts two processes after each command, one that counts its users and one that seeks updates.
 os.environ["DVC_TEST"] = "true"
+TEMPLATES = Path(standalone_page.__file__).with_name("templates")
 LONG_TEXT = 5000
 """Characters of a text that takes longer to parse than to copy."""
 
@@ -72,6 +75,26 @@ def parsed_texts() -> Iterator[None]:
 
     original = yaml.load
     with mock.patch.object(yaml, "load", load):
+        yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_templates() -> Iterator[None]:
+    """The same template is compiled once in a session: that takes longer than to fill it in."""
+    known: dict[object, Any] = {}
+
+    def compiled(
+        self: Environment, source: Any, name: Any = None, filename: Any = None, **options: Any
+    ) -> Any:
+        if not str(filename).startswith(str(TEMPLATES)):  # of an environment that is not ours
+            return original(self, source, name, filename, **options)
+        key = source, name, *options.items()
+        if key not in known:
+            known[key] = original(self, source, name, filename, **options)
+        return known[key]
+
+    original = Environment.compile
+    with mock.patch.object(Environment, "compile", compiled):
         yield
 
 
