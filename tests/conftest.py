@@ -14,7 +14,6 @@ from hypothesis import HealthCheck, settings
 from hypothesis.internal.conjecture import providers
 from jinja2 import Environment
 
-from pipeline.report import standalone_page
 from pipeline.stages import compose
 from tests.browser import CHROMIUM, DRIVER, FLAGS
 
@@ -31,7 +30,7 @@ providers._get_local_constants = providers.Constants
 
 # DVC starts two processes after each command, one that counts its users and one that seeks updates.
 os.environ["DVC_TEST"] = "true"
-TEMPLATES = Path(standalone_page.__file__).with_name("templates")
+TEMPLATES = Path(__file__).parents[1] / "pipeline/report/templates"
 LONG_TEXT = 5000
 """Characters of a text that takes longer to parse than to copy."""
 

@@ -42,6 +42,7 @@ from tests.small_project import (
     build,
     change,
     inside,
+    leave,
     new_project,
     params,
 )
@@ -254,7 +255,7 @@ def test_status_without_a_registry(project: Path) -> None:
 
 
 def test_status_and_promotion_with_a_registry(
-    tmp_path: Path, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A first bundle serves, a second that is better by 2 K becomes champion, a third failed."""
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
@@ -329,17 +330,8 @@ def active(project: Path) -> str:
     return name
 
 
-def one_recorded(project: Path) -> None:
-    """Leave one machine in the fleet of the recorded ones: seven take seconds to compose."""
-    path = project / "conf/fleet/recorded.yaml"
-    fleet = yaml.safe_load(path.read_text())
-    kept = {name: [m for m in some if m == "mazak01"] for name, some in fleet["submodels"].items()}
-    fleet |= {"machines": ["mazak01"], "submodels": kept, "drives_under": {}, "optimised": []}
-    path.write_text(yaml.safe_dump(fleet, sort_keys=False))
-
-
 def test_another_fleet_is_made_active(project: Path) -> None:
-    one_recorded(project)
+    leave(project, "recorded", "mazak01")
     done = kerf(project, "fleet", "recorded")
     assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01\n")
     assert active(project) == "recorded"
@@ -378,7 +370,7 @@ def test_a_fleet_that_is_wrong_is_refused(text: str, said: str, project: Path) -
 
 @pytest.fixture
 def recordings(project: Path, tmp_path: Path) -> Path:
-    one_recorded(project)
+    leave(project, "recorded", "mazak01")
     folder = tmp_path / "recordings/nist_mazak01"
     for name in ("Devices.xml", "week_1/1.txt", "week_1/2.txt", "week_1/notes.md", "other/3.txt"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
