@@ -20,7 +20,7 @@ SHORT = ("thermal", "search")
 def written(source: Path, folder: Path) -> Path:
     """The site of the project in ``source``, without a warning."""
     answer = subprocess.run(
-        [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", folder],
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", folder],
         cwd=source, capture_output=True, text=True, check=False,
         env={"PATH": "", "KERF_NOTEBOOKS": "no", "NO_MKDOCS_2_WARNING": "1", "HOME": str(folder)},
     )  # fmt: skip
