@@ -74,6 +74,19 @@ def with_conf(folder: Path, fleet: str = "simulated") -> Path:
     return folder
 
 
+def leave(folder: Path, fleet: str, *machines: str) -> None:
+    """Take all but ``machines`` out of a fleet of ``folder``: Hydra takes seconds for seven."""
+    path = folder / f"conf/fleet/{fleet}.yaml"
+    found = yaml.safe_load(path.read_text())
+    under = found["drives_under"]
+    found["drives_under"] = {one: under[one] for one in machines if one in under}
+    for section in (found, found["submodels"]):
+        for key, entry in section.items():
+            if isinstance(entry, list):
+                section[key] = [one for one in entry if one in machines]
+    path.write_text(yaml.safe_dump(found, sort_keys=False))
+
+
 def change(project: Path, section: str, **values: Any) -> None:
     """Set keys of a section of the parameters."""
     every = params(project)

@@ -42,6 +42,7 @@ from tests.small_project import (
     build,
     change,
     inside,
+    leave,
     new_project,
     params,
 )
@@ -330,11 +331,9 @@ def active(project: Path) -> str:
 
 
 def test_another_fleet_is_made_active(project: Path) -> None:
+    leave(project, "recorded", "mazak01")
     done = kerf(project, "fleet", "recorded")
-    assert (done.exit_code, done.stdout) == (
-        0,
-        "fleet recorded: mazak01, hurco, emps, umich_mill, kistler_slot, fanuc_millturn, uniwear\n",
-    )
+    assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01\n")
     assert active(project) == "recorded"
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):
@@ -370,16 +369,12 @@ def test_a_fleet_that_is_wrong_is_refused(text: str, said: str, project: Path) -
 
 
 @pytest.fixture
-def recordings(tmp_path: Path) -> Path:
+def recordings(project: Path, tmp_path: Path) -> Path:
+    leave(project, "recorded", "mazak01")
     folder = tmp_path / "recordings/nist_mazak01"
     for name in ("Devices.xml", "week_1/1.txt", "week_1/2.txt", "week_1/notes.md", "other/3.txt"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(name)
-    for name in ("nist_box/logs/1.txt", "emps/1.mat", "umich_mill/experiment_01.csv",
-                 "kistler_slot/n6000f600ap3.csv", "fanuc_millturn/split_cuts.parquet",
-                 "uniwear/uniwear.parquet"):  # fmt: skip
-        (tmp_path / "recordings" / name).parent.mkdir(parents=True)
-        (tmp_path / "recordings" / name).write_text("1")
     return folder
 
 

@@ -16,7 +16,7 @@ from pipeline.app.fleet import collect, use_fleet
 from pipeline.schema.drive import DriveModel
 from pipeline.schema.store import read_json
 from pipeline.stages.__main__ import run
-from tests.small_project import ROOT, inside, with_conf
+from tests.small_project import ROOT, inside, leave, with_conf
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = [
@@ -32,6 +32,7 @@ MACHINES = ("emps", "umich_mill")
 def documents(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recorded-drives")
     with_conf(folder, "recorded")
+    leave(folder, "recorded", *MACHINES)
     with inside(folder):
         fleet = replace(
             use_fleet("recorded"),

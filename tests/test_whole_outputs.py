@@ -76,11 +76,22 @@ QUICK = ("interpret", "fleet")
 
 
 @pytest.fixture(scope="module")
-def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project in which the quick commands have something to write."""
+    root = tmp_path_factory.mktemp("plain") / "project"
+    root.mkdir()
+    shutil.copytree(ROOT / "conf", root / "conf", symlinks=True)
+    (root / "params.yaml").write_text("fleet: {name: one}\n")
+    (root / "part.nc").write_text(PART)
+    return root
+
+
+@pytest.fixture(scope="module")
+def full(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A project in which every command has something to write."""
     before = os.environ.pop("MLFLOW_TRACKING_URI", None)
     root = bundled_project.project(tmp_path_factory.mktemp("whole") / "project")
-    shutil.copytree(ROOT / "conf", root / "conf", symlinks=True)
+    shutil.copytree(plain / "conf", root / "conf", symlinks=True)
     config = root / "conf/config.yaml"
     config.write_text(config.read_text().replace("budget: default", "budget: quick"))
     here = Path.cwd()
@@ -105,6 +116,30 @@ def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (root / "part.nc").write_text(PART)
     (root / "log.txt").write_bytes(LOGS[6])
     return root
+
+
+@pytest.fixture
+def template(name: str, request: pytest.FixtureRequest) -> Path:
+    """The project of the command ``name``: that of models is made where one writes of them."""
+    found: Path = request.getfixturevalue("plain" if name in QUICK else "full")
+    return found
+
+
+@pytest.fixture(scope="module")
+def known_outputs() -> dict[str, dict[str, bytes | None]]:
+    """What each command wrote that was left alone, for all tests of it."""
+    return {}
+
+
+@pytest.fixture
+def new(
+    name: str, template: Path, tmp_path: Path, known_outputs: dict[str, dict[str, bytes | None]]
+) -> dict[str, bytes | None]:
+    """What the command writes when it is left alone."""
+    if name not in known_outputs:
+        other = Path(shutil.copytree(template, tmp_path / "other", symlinks=True))
+        known_outputs[name] = finished(other, COMMANDS[name])
+    return known_outputs[name]
 
 
 @pytest.fixture
@@ -190,10 +225,10 @@ def checked(project: Path, command: Written, old: dict, new: dict) -> None:
         )
 
 
-def cases(many: bool) -> list:
-    """Every command; in the ordinary suite those that take a second."""
+def cases(*quick: str) -> list:
+    """Every command; in the ordinary suite those that are ``quick``."""
     slow = pytest.mark.proof
-    return [n if n in QUICK and not many else pytest.param(n, marks=slow) for n in COMMANDS]
+    return [n if n in quick else pytest.param(n, marks=slow) for n in COMMANDS]
 
 
 def finished(project: Path, command: Written) -> dict[str, bytes | None]:
@@ -203,13 +238,11 @@ def finished(project: Path, command: Written) -> dict[str, bytes | None]:
     return contents(project, command)
 
 
-@pytest.mark.parametrize("name", cases(many=False))
+@pytest.mark.parametrize("name", cases(*QUICK))
 def test_a_full_disk_leaves_the_old_files_and_one_sentence(
-    name: str, project: Path, template: Path, tmp_path: Path
+    name: str, project: Path, new: dict[str, bytes | None]
 ) -> None:
     command = COMMANDS[name]
-    other = Path(shutil.copytree(template, tmp_path / "other", symlinks=True))
-    new = finished(other, command)
     old = put_old(project, command)
     changed = [data for key, data in new.items() if data is not None and data != old.get(key)]
     largest = max(len(data) for data in changed)
@@ -267,13 +300,12 @@ def test_a_signal_at_any_moment(
                     f"file was being written, exit statuses {sorted(set(statuses))}")  # fmt: skip
 
 
-@pytest.mark.parametrize("name", cases(many=False))
+@pytest.mark.parametrize("name", cases("interpret"))
 def test_two_runs_at_once_leave_whole_files(
-    name: str, project: Path, template: Path, tmp_path: Path
+    name: str, project: Path, new: dict[str, bytes | None]
 ) -> None:
     command = COMMANDS[name]
-    other = Path(shutil.copytree(template, tmp_path / "other", symlinks=True))
-    new, old = finished(other, command), put_old(project, command)
+    old = put_old(project, command)
     both = [started(project, command.words) for _ in range(2)]
     while any(one.poll() is None for one in both):
         if command.stated:

@@ -75,7 +75,16 @@ def known() -> dict[str, Module]:
     return modules(ROOT / "pipeline")
 
 
-@pytest.mark.parametrize("name", ["identify_compensation", "judge_cutting", "optimise"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "optimise",
+        *(
+            pytest.param(one, marks=pytest.mark.proof)
+            for one in ("identify_compensation", "judge_cutting")
+        ),
+    ],
+)
 def test_what_a_stage_imports_is_part_of_its_hash(name: str, known: dict[str, Module]) -> None:
     """Python itself says which of our modules stand loaded once the stage is."""
     code = f"from pipeline.stages.__main__ import load_stage\nload_stage({name!r})\n" + (

@@ -1,6 +1,8 @@
 """A servo found from records of one that shares nothing with the twin, by its own equation."""
 
 from dataclasses import replace
+from functools import cache
+from itertools import product
 from types import SimpleNamespace
 from typing import Any
 
@@ -52,6 +54,12 @@ def found_of(rig, seed=0, settings=ALONE, constants=None, reference=REFERENCE, l
     return identify_servo([recording(rig, reference, seed, constants, load)], "X", settings)
 
 
+@cache
+def plainly(rig, seed):
+    """What is found of a rig with the ordinary settings, once for all tests."""
+    return found_of(rig, seed)
+
+
 def values(fit):
     return dict(zip(fit.names, fit.values.tolist(), strict=True))
 
@@ -68,11 +76,16 @@ def truth(rig):
     return wanted | ({k: getattr(rig, k) for k in FORWARD} if rig.velocity_feedforward else {})
 
 
-@pytest.mark.parametrize("way", DIRECTIONS)
-@pytest.mark.parametrize("kind", KINDS)
+ORDINARY = (("P", "8 kHz, two samples late"),
+            ("PI with feed-forward", "coarse encoder, slow filter"))  # fmt: skip
+EVERY = [one if one in ORDINARY else pytest.param(*one, marks=pytest.mark.proof)
+         for one in product(KINDS, DIRECTIONS)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "way"), EVERY)
 def test_rates_delay_lag_steps_and_twist_leave_no_bias(kind, way):
     rig = replace(KINDS[kind], **DIRECTIONS[way])
-    fits = [found_of(rig, seed) for seed in range(2)]
+    fits = [plainly(rig, seed) for seed in range(2)]
     for name, value in truth(rig).items():
         mean = np.mean([values(fit)[name] for fit in fits])
         assert mean == pytest.approx(value, rel=BIAS), name
@@ -83,7 +96,7 @@ def covered(rig, seeds):
     """How often each parameter's interval holds the truth."""
     hits = dict.fromkeys(truth(rig), 0)
     for seed in range(seeds):
-        fit = found_of(rig, seed)
+        fit = plainly(rig, seed)
         for k, name in enumerate(fit.names):
             if name in hits:
                 hits[name] += bool(fit.low[k] <= truth(rig)[name] <= fit.high[k])
@@ -91,9 +104,9 @@ def covered(rig, seeds):
 
 
 def test_intervals_hold_the_truth():
-    # of 12 intervals of 90 % fewer than 8 hold the truth once in 200 times
-    hits = covered(KINDS["PI"], 12)
-    assert min(hits.values()) >= 8, hits
+    # of 6 intervals of 90 % fewer than 4 hold the truth once in 60 times
+    hits = covered(KINDS["PI"], 6)
+    assert min(hits.values()) >= 4, hits
 
 
 @pytest.mark.proof
@@ -104,7 +117,7 @@ def test_ninety_of_a_hundred_intervals_hold_the_truth(kind):
 
 
 def test_interval_is_not_as_wide_as_to_hold_everything():
-    fit = found_of(KINDS["PI"])
+    fit = plainly(KINDS["PI"], 0)
     half = {n: (h - w) / 2 for n, h, w in zip(fit.names, fit.high, fit.low, strict=True)}
     # ten thousandths are the clock's, per cents would be no finding
     assert half["position_scale"] < 0.001
@@ -129,7 +142,7 @@ def test_the_closed_loop_alone_would_find_another_gain():
     error = (traces.position[:, ::4] - position).std(axis=1) / (REFERENCE - position).std()
     J = error + (traces.command[:, ::4] - current).std(axis=1) / current.std()
     assert abs(share[np.argmin(J)] - 1) > 10 * BIAS
-    assert values(found_of(rig))["velocity_scale"] == pytest.approx(1.2, rel=BIAS)
+    assert values(plainly(rig, 0))["velocity_scale"] == pytest.approx(1.2, rel=BIAS)
 
 
 def test_lags_are_those_of_the_loop():
