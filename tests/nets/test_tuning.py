@@ -66,7 +66,8 @@ def bytes_of(found: Tuned) -> str:
 
 def test_processes_give_the_bytes_of_serial_and_another_seed_is_another(small: Tuned) -> None:
     assert bytes_of(tuned(compute="processes")) == bytes_of(small)
-    assert bytes_of(tuned(replace(SMALL, seed=1))) != bytes_of(small)
+    short = replace(SMALL, generations=1, epochs=2, milestones=())
+    assert bytes_of(tuned(replace(short, seed=1))) != bytes_of(tuned(short))
 
 
 def test_candidates_stay_in_their_ranges_and_the_history_falls(small: Tuned) -> None:
