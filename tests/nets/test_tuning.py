@@ -167,7 +167,15 @@ def test_a_diverging_candidate_has_an_infinite_cost_and_is_no_error() -> None:
         tuned(replace(SMALL, learning_rate=(1e30, 1e35)))
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(
+    "method",
+    ["genetic", "whale"]
+    + [
+        pytest.param(name, marks=pytest.mark.proof)
+        for name in METHODS
+        if name not in ("genetic", "whale")
+    ],
+)
 def test_every_search_of_the_table_tunes(method: str) -> None:
     found = tuned(replace(SMALL, method=method, generations=2, epochs=2))
     assert found.evaluations == 8 and len(found.retrained) == 3
