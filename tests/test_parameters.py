@@ -236,7 +236,10 @@ def test_a_catalogue_may_be_left_out_and_its_file_must_have_a_name(tmp_path: Pat
         composed(conf)
 
 
-@pytest.mark.parametrize("text", ["- name", "steel", "", "name: C45"])
+@pytest.mark.parametrize(
+    "text",
+    ["- name", "name: C45", *(pytest.param(t, marks=pytest.mark.proof) for t in ("steel", ""))],
+)
 def test_a_file_of_a_catalogue_that_is_no_entry_is_refused_by_its_path(
     text: str, tmp_path: Path
 ) -> None:

@@ -188,7 +188,7 @@ def test_the_command_writes_schemas_and_page(
     done = CliRunner().invoke(app, words)
     assert done.exit_code == 0, done.output
     assert {path.name for path in (tmp_path / "schema").iterdir()} == set(FILES)
-    assert place.read_text() == page(ROOT / "conf")
+    assert place.read_text() == (ROOT / "docs/settings.md").read_text(), REMEDY
 
 
 def test_a_proposed_machine_names_a_schema_that_is_there_and_fits(

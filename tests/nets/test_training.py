@@ -41,7 +41,7 @@ def test_each_overfits_twenty_samples(kind: NetworkSettings, method: str) -> Non
     data = warm_up(20)
     filtered = isinstance(kind, FuzzyFilteredSettings | ClassicFuzzySettings)
     rate = 0.01 if filtered else 0.1
-    passes = 4000 if method == "back_propagation" else 600
+    passes = 4000 if method == "back_propagation" else 200
     budget = TrainingSettings(
         passes=passes, patience=passes, validation=0.0, batch=5, learning_rate=rate, ridge=1e-9
     )
@@ -64,8 +64,9 @@ def test_what_a_network_can_represent_is_recovered(kind: NetworkSettings, method
     truth = data._replace(y=first.predict(data.x, data.c))
     learnt = Samples(*(part[data.group < 4] for part in truth))
     unseen = Samples(*(part[data.group == 4] for part in truth))
+    passes = 1500 if method == "genetic" else 500
     budget = TrainingSettings(
-        passes=1500, patience=1500, population=30, learning_rate=0.02, ridge=1e-10
+        passes=passes, patience=passes, population=30, learning_rate=0.02, ridge=1e-10
     )
     found = trained(kind, method, learnt, budget)
     assert rmse(found, unseen) < 0.01 * truth.y.std()

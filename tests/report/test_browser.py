@@ -41,7 +41,7 @@ def test_pages_load_nothing_else_and_report_no_error(browser, pages):
         assert browser.title != "owned"
 
 
-@pytest.mark.parametrize("width", [380, 768, 1280])
+@pytest.mark.parametrize("width", [380, pytest.param(768, marks=pytest.mark.proof), 1280])
 def test_no_page_scrolls_sideways_with_everything_unfolded(browser, pages, width):
     for page in pages:
         look(browser, page, width, "light")
