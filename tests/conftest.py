@@ -33,7 +33,6 @@ providers._get_local_constants = providers.Constants
 
 # DVC starts two processes after each command, one that counts its users and one that seeks updates.
 os.environ["DVC_TEST"] = "true"
-TEMPLATES = Path(__file__).parents[1] / "pipeline/report/templates"
 LONG_TEXT = 5000
 """Characters of a text that takes longer to parse than to copy."""
 
