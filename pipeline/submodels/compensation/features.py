@@ -14,7 +14,6 @@ from math import ceil
 from typing import Any
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from pipeline.nets.windows import Recording, WindowInput
 from pipeline.schema.arrays import Bools, Floats
@@ -103,6 +102,8 @@ def before_motion(
     if width < 3:
         speed = acceleration = np.zeros(len(reference))
     else:
+        from scipy.signal import savgol_filter
+
         speed, acceleration = (
             savgol_filter(reference, width, 2, deriv=order, delta=period) for order in (1, 2)
         )

@@ -9,7 +9,8 @@ from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band, clock, line, tick_words
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.compensation.features import BEND, EVEN, REST, TURN
-from pipeline.submodels.compensation.page_facts import Attended, Traced, bare
+from pipeline.submodels.compensation.model import AttentionShown
+from pipeline.submodels.compensation.page_facts import Traced, bare
 
 TOP, ERROR, GAP = 18, 150, 30
 """Heights of the head, of a band, and between bands [px]."""
@@ -103,12 +104,13 @@ def bars_figure(
     return svg.figure(parts, height=bottom + 38, label=label, kind="runs")
 
 
-def attention_figure(one: Attended, label: str) -> Markup:
+def attention_figure(one: AttentionShown, label: str) -> Markup:
     """Mean weight over the window by regime."""
-    into = band(TOP, ERROR, *one.weights.values(), zero=True)
+    curves = {name: np.array(values) for name, values in one.weights.items()}
+    into = band(TOP, ERROR, *curves.values(), zero=True)
     into = Band(top=into.top, height=into.height, low=0.0, high=into.high)
     low = float(one.ms[0] - (one.ms[-1] - one.ms[0]) / max(2 * (len(one.ms) - 1), 1))
-    x = UNITS * (one.ms - low) / max(-low, 1e-9)
+    x = UNITS * (np.array(one.ms) - low) / max(-low, 1e-9)
     parts = [
         svg.text(50, into.bottom + 31, "Time before the one that is predicted, ms", "tick mid")
     ]
@@ -116,9 +118,9 @@ def attention_figure(one: Attended, label: str) -> Markup:
         at = 100 * (mark - low) / max(-low, 1e-9)
         parts += [svg.down(at, TOP, into.bottom),
                   svg.text(at, into.bottom + 16, tick_words(mark), svg.anchor(at))]  # fmt: skip
-    curves = [svg.curve(x, into.down(values), REGIME_CURVES[name])
-              for name, values in one.weights.items()]  # fmt: skip
-    parts += [svg.text(0, TOP - 7, "Mean weight", "head"), *into.levels(4), into.content(curves)]
+    drawn = [svg.curve(x, into.down(values), REGIME_CURVES[name])
+             for name, values in curves.items()]  # fmt: skip
+    parts += [svg.text(0, TOP - 7, "Mean weight", "head"), *into.levels(4), into.content(drawn)]
     return svg.figure(parts, height=into.bottom + 38, label=label, kind="trace")
 
 

@@ -46,6 +46,8 @@ QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estim
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
 """No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
+ATTENTIVE = "cnn_lstm_attention"
+"""The published network."""
 ARX = "arx"
 """The linear network, which is solved at once."""
 KINDS: dict[str, type[SequenceSettings]] = {
@@ -196,6 +198,18 @@ class LeakShown:
 
 
 @dataclass(frozen=True, kw_only=True)
+class AttentionShown:
+    """Mean attention of the published network over its window, K parts of it."""
+
+    axis: str
+    """On which it is shown."""
+    ms: tuple[float, ...]
+    """Before the time that is predicted [ms], the oldest first; shape (K,)."""
+    weights: Mapping[str, tuple[float, ...]]
+    """By regime of the motion [1]; those of a regime add up to 1; shape (K,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class CompensationModel(Model):
     """``model.json``; the networks stand in ``networks.json`` beside it."""
 
@@ -215,6 +229,8 @@ class CompensationModel(Model):
     """Search of the settings."""
     leak: LeakShown | None = None
     """For comparison; nothing else uses it."""
+    attention: AttentionShown | None = None
+    """Where the network with attention looks."""
 
 
 @dataclass(frozen=True, kw_only=True)

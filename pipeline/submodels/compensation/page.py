@@ -20,6 +20,7 @@ from pipeline.charts.tables import MOST_ROWS, Table, cells, code, names, numbers
 from pipeline.schema.verdict import JudgedCase, Score
 from pipeline.submodels.compensation import figures
 from pipeline.submodels.compensation.model import (
+    ATTENTIVE,
     ESTIMATION,
     FUZZY,
     NAMES,
@@ -28,7 +29,6 @@ from pipeline.submodels.compensation.model import (
     UseModel,
 )
 from pipeline.submodels.compensation.page_facts import (
-    ATTENTIVE,
     BASES,
     CompensationFacts,
     Seen,
@@ -461,12 +461,11 @@ def _bars(facts: CompensationFacts) -> Figures | None:
 
 def _attention(facts: CompensationFacts) -> Figures | None:
     """Where the network with attention looks, by regime."""
-    found = facts.attended()
-    if found is None or not found[1].weights:
+    one = None if facts.shown.model is None else facts.shown.model.attention
+    if one is None or not one.weights:
         return None
-    letter, one = found
     caption = (
-        f"Axis {letter}, {NAMES[ATTENTIVE]}: mean weight of its attention over the window, on a "
+        f"Axis {one.axis}, {NAMES[ATTENTIVE]}: mean weight of its attention over the window, on a "
         "motion to and fro at half of the highest speed learnt."
     )
     return Figures(

@@ -1,9 +1,8 @@
 """Facts of the following error that the drives' model leaves over, for the machine's page.
 
-They come from the stored files alone: model, verdict, predictions, networks.
+They come from the stored files alone: model, verdict, predictions.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,36 +12,22 @@ import pandas as pd
 from pipeline.charts.numbers import TOGETHER, fixed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import sources
-from pipeline.schema.store import StoreError
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Role, Score
-from pipeline.submodels.compensation.features import REGIMES, before_motion, regimes
-from pipeline.submodels.compensation.features import modelled_following as followed
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PERSISTENCE,
     PREDICTION,
     QUANTITIES,
     TWIN,
-    Compensation,
     CompensationModel,
     UseModel,
-    load_compensation,
 )
 from pipeline.submodels.contract import Shown
-from pipeline.twin.drive import IdentifiedDrive, read_drives
 
-ATTENTIVE = "cnn_lstm_attention"
-"""Kind of the published network."""
 BASES = {PREDICTION: TWIN, ESTIMATION: PERSISTENCE}
 """What each use is held against."""
 SAME_SPEED = 0.02
 """Share by which the highest speeds of two recordings of one motion differ at most [1]."""
-DRAWN_WINDOWS = 100
-"""Windows of a regime over which the attention is averaged, at most [1]."""
-PERIOD = 0.001
-"""Between samples of the motion on which the attention is shown [s]."""
-RAMP_S, EVEN_S, STAND_S = 0.1, 0.3, 0.2
-"""Acceleration, constant speed and rest of that motion [s]."""
 
 Seen = Shown[CompensationModel]
 
@@ -84,16 +69,6 @@ class Traced:
     def worst(self) -> int:
         """Sample with the greatest error that is left."""
         return int(np.nanargmax(np.abs(self.after)))
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Attended:
-    """Mean attention of a network over its window, K rows."""
-
-    ms: np.ndarray
-    """Before the time that is predicted [ms], the oldest first; shape (K,)."""
-    weights: Mapping[str, np.ndarray]
-    """By regime [1]; those of a regime add up to 1; shape (K,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -178,44 +153,6 @@ class CompensationFacts:
         case = str(rows["case"].iloc[int(np.nanargmax(left))])
         return _trace(rows[rows["case"] == case], letter, use, case, one.champion)
 
-    @cached_property
-    def networks(self) -> Compensation | None:
-        """The model with its networks; None where they are not there or broken."""
-        if self.shown.model is None or not (self.shown.folder / "networks.json").is_file():
-            return None
-        try:
-            return load_compensation(self.shown.folder)
-        except StoreError:
-            return None
-
-    def attended(self) -> tuple[str, Attended] | None:
-        """The first axis whose network has attention, and where that looks; None without one.
-
-        It is shown on one motion to and fro at half of the highest speed that was learnt, from
-        the command and the drives' model alone.
-        """
-        for letter, use, one in self.axes:
-            if use != PREDICTION or ATTENTIVE not in one.scores or self.networks is None:
-                continue
-            top = 1e-3 * _highest(self.shown.model, letter)
-            drives = self._drives()
-            wanted = {entry.name for entry in one.inputs}
-            if top <= 0 or ("modelled error" in wanted and letter not in drives):
-                continue
-            try:
-                return letter, _attended(self.networks, letter, 0.5 * top, drives.get(letter))
-            except (KeyError, ValueError):  # no networks of that kind, or broken ones
-                return None
-        return None
-
-    def _drives(self) -> Mapping[str, IdentifiedDrive]:
-        path = self.shown.folder.parent / "drive" / "model.json"
-        try:
-            found = read_drives(path) if path.is_file() else {}
-        except StoreError:
-            return {}
-        return {letter: one for letter, one in found.items() if one.servo is not None}
-
 
 def _trace(rows: pd.DataFrame, letter: str, use: str, case: str, champion: str) -> Traced:
     """Errors before and after of the rows of one recording."""
@@ -231,51 +168,3 @@ def _trace(rows: pd.DataFrame, letter: str, use: str, case: str, champion: str) 
         axis=letter, use=use, case=case, seconds=seconds, before=measured - base,
         after=measured - predicted, low=low - base, high=high - base,
     )  # fmt: skip
-
-
-def _highest(model: CompensationModel | None, letter: str) -> float:
-    """Highest speed that was learnt [mm/s]; 0 where it is not known."""
-    found = None if model is None else model.conditions.get(f"highest speed {letter}")
-    return 0.0 if found is None or found.high is None else float(found.high)
-
-
-def to_and_fro(speed: float) -> np.ndarray:
-    """Commanded position [m] every ms, shape (T,): rest, to, back at once, rest."""
-    ramp, even, stand = (round(s / PERIOD) for s in (RAMP_S, EVEN_S, STAND_S))
-    up = speed * 0.5 * (1 - np.cos(np.pi * np.arange(1, ramp + 1) / ramp))
-    there = np.concatenate([up, np.full(even, speed), up[::-1]])
-    still = np.zeros(stand)
-    return PERIOD * np.cumsum(np.concatenate([still, there, -there, still]))
-
-
-def _attended(
-    model: Compensation, letter: str, speed: float, drive: IdentifiedDrive | None
-) -> Attended:
-    """Mean attention of the folds' networks by regime, on one motion to and fro."""
-    from pipeline.nets.windows import Recording
-    from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, every
-
-    reference = to_and_fro(speed)
-    of_model = None if drive is None else followed(letter, reference, PERIOD, drive)
-    lead = model.file.lead_mm.get(letter)
-    signals = before_motion(reference, PERIOD, of_model, lead)
-    rows = slice(None, None, every(PERIOD, model.file.step_s))
-    regime = regimes(signals)[rows]
-    on_grid = {name: values[rows] for name, values in signals.items()}
-    on_grid[RESIDUAL] = np.zeros(len(regime))
-    windows = model.windows(letter, PREDICTION, Recording(
-        name="to and fro", step_s=model.file.step_s, signals=on_grid, measured=MEASURED
-    ))  # fmt: skip
-    weights = {}
-    for name in REGIMES:
-        of = np.flatnonzero(regime[windows.at] == name)
-        of = of[:: max(-(-len(of) // DRAWN_WINDOWS), 1)]
-        if len(of):
-            found = [
-                one.attention(windows.x[of]).mean(axis=0)
-                for one in model.networks(letter, PREDICTION, ATTENTIVE)
-            ]
-            weights[name] = np.mean(found, axis=0)
-    many = len(next(iter(weights.values()), ()))
-    width = 1e3 * model.file.step_s * model.file.length / max(many, 1)
-    return Attended(ms=-width * (np.arange(many)[::-1] + 0.5), weights=weights)

@@ -16,6 +16,7 @@ from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
+from pipeline.submodels.compensation.attention import attention_shown
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
@@ -224,7 +225,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
         documents = {key: value for one in found.values() for key, value in one.documents.items()}
         write_json(NetworksFile(documents=documents), folder / "networks.json")
         steps = [one.recording.step_s for features in axes.values() for one in features]
-        return CompensationModel(
+        model = CompensationModel(
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
@@ -248,6 +249,8 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
             search=search,
             leak=leak,
         )  # fmt: skip
+        served = Compensation(file=model, documents=documents)
+        return replace(model, attention=attention_shown(served, driven[0].drives))
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of recordings."""

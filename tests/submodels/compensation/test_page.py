@@ -21,21 +21,20 @@ from pipeline.nets.window_model import TrainedSequence, WindowScaling
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Condition
-from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
+from pipeline.submodels.compensation.attention import attention_shown, to_and_fro
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PREDICTION,
+    Compensation,
     CompensationModel,
     KindScore,
     LeakShown,
-    NetworksFile,
     SearchFacts,
     UseModel,
     key_of,
 )
 from pipeline.submodels.compensation.page import page
-from pipeline.submodels.compensation.page_facts import CompensationFacts, to_and_fro
 from pipeline.submodels.contract import Shown
 
 INPUTS = tuple(WindowInput(name=n) for n in ("speed", "acceleration", "since reversal"))
@@ -115,7 +114,7 @@ def shown(tmp_path: Path) -> Shown:
     )  # fmt: skip
 
 
-def with_networks(folder: Path) -> None:
+def with_attention(model: CompensationModel) -> CompensationModel:
     kind = CnnLstmAttentionSettings(filters=3, units=4)
     built = sequence_network(kind, LENGTH, len(INPUTS), None, torch.Generator().manual_seed(1))
     one = TrainedSequence(
@@ -126,8 +125,8 @@ def with_networks(folder: Path) -> None:
         ),
     )  # fmt: skip
     key = key_of("X", PREDICTION, "cnn_lstm_attention")
-    write_json(NetworksFile(documents={key: (one.document(),)}), folder / "networks.json")
-    write_json(model_of({"X": {PREDICTION: made(SCORES)}}), folder / "model.json")
+    served = Compensation(file=model, documents={key: (one.document(),)})
+    return replace(model, attention=attention_shown(served, {}))
 
 
 def plain(text: str) -> str:
@@ -226,15 +225,17 @@ def test_a_verdict_that_failed_advises_against_the_command(shown: Shown) -> None
 
 def test_attention_is_shown_by_regime_where_the_network_is_there(shown: Shown) -> None:
     assert not any("attention over the window" in one for one in captions(page(shown)))
-    with_networks(shown.folder)
-    found = CompensationFacts(shown=shown).attended()
-    assert found is not None and found[0] == "X"
-    weights = found[1].weights
+    assert shown.model is not None
+    model = with_attention(shown.model)
+    found = model.attention
+    assert found is not None and found.axis == "X"
+    weights = found.weights
     assert set(weights) == {"at rest", "after a reversal", "accelerating", "constant speed"}
     for values in weights.values():
-        assert values.sum() == pytest.approx(1.0, abs=1e-5)
-    assert len(found[1].ms) == len(values) and found[1].ms[-1] > -1e3 * STEP * LENGTH
-    assert any("attention over the window" in one for one in captions(page(shown)))
+        assert sum(values) == pytest.approx(1.0, abs=1e-5)
+    assert len(found.ms) == len(values) and found.ms[-1] > -1e3 * STEP * LENGTH
+    drawn = captions(page(replace(shown, model=model)))
+    assert any("attention over the window" in one for one in drawn)
 
 
 def test_the_motion_to_and_fro_ends_where_it_began_at_the_speed_asked() -> None:
