@@ -27,8 +27,8 @@ from pipeline.nets.dcgan_settings import (
     GanTraining,
 )
 from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_model import document_of, fill, packed
-from pipeline.schema.arrays import Floats
+from pipeline.nets.window_model import document_of, fill
+from pipeline.schema.arrays import Floats, packed
 
 SLOPE = 0.2
 """Of LeakyReLU below zero [1]."""

@@ -5,7 +5,6 @@ from.  Predictions are made in float32 (the linear model's in float64) on one th
 precision of the training was.
 """
 
-from base64 import b64decode, b64encode
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -29,7 +28,7 @@ from pipeline.nets.sequence_settings import (
 )
 from pipeline.nets.trained import reproducible, samples
 from pipeline.nets.windows import WindowInput
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, packed, unpacked
 
 KINDS: dict[str, type[SequenceSettings]] = {
     one.kind: one
@@ -239,19 +238,3 @@ def document_of(what: str) -> Iterator[None]:
 def fill(built: nn.Module, stored: Mapping[str, Any]) -> None:
     """Put stored weights into a network."""
     built.load_state_dict({k: torch.from_numpy(unpacked(v)) for k, v in stored.items()})
-
-
-def packed(values: "np.ndarray[Any, Any]") -> dict[str, Any]:
-    """Shape, type and little-endian bytes of an array, in base64."""
-    kind = values.dtype.newbyteorder("<")
-    data = b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")
-    return {"shape": list(values.shape), "type": values.dtype.name, "base64": data}
-
-
-def unpacked(packed: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
-    """The array of a document of :func:`packed`."""
-    if packed["type"] not in ("float32", "float64"):
-        raise TypeError(f"weights are of type {packed['type']}, not float32 or float64")
-    kind = np.dtype(packed["type"])
-    values = np.frombuffer(b64decode(packed["base64"], validate=True), kind.newbyteorder("<"))
-    return values.astype(kind).reshape(packed["shape"])

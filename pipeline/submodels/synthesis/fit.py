@@ -16,6 +16,7 @@ from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.signals.wear_windows import WearWindows
+from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis.model import (
     TOOL,
     WEAR,
@@ -195,15 +196,13 @@ def curves(
 
 def curve_of(asked: Floats, read: Floats) -> WearCurve:
     """Figures of wear that was read, shape (W, N), over the wear asked for, shape (W,)."""
-    from scipy.stats import spearmanr
-
     mean = read.mean(axis=1)
     low, high = np.quantile(read, [0.05, 0.95], axis=1)
     error = mean - asked
     still = np.ptp(read) == 0 or np.ptp(asked) == 0
     slope = 0.0 if np.ptp(asked) == 0 else np.polyfit(asked, mean, 1)[0]
-    rank = 0.0 if still else float(spearmanr(np.repeat(asked, read.shape[1]), read.ravel())[0])
-    of_means = 0.0 if still or np.ptp(mean) == 0 else float(spearmanr(asked, mean)[0])
+    rank = 0.0 if still else rank_correlation(np.repeat(asked, read.shape[1]), read.ravel())
+    of_means = 0.0 if still or np.ptp(mean) == 0 else rank_correlation(asked, mean)
     edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
     false = []
     for first, end in pairwise(edges):

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.nets.dcgan_settings import ConditionSpace
 from pipeline.nets.diversity import FeatureScaling, features
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, unpacked
 from pipeline.schema.model import Model
 from pipeline.schema.store import read_json
 from pipeline.signals.wear_windows import WearWindows
@@ -170,7 +170,6 @@ class Synthesis:
     def trainings(self) -> "tuple[tuple[TrainedGan, Learner], ...]":
         """Generators of all seeds, the one that serves first, each with what learns from it."""
         from pipeline.nets.dcgan import restore_gan
-        from pipeline.nets.window_model import unpacked
 
         others = [
             (restore_gan(one["document"]), self._learner(unpacked(one["generated"]).astype(float)))
@@ -293,8 +292,6 @@ def reference_of(stored: GeneratorFile) -> Reference:
     ValueError
         When the file lacks one, or holds another type of number.
     """
-    from pipeline.nets.window_model import unpacked
-
     try:
         found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
         return Reference(**found)

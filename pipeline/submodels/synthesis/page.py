@@ -20,6 +20,7 @@ from pipeline.charts.tables import Table, cells, names, numbers, sources
 from pipeline.nets.diversity import FeatureScaling
 from pipeline.schema.verdict import Score
 from pipeline.submodels.contract import Shown
+from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis import figures
 from pipeline.submodels.synthesis.judging import (
     AUGMENTED,
@@ -203,8 +204,6 @@ def _section(shown: Seen) -> Section:
 
 def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
     """Slope and rank correlation of each judge over recorded windows of tools not learnt from."""
-    from scipy.stats import spearmanr
-
     frame = shown.predictions
     if frame is None or shown.verdict is None or "baseline_recorded" not in frame:
         return {}
@@ -214,7 +213,7 @@ def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
         one = one.dropna(subset=["measured", "baseline_recorded"])
         asked, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
         if len(one) > 2 and np.ptp(asked) > 0 and np.ptp(read) > 0:
-            rank = float(spearmanr(asked, read)[0])
+            rank = rank_correlation(asked, read)
             found[str(name)] = float(np.polyfit(asked, read, 1)[0]), rank
     return found
 

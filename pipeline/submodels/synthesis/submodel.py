@@ -9,6 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
+from pipeline.schema.arrays import packed
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, SourceFile
@@ -300,7 +301,6 @@ def _learnt(found: Trained) -> dict[str, Condition]:
 
 
 def _write(found: Trained, folder: Path, judges: tuple[Mapping[str, Any], ...]) -> None:
-    from pipeline.nets.window_model import packed
 
     mine = found.reference
     reference = {name: packed(np.asarray(getattr(mine, name), np.float32)) for name in vars(mine)}

@@ -139,7 +139,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
     ValueError
         As :func:`mean_forces`, and when there are fewer than three tools.
     """
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     rows = mean_forces(windows, settings)
     tools = sorted(set(rows.tool.tolist()))
@@ -151,7 +151,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
     left = np.array([_robust(rows.of(rows.tool != one))[0] for one in tools])
     share = (len(tools) - 1) / len(tools)
     spread = np.sqrt(share * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
-    half = float(t.ppf(0.975, len(tools) - 1)) * spread
+    half = float(stdtrit(len(tools) - 1, 0.975)) * spread
     method = f"mean forces of {len(rows.wear)} cuts, {len(tools)} tools left out in turn"
     parameters = {
         name: _parameter(float(value) / PASCAL, float(width) / PASCAL, method)

@@ -272,9 +272,9 @@ class LifeLaw:
 
     def parameters(self) -> dict[str, Parameter]:
         """Median life length of each type, exponent and scatter, with their 95 % intervals."""
-        from scipy.stats import chi2, t
+        from scipy.special import gammaincinv, stdtrit
 
-        quantile, cov = float(t.ppf(0.975, self.dof)), np.array(self.covariance)
+        quantile, cov = float(stdtrit(self.dof, 0.975)), np.array(self.covariance)
         n = len(self.worn)
         method = f"measured wear of {n} tools, Bayes with Taylor's exponent and usual scatter"
         found = {}
@@ -298,8 +298,8 @@ class LifeLaw:
         found["tool_scatter"] = Parameter(
             value=self.scale, unit="1", determined=True, method=method,
             interval_95=(
-                float(self.scale * np.sqrt(self.dof / chi2.ppf(0.975, self.dof))),
-                float(self.scale * np.sqrt(self.dof / chi2.ppf(0.025, self.dof))),
+                float(self.scale * np.sqrt(0.5 * self.dof / gammaincinv(0.5 * self.dof, 0.975))),
+                float(self.scale * np.sqrt(0.5 * self.dof / gammaincinv(0.5 * self.dof, 0.025))),
             ),
         )  # fmt: skip
         return found
@@ -316,11 +316,11 @@ class TimeLeft:
 
 def _left(centre: float, scale: float, dof: float, spent: float, rubbing: float) -> TimeLeft:
     """Quantiles of what is left of a length that is known to be more than ``spent`` [m]."""
-    from scipy.stats import t
+    from scipy.special import stdtr, stdtrit
 
-    below = float(t.cdf((np.log(spent) - centre) / scale, dof)) if spent > 0 else 0.0
+    below = float(stdtr(dof, (np.log(spent) - centre) / scale)) if spent > 0 else 0.0
     shares = below + np.array([0.05, 0.5, 0.95]) * (1.0 - below)
-    lengths = np.exp(centre + scale * t.ppf(np.minimum(shares, 1.0 - 1e-12), dof))
+    lengths = np.exp(centre + scale * stdtrit(dof, np.minimum(shares, 1.0 - 1e-12)))
     low, middle, high = (np.maximum(lengths - spent, 0.0) / rubbing).tolist()
     return TimeLeft(low=low, middle=middle, high=high)
 
