@@ -149,6 +149,13 @@ def _binding(part: OptimisedPart) -> Iterator[str]:
             yield f"  binds: {one.limit or 'nothing':<16} {held}"
 
 
+def _why_not(part: OptimisedPart) -> Iterator[str]:
+    """Why F and S stay, each reason with the blocks that it holds for."""
+    for one in part.binding:
+        why = one.kept or (f"{one.limit} binds" if one.limit else "nothing better was found")
+        yield f"{why}, {many(one.blocks, 'block')}"
+
+
 def _changes(part: OptimisedPart) -> Iterator[str]:
     words, proof = part.words, part.proof
     counts = (
@@ -156,7 +163,7 @@ def _changes(part: OptimisedPart) -> Iterator[str]:
         ("S changed", words.S_changed), ("S added", words.S_added),
     )  # fmt: skip
     parts = ", ".join(f"{count} {what}" for what, count in counts if count)
-    yield f"  words: {parts or 'none changed'}"
+    yield f"  words: {parts}" if parts else f"  nothing to change: {'; '.join(_why_not(part))}"
     if proof.same:
         yield (
             f"  proof: {many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"

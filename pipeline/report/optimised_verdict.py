@@ -44,7 +44,7 @@ def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
         return looked_at, word, sentences
     if (part.before.beyond or 0) > 0:
         return looked_at, "inside its limits", sentences
-    return "unknown", "nothing gained", sentences
+    return "unknown", "nothing gained" if part.words.total else "nothing to change", sentences
 
 
 def _grave(part: OptimisedPart) -> list[str]:
@@ -161,6 +161,8 @@ def _binds(part: OptimisedPart) -> list[str]:
 def _words(part: OptimisedPart) -> list[str]:
     if not part.proof.same:
         return []
+    if not part.words.total:
+        return ["Nothing to change: every F and S stays as it was."]
     return [
         f"Only F and S words changed: {counted(part.words.total, 'word')}. The moves are the same "
         "to the last bit."
