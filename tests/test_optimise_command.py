@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.app.lines import between
 from pipeline.schema.store import write_json
 from pipeline.stages import correct_programs
 from tests.report.page_reader import outline, words
@@ -298,6 +299,47 @@ def test_a_program_in_which_nothing_may_change_stays_and_says_why(project: Path,
     else:
         (said,) = done.stderr.splitlines()
         assert not INTERNAL.search(said) and not (project / "better.nc").exists()
+
+
+MATERIALS = sorted(file.stem for file in (ROOT / "conf/material").glob("*.yaml"))
+EVERY = [
+    pytest.param(name, objective, edge, marks=() if name in some else pytest.mark.proof)
+    for objective, edge, some in (
+        ("cost", "carbide", ("steel_tool",)), ("wear", "carbide", ("titanium_alloy",)),
+        ("cost", "hss", ("nickel_alloy",)),
+    )
+    for name in MATERIALS
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "objective", "edge"), EVERY)
+def test_cost_and_wear_are_known_in_every_material_or_say_what_is_missing(
+    project: Path, name: str, objective: str, edge: str
+) -> None:
+    tool = f"kind: flat, diameter_mm: 6.0, flutes: 2, price: 20000, material: {edge}"
+    (project / "t.yaml").write_text(f"tools: {{1: {{{tool}}}}}")
+    (project / "part.nc").write_text(PART.replace("S3000", "S1000").replace("Z-1.", "Z-.5"))
+    options = given(tool_table="t.yaml", limit_load=None, material=name, objective=objective)
+    done = kerf(project, "optimise", "part.nc", *options, *OUT)
+    if edge == "hss" and name in ("nickel_alloy", "titanium_alloy"):
+        (said,) = done.stderr.splitlines()
+        assert done.exit_code == 2 and "no source of the life of high-speed steel" in said
+        return
+    assert done.exit_code == 0, done.output
+    document = json.loads((project / "better.json").read_text())
+    spread = name != "brass" or edge == "carbide"
+    for which in ("before", "after"):
+        for key in ("cost", "tool_life_share"):
+            low, value, high = (document[which].get(f"{key}{end}") for end in ("_low", "", "_high"))
+            assert value is not None and (low is not None) == spread
+            assert not spread or low <= value <= high
+    assert any(note.startswith("tool life of T1: v_c ") for note in document["notes"])
+    unsure = [one["what"] for one in document["not_known"]]
+    assert ("interval of the tool life of T1" in unsure) != spread
+    if spread:
+        low, high = (document["after"][f"tool_life_share_{end}"] for end in ("low", "high"))
+        assert between(low, high, 100) in done.stdout
+        assert " to " in words(project / "better.html")
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from pipeline.app.cut_lines import edge_lines, warning_lines
-from pipeline.app.lines import NONE, aligned, many, rounded
+from pipeline.app.lines import NONE, aligned, between, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 from pipeline.twin.cut_axes import half_widths
@@ -45,6 +45,9 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     for held in part.held:
         yield f"  held: {held.reason}, {many(held.rows, 'move')}, the first in {held.first}"
     yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
+    for note in part.notes:
+        if note.startswith("tool life of"):
+            yield f"  {note}"
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
 
@@ -53,7 +56,11 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
     rows = [["", "", "before", "after", "change"]]
     for name, unit, key, factor, change in TOTALS:
         printed = part.currency if unit is None else unit
-        values = [rounded(getattr(side, key), factor, 4) for side in (part.before, part.after)]
+        values = [
+            rounded(getattr(side, key), factor, 4)
+            + between(getattr(side, f"{key}_low", None), getattr(side, f"{key}_high", None), factor)
+            for side in (part.before, part.after)
+        ]
         percent = _change(getattr(part.gain, change)) if change else NONE
         rows.append([name, printed or "", *values, percent])
     yield from (f"  {line}" for line in aligned(rows, words=2))

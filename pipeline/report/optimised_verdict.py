@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
-from pipeline.report.cut.tables import sentence, share, spans_of
+from pipeline.report.cut.tables import between, sentence, share, spans_of
 from pipeline.report.objectives import AIMS
 from pipeline.report.optimised_tables import change, increases, limit_name
 from pipeline.report.standalone_page import doubts
@@ -195,7 +195,8 @@ def _key(
         return name, "not known", ""
     was = "" if before is None else f"was {_with(before, unit)}"
     percent = change(getattr(part.gain, gain)) if gain and was else ""
-    return name, _with(after, unit), ", ".join(filter(None, (was, percent))) + more
+    ends = between(part.after, key, lambda end: _with(end, unit))
+    return name, _with(after, unit) + ends, ", ".join(filter(None, (was, percent))) + more
 
 
 def _with(value: float, unit: str) -> str:

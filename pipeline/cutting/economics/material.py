@@ -115,4 +115,15 @@ class Material(Ranged, section="material"):
 
     def tool_life(self, tool: Tool) -> Taylor | None:
         """Constants of the life of ``tool`` in this material; None when they are not known."""
-        return self.taylor.get(tool.material)
+        found = self.taylor.get(tool.material)
+        if found is None or tool.coating.casefold() not in ("none", "uncoated"):
+            return found
+        return found.slower(found.uncoated)
+
+    def no_life(self, tool: Tool) -> str:
+        """Why the life of ``tool`` in this material is not known, and what would tell it."""
+        edge = {"carbide": "cemented carbide", "hss": "high-speed steel"}[tool.material]
+        return (
+            f"no source of the life of {edge} in {self.name} was found: write "
+            f"taylor.{tool.material}, n and v_c at a life, into the material's file"
+        )
