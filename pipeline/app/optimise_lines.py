@@ -45,9 +45,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     for held in part.held:
         yield f"  held: {held.reason}, {many(held.rows, 'move')}, the first in {held.first}"
     yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
-    for note in part.notes:
-        if note.startswith("tool life of"):
-            yield f"  {note}"
+    yield from (f"  {note}" for note in part.notes if note.startswith("tool life of"))
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
 

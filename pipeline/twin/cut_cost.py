@@ -17,13 +17,7 @@ from pipeline.cutting.economics.cost import (
 )
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, no_load_power
-from pipeline.cutting.economics.tool_life import (
-    Condition,
-    Taylor,
-    cutting_speed,
-    wear,
-    wear_interval,
-)
+from pipeline.cutting.economics.tool_life import Condition, Taylor, cutting_speed, wear, wear_ends
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Floats
@@ -66,7 +60,7 @@ def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material
         v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
         given = {name: values[rows] for name, values in conditions.items()}
         spent[rows] = wear(constants, blocks.seconds[mine], v_c, given)
-        ends[:, rows] = wear_interval(constants, blocks.seconds[mine], v_c, given)
+        ends[:, rows] = wear_ends(constants, blocks.seconds[mine], v_c, given)
         if warning := _beyond(constants, v_c):
             beyond[tool] = warning
     return Life(wear=spent, interval=ends, unknown=unknown, beyond=beyond)

@@ -101,28 +101,20 @@ class Taylor(Ranged, section="taylor"):
                     f"taylor.{name}_exponent = {getattr(self, f'{name}_exponent')} needs the value "
                     f"that C belongs to: write {name}_ref_mm"
                 )
-        for name, value in (("C_range_m_min", self.C_m_min), ("n_range", self.n)):
+        values = {"C_range_m_min": self.C_m_min, "n_range": self.n, "speed_range_m_min": None}
+        for name, value in values.items():
             ends = getattr(self, name)
-            if ends and not (len(ends) == 2 and 0.0 < ends[0] <= value <= ends[1]):
+            inside = len(ends) == 2 and 0.0 < ends[0] <= (value or ends[0]) <= ends[1]
+            if ends and not inside:
+                between = "" if value is None else f", with {value:g} between them"
                 raise ValueError(
-                    f"taylor.{name} = {list(ends)} must be the least and the greatest, with "
-                    f"{value:g} between them"
+                    f"taylor.{name} = {list(ends)} must be the least and the greatest{between}"
                 )
-        span = self.speed_range_m_min
-        if span and not (len(span) == 2 and 0.0 < span[0] < span[1]):
-            raise ValueError(
-                f"taylor.speed_range_m_min = {list(span)} must be the lowest and the highest speed"
-            )
 
     @property
     def C(self) -> float:
         """Cutting speed for a life of one minute [m/s]."""
         return float(self.C_m_min * self.life_min**self.n) / MINUTE
-
-    def slower(self, factor: float) -> "Taylor":
-        """The same with C, and its ends, times ``factor``."""
-        ends = tuple(factor * C for C in self.C_range_m_min)
-        return replace(self, C_m_min=factor * self.C_m_min, C_range_m_min=ends)
 
     @property
     def ends(self) -> "tuple[Taylor, ...]":
@@ -158,7 +150,7 @@ def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
 def life(
     taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike] = NONE
 ) -> Floats:
-    """Time in the cut until the tool is worn [s].
+    """Time in the cut until the tool is worn [s]; shape of ``v_c`` and the conditions broadcast.
 
     Parameters
     ----------
@@ -170,10 +162,6 @@ def life(
     conditions : mapping of "f_z", "a_p", "a_e" to array_like
         Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
         one is 0 there is no chip and no wear.
-
-    Returns
-    -------
-    ndarray, shape of ``v_c`` and the conditions broadcast
 
     Raises
     ------
@@ -210,7 +198,7 @@ def wear(
     return share
 
 
-def wear_interval(
+def wear_ends(
     taylor: Taylor, times: ArrayLike, v_c: ArrayLike,
     conditions: Mapping[Condition, ArrayLike] = NONE,
 ) -> Floats:  # fmt: skip

@@ -13,7 +13,7 @@ from pipeline.cutting.economics.tool_life import (
     fastest,
     life,
     wear,
-    wear_interval,
+    wear_ends,
 )
 from tests.cutting.closed_forms import minimum_cost_speed, speed_for_life
 
@@ -75,14 +75,14 @@ def test_wear_by_any_constants_of_the_spread_is_inside_its_interval(
     speed: float, C_share: float, n_share: float
 ) -> None:
     inside = Taylor(n=0.25 + 0.05 * n_share, C_m_min=140 + 160 * C_share, life_min=15.0)
-    low, high = wear_interval(SPREAD, [60.0], speed / MINUTE)
+    low, high = wear_ends(SPREAD, [60.0], speed / MINUTE)
     for one in (inside, SPREAD):
         used = wear(one, [60.0], speed / MINUTE)
         assert (low <= used * (1 + 1e-9)).all() and (used <= high * (1 + 1e-9)).all()
 
 
 def test_without_a_spread_there_is_no_interval() -> None:
-    assert np.isnan(wear_interval(CARBIDE, [60.0, 0.0], 2.0)).all()
+    assert np.isnan(wear_ends(CARBIDE, [60.0, 0.0], 2.0)).all()
 
 
 @given(st.floats(1.0, 200.0))
