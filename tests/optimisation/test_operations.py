@@ -400,6 +400,25 @@ def test_a_word_keeps_the_rows_that_its_comment_holds_for(
         kept("REAM")
 
 
+@pytest.mark.parametrize("minutes", [15.0, 60.0])
+def test_an_edge_lasts_by_the_slowest_constants_of_its_spread(minutes: float) -> None:
+    """C45: S goes no further than the least speed that makers' tables have for 15 min."""
+    text = "T1 M6\nG0 X-10 Y20 S2000 M3\nG1 Z-3 F300\nX70\nM30\n"
+    plan = planned_program(follow(text, tools={1: Register(diameter=10.0)}), CONTROL)
+    cut = cut_program(plan, CutJob(stock=BLOCK, tools={1: FLAT}, force_laws={1: LAW},
+                                   resolution=1e-3))  # fmt: skip
+    material = read_material("steel_medium_carbon")
+    practice = practice_of(
+        parse_program(text.encode(), "P.nc"), plan.path.moves, cut,
+        limits=CutLimit(practice=MachiningPractice(tool_life_min=minutes)),
+        catalogue=read_catalogue(), material=material,
+    )  # fmt: skip
+    low, n = material.taylor["carbide"].C_range_m_min[0], material.taylor["carbide"].n_range[1]
+    speed = low * (15 / minutes) ** n / (np.pi * 0.010)
+    highest = practice.surface_high[cut.tool == 0]
+    assert highest == pytest.approx(speed, rel=1e-6)
+
+
 @pytest.mark.parametrize(("role", "name", "operation"), [
     ("face_mill", "63MM FINISH FACE MILL", "finishing"), ("face_mill", "63MM", "face_milling"),
     ("countersink", "", "countersinking"), ("counterbore", "", "counterboring"),
