@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.app.lines import between
 from pipeline.schema.store import write_json
 from pipeline.stages import correct_programs
 from tests.report.page_reader import outline, words
@@ -240,6 +241,105 @@ def test_what_does_not_fit_is_one_sentence_and_nothing_is_written(
     before = sorted(project.rglob("*"))
     assert said in refused(project, "optimise", "part.nc", *given(**changes), *OUT)
     assert sorted(project.rglob("*")) == before
+
+
+TITLES = (
+    "DRILL AND TAP M8", "REAM 10H7", "TASCHE SCHRUPPEN", "GEWINDE M6 SCHNEIDEN", "BOHREN, REIBEN",
+    "Prüfteil ÄÖÜ", "FINISH FACE MILL", "PROBE", "TARAUDAGE M8", "FRESATURA E MASCHIATURA", "",
+    "部品 100", "a" * 300, "T1 TAP M8", "T1 = REIBAHLE 10H7", "LINE 1-20", "100 %", "N10 G1 X0",
+)  # fmt: skip
+HELD = {
+    "reamer": ("drill", "G85 Z-5. R2. F100.\nX40.\nG80"),
+    "tap": ("drill", "G84 Z-5. R2. F500.\nX40.\nG80"),
+    "boring_bar": ("flat", "G86 Z-5. R2. F50.\nG80"),
+    "thread_mill": ("flat", "G1 Z-5. F200.\nG3 X20. Y20. Z-4. I3. J0. F100.\nG1 Z5."),
+    "engraver": ("flat", "G1 Z-.1 F100.\nX30. F200.\nY30.\nG1 Z5."),
+    "": ("flat", "G1 Z-1. F100.\nX40. F120.\nY30.\nG0 Z5."),
+}
+"""Moves in which nothing may change, by the role of their tool, which is kept where it has none."""
+HOSTILE = (
+    "", "--objective cost", "--objective energy", "--objective wear", "--objective pareto",
+    "--limit-load 5", "--limit-load 1e5", "--feed 1 2", "--speed 1 2", "--chip 0.01 0.02",
+    "--speeds own", "--epsilon 0.5 --limit-load 3000", "--power-share 0.001", "--change 1 1",
+    "--stability-margin 0.9", "--limit-roughness 0.001", "--limit-deflection 1", "--seed 7",
+    "--cutting-speed 1 2", "--tool-life 10000", "--air-feed 5000", "--feed-step 1000",
+    "--speed-step 1000", "--limit-torque 0.001", "--limit-following 1", "--wear sharp",
+    "--least-speed-change 100", "--keep Xyz", "--resolution 5",
+)  # fmt: skip
+INTERNAL = re.compile(r"search|bounds|shape|array|index|None|nan|\(0,\)|Traceback|<class")
+"""Words of the inside, where one sentence says why there is no program."""
+SEEDS = [pytest.param(seed, marks=pytest.mark.proof if seed >= 3 else ()) for seed in range(100)]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_program_in_which_nothing_may_change_stays_and_says_why(project: Path, seed: int) -> None:
+    """Or one sentence says which of the hostile options cannot be kept."""
+    random = np.random.default_rng(seed)
+    role = str(random.choice(list(HELD)))
+    kind, moves = HELD[role]
+    tool = f"{{kind: {kind}, role: '{role}', diameter_mm: 6.0, flutes: 2, price: 10}}"
+    (project / "t.yaml").write_text(f"tools: {{1: {tool}}}")
+    titles = [f"({title})" for title in random.choice(TITLES, 3)]
+    text = "\n".join([
+        "%", f"O1000{titles[0]}", titles[1], "G21 G17 G90 G40 G80", "T1 M6", titles[2] * (seed % 2),
+        "G0 G54 X20. Y20. S500 M3", "G43 Z5. H1", moves, "G0 Z50.", "M30", "%", "",
+    ])  # fmt: skip
+    (project / "part.nc").write_bytes(text.encode(random.choice(["utf8", "latin1"]), "replace"))
+    material = str(random.choice([file.stem for file in (ROOT / "conf/material").iterdir()]))
+    options = given(tool_table="t.yaml", resolution="1", limit_load=None, material=material,
+                    objective=None)  # fmt: skip
+    options += str(random.choice(HOSTILE)).split() + ["--keep", "T1"] * (role == "")
+    done = kerf(project, "optimise", "part.nc", *options, *OUT)
+    assert done.exit_code in (0, 2), done.output
+    if done.exit_code == 0:
+        assert (project / "better.nc").read_bytes() == (project / "part.nc").read_bytes()
+        (why,) = re.findall("  nothing to change: (.+)", done.stdout)
+        assert re.search(r", \d+ blocks?", why)
+        assert "Nothing to change" in words(project / "better.html")
+    else:
+        (said,) = done.stderr.splitlines()
+        assert not INTERNAL.search(said) and not (project / "better.nc").exists()
+
+
+MATERIALS = sorted(file.stem for file in (ROOT / "conf/material").glob("*.yaml"))
+EVERY = [
+    pytest.param(name, objective, edge, marks=() if name in some else pytest.mark.proof)
+    for objective, edge, some in (
+        ("cost", "carbide", ("steel_tool",)), ("wear", "carbide", ("titanium_alloy",)),
+        ("cost", "hss", ("nickel_alloy",)),
+    )
+    for name in MATERIALS
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("name", "objective", "edge"), EVERY)
+def test_cost_and_wear_are_known_in_every_material_or_say_what_is_missing(
+    project: Path, name: str, objective: str, edge: str
+) -> None:
+    tool = f"kind: flat, diameter_mm: 6.0, flutes: 2, price: 20000, material: {edge}"
+    (project / "t.yaml").write_text(f"tools: {{1: {{{tool}}}}}")
+    (project / "part.nc").write_text(PART.replace("S3000", "S1000").replace("Z-1.", "Z-.5"))
+    options = given(tool_table="t.yaml", limit_load=None, material=name, objective=objective)
+    done = kerf(project, "optimise", "part.nc", *options, *OUT)
+    if edge == "hss" and name in ("nickel_alloy", "titanium_alloy"):
+        (said,) = done.stderr.splitlines()
+        assert done.exit_code == 2 and "no source of the life of high-speed steel" in said
+        return
+    assert done.exit_code == 0, done.output
+    document = json.loads((project / "better.json").read_text())
+    spread = name != "brass" or edge == "carbide"
+    for which in ("before", "after"):
+        for key in ("cost", "tool_life_share"):
+            low, value, high = (document[which].get(f"{key}{end}") for end in ("_low", "", "_high"))
+            assert value is not None and (low is not None) == spread
+            assert not spread or low <= value <= high
+    assert any(note.startswith("tool life of T1: v_c ") for note in document["notes"])
+    unsure = [one["what"] for one in document["not_known"]]
+    assert ("interval of the tool life of T1" in unsure) != spread
+    if spread:
+        low, high = (document["after"][f"tool_life_share_{end}"] for end in ("low", "high"))
+        assert between(low, high, 100) in done.stdout
+        assert " to " in words(project / "better.html")
 
 
 @pytest.mark.parametrize(

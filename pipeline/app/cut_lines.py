@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from math import isfinite
 
-from pipeline.app.lines import aligned, many, rounded
+from pipeline.app.lines import aligned, between, many, rounded
 from pipeline.schema.program_cut import (
     CutCost,
     CutTotals,
@@ -23,14 +23,18 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
         "feed in air"
     )
     for row in cut.basis:
-        if row.what.startswith(("forces of", "dynamics of")):
+        if row.what.startswith(("forces of", "dynamics of", "tool life of")):
             yield f"  {row.what}: {row.value} ({row.source})"
     yield from edge_lines(cut.edges)
     yield from _table(cut)
     yield from force_lines(cut.forces)
     if total.cost is not None:
-        parts = ", ".join(f"{name} {rounded(value)}" for name, value in vars(total.cost).items())
-        yield f"  cost of the part, {cut.currency}: {parts}"
+        causes = ("time", "tools", "energy", "sum")
+        parts = ", ".join(f"{name} {rounded(getattr(total.cost, name))}" for name in causes)
+        ends = between(total.cost.sum_low, total.cost.sum_high)
+        yield f"  cost of the part, {cut.currency}: {parts}{ends}"
+    if ends := between(total.tool_life_share_low, total.tool_life_share_high, 100):
+        yield f"  tool life of the part, %: {rounded(total.tool_life_share, 100)}{ends}"
     for axis in cut.axes:
         width = axis.half_width_um
         within = f" ± {rounded(width)} um" if isfinite(width) else ""

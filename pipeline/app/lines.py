@@ -23,6 +23,17 @@ def rounded(value: float | None, factor: float = 1, digits: int = 3) -> str:
     return f"{shown:.0f}" if abs(shown) >= 10**digits else f"{shown:.{digits}g}"
 
 
+def between(low: float | None, high: float | None, factor: float = 1) -> str:
+    """The ends of an interval, to stand behind a value; nothing where there are none.
+
+    >>> between(0.5, 2.0), between(None, None)
+    (' (0.5 to 2)', '')
+    """
+    if low is None or high is None:
+        return ""
+    return f" ({rounded(low, factor)} to {rounded(high, factor)})"
+
+
 def many(count: int, what: str) -> str:
     """A count with its noun: ``1 move``, ``2 moves``."""
     return f"{count} {what}" if count == 1 else f"{count} {what}s"

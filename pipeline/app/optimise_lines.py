@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 from pipeline.app.cut_lines import edge_lines, warning_lines
-from pipeline.app.lines import NONE, aligned, many, rounded
+from pipeline.app.lines import NONE, aligned, between, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 from pipeline.twin.cut_axes import half_widths
@@ -45,6 +45,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     for held in part.held:
         yield f"  held: {held.reason}, {many(held.rows, 'move')}, the first in {held.first}"
     yield from warning_lines([one for one in part.setup.warnings if one not in part.warnings])
+    yield from (f"  {note}" for note in part.notes if note.startswith("tool life of"))
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
 
@@ -53,7 +54,11 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
     rows = [["", "", "before", "after", "change"]]
     for name, unit, key, factor, change in TOTALS:
         printed = part.currency if unit is None else unit
-        values = [rounded(getattr(side, key), factor, 4) for side in (part.before, part.after)]
+        values = [
+            rounded(getattr(side, key), factor, 4)
+            + between(getattr(side, f"{key}_low", None), getattr(side, f"{key}_high", None), factor)
+            for side in (part.before, part.after)
+        ]
         percent = _change(getattr(part.gain, change)) if change else NONE
         rows.append([name, printed or "", *values, percent])
     yield from (f"  {line}" for line in aligned(rows, words=2))
@@ -149,6 +154,13 @@ def _binding(part: OptimisedPart) -> Iterator[str]:
             yield f"  binds: {one.limit or 'nothing':<16} {held}"
 
 
+def _why_not(part: OptimisedPart) -> Iterator[str]:
+    """Why F and S stay, each reason with the blocks that it holds for."""
+    for one in part.binding:
+        why = one.kept or (f"{one.limit} binds" if one.limit else "nothing better was found")
+        yield f"{why}, {many(one.blocks, 'block')}"
+
+
 def _changes(part: OptimisedPart) -> Iterator[str]:
     words, proof = part.words, part.proof
     counts = (
@@ -156,7 +168,7 @@ def _changes(part: OptimisedPart) -> Iterator[str]:
         ("S changed", words.S_changed), ("S added", words.S_added),
     )  # fmt: skip
     parts = ", ".join(f"{count} {what}" for what, count in counts if count)
-    yield f"  words: {parts or 'none changed'}"
+    yield f"  words: {parts}" if parts else f"  nothing to change: {'; '.join(_why_not(part))}"
     if proof.same:
         yield (
             f"  proof: {many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"

@@ -2,8 +2,10 @@
 
 A comment holds up to the next that names an operation, up to the tool change after the moves or
 calls that it stands above, up to the end of its program, and in the subprograms that are called
-below it.  Subprograms are those of a Fanuc, from O100 on below the main program, and those of
-LinuxCNC, from ``o100 sub`` to ``o100 endsub`` wherever they stand.
+below it.  What stands above the first tool change is a title, DRILL AND TAP M8, and names no
+operation, but for comments right above the change with blocks before them, as CAM systems write
+the first operation's.  Subprograms are those of a Fanuc, from O100 on below the main program, and
+those of LinuxCNC, from ``o100 sub`` to ``o100 endsub`` wherever they stand.
 """
 
 import re
@@ -21,6 +23,9 @@ _PROGRAM = re.compile(rb"\s*(N\d+\s*)?[O:]\d+\s*(\(|;|$)", re.IGNORECASE)
 _SUB = re.compile(rb"\s*(?:N\d+\s*)?O\s*(\d+|<[^>]*>)\s*(END)?SUB(?![A-Z])", re.IGNORECASE)
 _CALL = re.compile(rb"^[^(;]*((?<![A-Z])(M1?98|G6[56])(?!\d)|CALL)", re.IGNORECASE)
 _REMARK = re.compile(rb"\s*([(;]|$)")
+_NO_BLOCK = re.compile(rb"\s*(N\d+\s*)?([(;%]|$)", re.IGNORECASE)
+_TOOL_WORD = re.compile(rb"\s*(N\d+\s*)?T\s*=?\s*(\d+|\"[^\"]*\")\s*([(;]|$)", re.IGNORECASE)
+"""A line that is no block of the program, and one that only selects a tool."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -130,6 +135,7 @@ def _scopes(
     """First comment in force in each line, and the one that names an operation; (L + 1,) each."""
     own = moves.file == 0
     changes = set(moves.line[own & (moves.kind == Kind.TOOL_CHANGE)].tolist())
+    first = min((change for change in changes if body[change] == 0), default=0)
     feeds = set(moves.line[own & reads_feed(moves)].tolist()) | set(calls)
     begin, head = np.ones((2, len(comments)), dtype=np.intp)
     head[0] = 0
@@ -141,6 +147,8 @@ def _scopes(
             scope = _entered(lines, line, main)
         if line in changes and scope.used:
             scope.begin, scope.head = scope.last + 1, 0
+        if line == first and _title(lines, scope.head, line):
+            scope.head = 0
         if named_operation(comments[line]) is not None:
             scope.begin = scope.head = line
             scope.used = False
@@ -150,6 +158,16 @@ def _scopes(
             scope.used, scope.last = True, line
         begin[line], head[line] = scope.begin, scope.head
     return begin, head
+
+
+def _title(lines: list[bytes], head: int, change: int) -> bool:
+    """Whether the comment in line ``head`` above the first tool change is the program's title."""
+
+    def blocks(some: list[bytes]) -> bool:
+        return any(not (_NO_BLOCK.match(line) or _PROGRAM.match(line)) for line in some)
+
+    between = [line for line in lines[head : change - 1] if not _TOOL_WORD.match(line)]
+    return blocks(between) or not blocks(lines[:head])
 
 
 def _entered(lines: list[bytes], line: int, main: _Scope) -> _Scope:

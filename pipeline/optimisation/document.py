@@ -31,7 +31,7 @@ from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_bytes
 from pipeline.twin.cut_axes import half_widths
-from pipeline.twin.cut_document import assessed, not_known, notes, warnings_of
+from pipeline.twin.cut_document import assessed, life_sources, not_known, notes, warnings_of
 from pipeline.twin.cut_tables import figure, summary
 from pipeline.twin.cut_wear import changed_earlier, tool_edges
 from pipeline.twin.setup_warnings import setup_warnings
@@ -100,7 +100,12 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         verified=_verified(result),
         interrupted=result.interrupted,
         not_known=_not_known(result, after),
-        notes=(*_compensated(result), *_given_way(result), *notes(after.of, basis)),
+        notes=(
+            *_compensated(result),
+            *_given_way(result),
+            *notes(after.of, basis),
+            *("{}: {} ({})".format(*life) for life in life_sources(after.cut, basis.material)),
+        ),
         tools=tool_uses(result, before, after, reasons),
         changes=feed_changes(result, before, after, reasons, words),
         lines=program_lines(result, before, after, words),
@@ -178,8 +183,12 @@ def _totals(side: Side, result: Result) -> Totals:
     return Totals(
         time_s=sums.time_s,
         cost=None if cost is None else cost.sum,
+        cost_low=None if cost is None else cost.sum_low,
+        cost_high=None if cost is None else cost.sum_high,
         energy_kWh=sums.energy_kWh,
         tool_life_share=sums.tool_life_share,
+        tool_life_share_low=sums.tool_life_share_low,
+        tool_life_share_high=sums.tool_life_share_high,
         peak_load_N=sums.peak_load_N,
         peak_line=sums.peak_line,
         beyond=int(exceeded(side.of, limits).sum()),

@@ -330,6 +330,8 @@ def setup_sheet(
             time_s=figure(float(cut.plan.time[moves.tool == number].sum())) or 0.0,
             in_material_s=(used.in_material_s or 0.0) if used else 0.0,
             life_share=used.tool_life_share if used else None,
+            life_share_low=used.tool_life_share_low if used else None,
+            life_share_high=used.tool_life_share_high if used else None,
         ))  # fmt: skip
     return SetupSheet(
         tools=tuple(tools), offsets=tuple(_offsets(result)), blank_offset=cut.path.frame.name,

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, Operation
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, life
+from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, fastest
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
@@ -179,9 +179,8 @@ class _Rows:
                 "a_p": np.maximum(blocks.axial_depth[mine], 1e-9),
                 "a_e": np.maximum(blocks.radial_depth[mine], 1e-9),
             }
-            with np.errstate(divide="ignore", over="ignore"):  # without end: need not last
-                lasts = life(constants, 1.0, conditions) / (self.settings.tool_life_min * MINUTE)
-                by_speed = lasts**constants.n / cutting_speed(tool.diameter, 1.0) * 60.0
+            v_c = fastest(constants, self.settings.tool_life_min * MINUTE, conditions)
+            by_speed = v_c / cutting_speed(tool.diameter, 1.0) * 60.0
             out[rows] = np.maximum(by_speed, self.own_speed[rows])
         return out
 

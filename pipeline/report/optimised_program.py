@@ -11,7 +11,7 @@ from pipeline.charts.numbers import NARROW, TOGETHER, as_stated, counted, number
 from pipeline.charts.sections import Listing, ListingLine, Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Column, Table, tabulated
-from pipeline.report.cut.tables import NONE, share
+from pipeline.report.cut.tables import NONE, between, share
 from pipeline.report.optimised_tables import (
     LEAST,
     Increase,
@@ -185,7 +185,8 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         Column("load", _both("peak_load_N", force), "N"),
         Column("torque", _both("torque_Nm", figure), f"N{TOGETHER}m"),
         Column("power", _both("power_kW", figure), "kW"),
-        Column("life of one part", _both("tool_life_share", share), ""),
+        Column("life of one part", lambda use: _both("tool_life_share", share)(use)
+               + between(use.after, "tool_life_share", share), ""),
     ), sources, note="Load is the peak across the tool’s axis, torque the mean over a turn; life "
         "is the share of the tool’s life that one part uses.",
     )  # fmt: skip

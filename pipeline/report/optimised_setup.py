@@ -6,7 +6,7 @@ from pipeline.charts.numbers import NARROW, as_stated, duration
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Column, tabulated
-from pipeline.report.cut.tables import NONE, sentence, share, spans_of
+from pipeline.report.cut.tables import NONE, between, sentence, share, spans_of
 from pipeline.report.optimised_tables import tool_name
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.part_sheet import SetupTool, WorkOffset
@@ -50,8 +50,9 @@ TOOLS: tuple[Column[SetupTool], ...] = (
     Column("length H", lambda row: _length(row.length_mm), "mm"),
     Column("time", lambda row: duration(row.time_s), ""),
     Column("in the cut", lambda row: duration(row.in_material_s), ""),
-    Column("life of one part", lambda row: share(row.life_share), ""),
-)
+    Column("life of one part",
+           lambda row: share(row.life_share) + between(row, "life_share", share), ""),
+)  # fmt: skip
 OFFSETS: tuple[Column[WorkOffset], ...] = (
     Column("Offset", lambda row: row.name),
     *(

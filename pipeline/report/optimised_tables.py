@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
-from pipeline.report.cut.tables import NONE, sentence, share, spans_of
+from pipeline.report.cut.tables import NONE, between, sentence, share, spans_of
 from pipeline.schema.limits import Limit, limit_words
 from pipeline.schema.part import (
     Binding,
@@ -132,9 +132,11 @@ def change(value: float | None) -> str:
 
 
 def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float = 1.0) -> str:
-    """One of the totals before or after, as it stands in a table."""
-    value = getattr(part.totals(which), key)
-    return figure(value if value is None or factor == 1.0 else factor * value, digits)
+    """One of the totals before or after with its interval, as it stands in a table."""
+    totals = part.totals(which)
+    value = getattr(totals, key)
+    ends = between(totals, key, lambda end: figure(factor * end, digits))
+    return figure(value if value is None or factor == 1.0 else factor * value, digits) + ends
 
 
 def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:

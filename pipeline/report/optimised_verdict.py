@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
-from pipeline.report.cut.tables import sentence, share, spans_of
+from pipeline.report.cut.tables import between, sentence, share, spans_of
 from pipeline.report.objectives import AIMS
 from pipeline.report.optimised_tables import change, increases, limit_name
 from pipeline.report.standalone_page import doubts
@@ -44,7 +44,7 @@ def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
         return looked_at, word, sentences
     if (part.before.beyond or 0) > 0:
         return looked_at, "inside its limits", sentences
-    return "unknown", "nothing gained", sentences
+    return "unknown", "nothing gained" if part.words.total else "nothing to change", sentences
 
 
 def _grave(part: OptimisedPart) -> list[str]:
@@ -161,6 +161,8 @@ def _binds(part: OptimisedPart) -> list[str]:
 def _words(part: OptimisedPart) -> list[str]:
     if not part.proof.same:
         return []
+    if not part.words.total:
+        return ["Nothing to change: every F and S stays as it was."]
     return [
         f"Only F and S words changed: {counted(part.words.total, 'word')}. The moves are the same "
         "to the last bit."
@@ -193,7 +195,8 @@ def _key(
         return name, "not known", ""
     was = "" if before is None else f"was {_with(before, unit)}"
     percent = change(getattr(part.gain, gain)) if gain and was else ""
-    return name, _with(after, unit), ", ".join(filter(None, (was, percent))) + more
+    ends = between(part.after, key, lambda end: _with(end, unit))
+    return name, _with(after, unit) + ends, ", ".join(filter(None, (was, percent))) + more
 
 
 def _with(value: float, unit: str) -> str:

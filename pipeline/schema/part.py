@@ -40,11 +40,15 @@ class Totals:
     time_s: float | None = None
     """Time [s]."""
     cost: float | None = None
-    """In the currency of the document."""
+    cost_low: float | None = None
+    cost_high: float | None = None
+    """In the currency of the document; at the ends of the tools' lives, None without a spread."""
     energy_kWh: float | None = None
     """Energy [kWh]."""
     tool_life_share: float | None = None
-    """Of tool lives used, summed over tools [1]."""
+    tool_life_share_low: float | None = None
+    tool_life_share_high: float | None = None
+    """Of tool lives used, summed over tools, and at the ends of their spread [1]."""
     peak_load_N: float | None = None
     """Highest load across the tool's axis, predicted [N]."""
     peak_line: int | None = None

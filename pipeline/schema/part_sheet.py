@@ -138,7 +138,9 @@ class SetupTool:
     in_material_s: float
     """With this tool in the spindle, and of that in the material, in the optimised program [s]."""
     life_share: float | None
-    """Of its life that one part uses [1]."""
+    life_share_low: float | None = None
+    life_share_high: float | None = None
+    """Of its life that one part uses, and at the ends of its spread [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -52,6 +52,9 @@ class CutCost:
     tools: float | None
     energy: float | None
     sum: float | None
+    sum_low: float | None = None
+    sum_high: float | None = None
+    """The sum at the ends of the tools' lives; None where they have no spread."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,6 +111,9 @@ class CutTotals(CutQuantities):
     """The greatest beside the mean [cm^3/min]."""
     cost: CutCost | None
     """None where prices are not known."""
+    tool_life_share_low: float | None = None
+    tool_life_share_high: float | None = None
+    """Share of the tools' lives at the ends of their spread [1]; None where they have none."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,7 +17,7 @@ from pipeline.cutting.economics.cost import (
 )
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, no_load_power
-from pipeline.cutting.economics.tool_life import Condition, Taylor, cutting_speed, wear
+from pipeline.cutting.economics.tool_life import Condition, Taylor, cutting_speed, wear, wear_ends
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Floats
@@ -34,6 +34,8 @@ class Life:
 
     wear: Floats
     """Wear [1]; 0 in air, NaN where the tool's life is not known; shape (M,)."""
+    interval: Floats
+    """Least and greatest wear [1]; NaN where constants have no spread; shape (2, M)."""
     unknown: Mapping[int, str]
     """Tools (their index) whose life is not known: why."""
     beyond: Mapping[int, str]
@@ -43,6 +45,7 @@ class Life:
 def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material) -> Life:
     """Life that a cut takes of its tools, by Taylor's constants of the material."""
     spent = np.zeros(cut.engagement.blocks)
+    ends = np.zeros((2, cut.engagement.blocks))
     unknown: dict[int, str] = {}
     beyond: dict[int, str] = {}
     conditions = _conditions(cut, arcs)
@@ -51,15 +54,16 @@ def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material
         rows = blocks.row[mine]
         constants = material.tool_life(cut.tools[tool])
         if constants is None:
-            spent[rows] = np.nan
-            unknown[tool] = f"{material.name} has no constants for {cut.tools[tool].material}"
+            spent[rows] = ends[:, rows] = np.nan
+            unknown[tool] = material.no_life(cut.tools[tool])
             continue
         v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
         given = {name: values[rows] for name, values in conditions.items()}
         spent[rows] = wear(constants, blocks.seconds[mine], v_c, given)
+        ends[:, rows] = wear_ends(constants, blocks.seconds[mine], v_c, given)
         if warning := _beyond(constants, v_c):
             beyond[tool] = warning
-    return Life(wear=spent, unknown=unknown, beyond=beyond)
+    return Life(wear=spent, interval=ends, unknown=unknown, beyond=beyond)
 
 
 def _conditions(cut: Cut, arcs: StationArcs) -> dict[Condition, Floats]:
@@ -123,13 +127,16 @@ def coolant_on(cut: Cut) -> Floats:
     return on
 
 
-def cost_of(cut: Cut, rates: CostRates, life: Life, used: Energy | None) -> PartCost:
-    """Cost of each row; what is not known of tool life is NaN, unknown electricity counts 0."""
+def cost_of(cut: Cut, rates: CostRates, wear: Floats, used: Energy | None) -> PartCost:
+    """Cost of each row; what is not known of tool life is NaN, unknown electricity counts 0.
+
+    ``wear`` [1] has shape (M,), or (2, M) for the ends of its interval.
+    """
     prices = np.array([life_price(tool) for tool in cut.tools])
     return part_cost(
         rates,
         times=cut.plan.time,
-        wear=life.wear,
+        wear=wear,
         life_prices=np.where(cut.tool >= 0, prices[cut.tool], 0.0),
         energy_kWh=0.0 if used is None else used.block,
     )

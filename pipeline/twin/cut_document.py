@@ -110,7 +110,8 @@ def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:
             cut, blocks, limit_load=basis.limit_load, drive=basis.drive,
             margin=None if stable is None else stable.margin,
         ),
-        cost=None if basis.rates is None else cost_of(cut, basis.rates, life, used),
+        cost=None if basis.rates is None else cost_of(cut, basis.rates, life.wear, used),
+        cost_ends=None if basis.rates is None else cost_of(cut, basis.rates, life.interval, used),
     )  # fmt: skip
     return AssessedCut(found=found, arcs=arcs, stable=stable)
 
@@ -225,9 +226,10 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
         ("energy", found.energy is None,
          "the machine’s file lacks section energy or spindle_drive"),
     ]  # fmt: skip
-    if len(unknown) < len(names):
-        why = "Taylor’s constants are those of a table, which states no spread"
-        reasons.append(("interval of the tool life", True, why))
+    known = {names[k]: basis.material.tool_life(cut.tools[k]) for k in names}
+    single = [name for name, life in known.items() if life is not None and len(life.ends) == 1]
+    why = "Taylor’s constants are those of a source that states no spread"
+    reasons.append((f"interval of the tool life of {', '.join(single)}", bool(single), why))
     for why in dict.fromkeys(unknown.values()):
         alike = ", ".join(names[tool] for tool, reason in unknown.items() if reason == why)
         reasons.append((f"tool life of {alike}", True, why))
@@ -262,6 +264,7 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]
             f"T{cut.numbers[tool]}"
         )
     rows += [(f"forces of {', '.join(named)}", *said) for said, named in alike.items()]
+    rows += life_sources(cut, basis.material)
     if basis.limit_load is not None:
         rows.append(("limit of the load", f"{basis.limit_load:g} N", "--limit-load"))
     if basis.drive is not None:
@@ -270,6 +273,15 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]
     if basis.dynamics is not None:
         rows.append(("dynamics of the tools’ tips", "stability lobes", basis.dynamics.source))
     return tuple(BasisRow(what=what, value=value, source=why) for what, value, why in rows)
+
+
+def life_sources(cut: Cut, material: Material) -> list[tuple[str, str, str]]:
+    """Whose life the cutting tools have, the constants in words, and their source."""
+    alike: dict[tuple[str, str], list[str]] = {}
+    for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
+        if (life := material.tool_life(cut.tools[index])) is not None:
+            alike.setdefault((life.words, life.source), []).append(f"T{cut.numbers[index]}")
+    return [(f"tool life of {', '.join(named)}", *said) for said, named in alike.items()]
 
 
 def _coefficient_words(coefficients: ToolCoefficients) -> str:

@@ -36,6 +36,8 @@ class CutResults:
     life: Life
     energy: Energy | None
     cost: PartCost | None
+    cost_ends: PartCost | None
+    """Cost at the ends of the tools' lives; shape (2, M)."""
 
 
 def figure(value: float, digits: int = 6) -> float | None:
@@ -124,8 +126,9 @@ def _totals(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
         "removal_rate_cm3_min": figure(volume * CM3_MIN / inside) if inside > 0 else None,
         "highest_removal_rate_cm3_min": worst["removal_rate_cm3_min"],
         "tool_life_share": figure(float(found.life.wear[rows].sum())),
+        **_ends("tool_life_share", found.life.interval, rows),
         "energy_kWh": None if found.energy is None else figure(_sum(found.energy.block, rows)),
-        "cost": None if found.cost is None else _cost(found.cost, rows, found.energy is not None),
+        "cost": None if found.cost is None else _cost(found, found.cost, rows),
     }
 
 
@@ -143,12 +146,19 @@ def _sum(values: Floats, rows: Bools) -> float:
     return float(values[rows].sum())
 
 
-def _cost(cost: PartCost, rows: Bools, energy: bool) -> CutCost:
-    """Time, tools with their changes, energy, and the sum of what is known."""
+def _ends(name: str, values: Floats, rows: Bools) -> dict[str, float | None]:
+    """Sums of both ends of an interval, shape (2, M), over the rows."""
+    low, high = values[:, rows].sum(axis=1).tolist()
+    return {f"{name}_low": figure(low), f"{name}_high": figure(high)}
+
+
+def _cost(found: CutResults, cost: PartCost, rows: Bools) -> CutCost:
+    """Time, tools with their changes, energy, and the sum of what is known with its ends."""
     time, used, worn = (_sum(c, rows) for c in (cost.time, cost.energy, cost.tool + cost.change))
     return CutCost(
-        time=figure(time), tools=figure(worn), energy=figure(used) if energy else None,
-        sum=figure(time + used + worn),
+        time=figure(time), tools=figure(worn),
+        energy=None if found.energy is None else figure(used), sum=figure(time + used + worn),
+        **({} if found.cost_ends is None else _ends("sum", found.cost_ends.block, rows)),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Warnings on the set-up of a cut: sizes of tools, tools that cut nothing, cutter radii of 0."""
+"""Warnings on the set-up of a cut: sizes of tools, their hand, cutter radii of 0, idle tools."""
 
 from collections.abc import Iterator
 
@@ -19,6 +19,7 @@ def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
     """
     return (
         *_odd_sizes(cut, table),
+        *_backwards(cut),
         *_without_radius(cut),
         *_cutting_nothing(cut),
         *_not_listed(cut),
@@ -34,6 +35,20 @@ def _odd_sizes(cut: Cut, table: str) -> Iterator[CutWarning]:
                 what=f"T{number} in the tool table {table}: {odd.field} = {odd.value:g} is "
                 f"{odd.reason}",
                 do=odd.remedy,
+            )
+
+
+def _backwards(cut: Cut) -> Iterator[CutWarning]:
+    """Right-hand tools that cut while M4 turns them; a tap backs out with M4."""
+    moves, back = cut.plan.path.moves, cut.plan.path.moves.direction < 0
+    for index, (number, tool) in enumerate(zip(cut.numbers, cut.tools, strict=True)):
+        lines = moves.line[back & (cut.tool == index)]
+        if len(lines) and tool.helix_deg >= 0 and tool.role != "tap":
+            yield CutWarning(
+                what=f"T{number} cuts while M4 turns it, and is a right-hand tool in the tool "
+                "table: its edges run backwards",
+                do="Write M3, or a negative helix_deg for a left-hand tool.",
+                lines=tuple(dict.fromkeys(lines.tolist())),
             )
 
 

@@ -65,7 +65,7 @@ def told(cut, basis):
     blocks = cut_blocks(cut, arcs)
     life = tool_life(cut, blocks, arcs, basis.material)
     used = electricity(cut, blocks, basis.energy, basis.drive)
-    cost = cost_of(cut, basis.rates, life, used)
+    cost = cost_of(cut, basis.rates, life.wear, used)
     return cut.plan.total, cost.total, used.total, life.wear.sum()
 
 

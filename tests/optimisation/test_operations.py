@@ -240,6 +240,41 @@ def test_a_section_of_another_kind_ends_a_comment(title: str, name: str) -> None
     assert listed(moves, told_operations(program, moves, {1: FLAT}).code)[-1] == (7, 1, name)
 
 
+TITLED = """%
+O5000 ({title})
+({title})
+N10 G21 G17 G90
+{above}
+N15 T1 M6
+N20 G0 X-10 Y-2 S6000 M3
+N30 G1 Z-3 F300
+N40 X70
+M30
+%
+"""
+
+
+@pytest.mark.parametrize("title", [
+    "DRILL AND TAP M8", "BOHREN UND REIBEN 10H7", "FINISHING OP20", "TARAUDAGE M8", "PROBE HOLDER",
+])  # fmt: skip
+@pytest.mark.parametrize("above", ["", "({title})\nG0 Z100", "T1 (END MILL)"])
+def test_what_stands_above_the_first_tool_change_is_a_title(title: str, above: str) -> None:
+    text = TITLED.format(title=title, above=above.format(title=title))
+    program = parse_program(text.encode(), "P.nc")
+    moves = interpret(program, Setup())
+    found = told_operations(program, moves, {1: FLAT})
+    assert {name for _, _, name in listed(moves, found.code)} == {"roughing"}
+    assert found.comments.below(title.split()[0]).any()  # --keep finds it all the same
+
+
+@pytest.mark.parametrize("above", ["(FINISH WALLS)", "(FINISH WALLS)\n(0.2 LEFT)\nN12 T1"])
+def test_a_comment_right_above_the_first_tool_change_names_its_operation(above: str) -> None:
+    program = parse_program(TITLED.format(title="PLATE", above=above).encode(), "P.nc")
+    moves = interpret(program, Setup())
+    found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
+    assert {name for _, _, name in found} == {"finishing"}
+
+
 CALLED = """O1(PLATE)
 T1 M6
 (FINISH WALLS)
@@ -363,6 +398,25 @@ def test_a_word_keeps_the_rows_that_its_comment_holds_for(
     assert list(dict.fromkeys(rows.tolist())) == lines
     with pytest.raises(ValueError, match="'REAM', which stands in no comment that holds"):
         kept("REAM")
+
+
+@pytest.mark.parametrize("minutes", [15.0, 60.0])
+def test_an_edge_lasts_by_the_slowest_constants_of_its_spread(minutes: float) -> None:
+    """C45: S goes no further than the least speed that makers' tables have for 15 min."""
+    text = "T1 M6\nG0 X-10 Y20 S2000 M3\nG1 Z-3 F300\nX70\nM30\n"
+    plan = planned_program(follow(text, tools={1: Register(diameter=10.0)}), CONTROL)
+    cut = cut_program(plan, CutJob(stock=BLOCK, tools={1: FLAT}, force_laws={1: LAW},
+                                   resolution=1e-3))  # fmt: skip
+    material = read_material("steel_medium_carbon")
+    practice = practice_of(
+        parse_program(text.encode(), "P.nc"), plan.path.moves, cut,
+        limits=CutLimit(practice=MachiningPractice(tool_life_min=minutes)),
+        catalogue=read_catalogue(), material=material,
+    )  # fmt: skip
+    low, n = material.taylor["carbide"].C_range_m_min[0], material.taylor["carbide"].n_range[1]
+    speed = low * (15 / minutes) ** n / (np.pi * 0.010)
+    highest = practice.surface_high[cut.tool == 0]
+    assert highest == pytest.approx(speed, rel=1e-6)
 
 
 @pytest.mark.parametrize(("role", "name", "operation"), [

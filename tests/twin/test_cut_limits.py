@@ -230,6 +230,19 @@ def test_cuts_below_the_blank_and_beyond_the_flutes_are_said():
     assert any("underside" in what for what in words) and any("flutes" in what for what in words)
 
 
+@pytest.mark.parametrize(("changes", "said"), [
+    ({}, True), ({"helix_deg": 30.0}, True), ({"helix_deg": -30.0}, False),
+    ({"role": "tap"}, False),
+])  # fmt: skip
+def test_a_right_hand_tool_that_m4_turns_is_said(changes, said: bool):
+    law = ToolCoefficients(law=LAW, kind="catalogue", source="made up")
+    backwards = cut_of(SLOT.replace("M3", "M4"), tools={1: replace(TEN, **changes)})
+    found = [w for w in document(backwards, coefficients={1: law}).warnings if "M4" in w.what]
+    assert [w.lines for w in found] == [(5,)] * said
+    forwards = cut_of(SLOT, tools={1: replace(TEN, **changes)})
+    assert not any("M4" in w.what for w in document(forwards, coefficients={1: law}).warnings)
+
+
 def found_cut(**coefficients: Parameter):
     """An identified cut of a tool of 10 mm in A6061; values as a machinist writes them."""
     model = cutting_files.model({"": coefficients})

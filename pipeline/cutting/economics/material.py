@@ -5,7 +5,7 @@ Groups are those of VDI 3323, 1 to 41, with the letter of ISO 513.  A group's k_
 measured with a tool go first where there are some.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 from pipeline.cutting.economics.tool_life import Taylor
@@ -115,4 +115,16 @@ class Material(Ranged, section="material"):
 
     def tool_life(self, tool: Tool) -> Taylor | None:
         """Constants of the life of ``tool`` in this material; None when they are not known."""
-        return self.taylor.get(tool.material)
+        found = self.taylor.get(tool.material)
+        if found is None or tool.coating.casefold() not in ("none", "uncoated"):
+            return found
+        C, *ends = (found.uncoated * one for one in (found.C_m_min, *found.C_range_m_min))
+        return replace(found, C_m_min=C, C_range_m_min=tuple(ends))
+
+    def no_life(self, tool: Tool) -> str:
+        """Why the life of ``tool`` in this material is not known, and what would tell it."""
+        edge = {"carbide": "cemented carbide", "hss": "high-speed steel"}[tool.material]
+        return (
+            f"no source of the life of {edge} in {self.name} was found: write "
+            f"taylor.{tool.material}, n and v_c at a life, into the material's file"
+        )

@@ -3,11 +3,13 @@
 V T^n = C with V [m/min] and T [min] (Taylor 1907); extended by the feed for each tooth, the axial
 and the radial depth, V T^n (f_z/f_0)^a (a_p/a_0)^b (a_e/e_0)^c = C.  Where speed and depths change,
 shares of life t_i / T(V_i) add up until they make one (Miner's rule, as for fatigue).  Constants
-hold for the speeds of their tests; life at a speed far from those is an extrapolation.
+hold for the speeds of their tests; life at a speed far from those is an extrapolation.  Sources
+differ by maker, grade and cut: their spread is an interval of C and of n, and that of a life or a
+wear is over its four ends.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Literal
 
@@ -69,7 +71,14 @@ class Taylor(Ranged, section="taylor"):
     n: Annotated[float, Range(least=0.01, most=0.99)]
     """Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide."""
     C_m_min: Annotated[float, Range(least=0.1, most=1e5)]
-    """Cutting speed for a life of one minute [m/min], at the reference values below."""
+    """Cutting speed for a life of ``life_min`` [m/min], at the reference values below."""
+    life_min: Annotated[float, Range(least=0.1, most=1e4)] = 1.0
+    """Life that C belongs to [min]: Taylor's is 1, makers' tables have 15 to 60."""
+    C_range_m_min: tuple[float, ...] = ()
+    n_range: tuple[float, ...] = ()
+    """Least and greatest C [m/min] and n [1] by the sources; empty where there is no spread."""
+    uncoated: Annotated[float, Range(least=0.1, most=1.0)] = 1.0
+    """C of a tool that is known to have no coating over that of others [1]."""
     f_z_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_p_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_e_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
@@ -92,16 +101,38 @@ class Taylor(Ranged, section="taylor"):
                     f"taylor.{name}_exponent = {getattr(self, f'{name}_exponent')} needs the value "
                     f"that C belongs to: write {name}_ref_mm"
                 )
-        span = self.speed_range_m_min
-        if span and not (len(span) == 2 and 0.0 < span[0] < span[1]):
-            raise ValueError(
-                f"taylor.speed_range_m_min = {list(span)} must be the lowest and the highest speed"
-            )
+        values = {"C_range_m_min": self.C_m_min, "n_range": self.n, "speed_range_m_min": None}
+        for name, value in values.items():
+            ends = getattr(self, name)
+            inside = len(ends) == 2 and 0.0 < ends[0] <= (value or ends[0]) <= ends[1]
+            if ends and not inside:
+                between = "" if value is None else f", with {value:g} between them"
+                raise ValueError(
+                    f"taylor.{name} = {list(ends)} must be the least and the greatest{between}"
+                )
 
     @property
     def C(self) -> float:
         """Cutting speed for a life of one minute [m/s]."""
-        return self.C_m_min / MINUTE
+        return float(self.C_m_min * self.life_min**self.n) / MINUTE
+
+    @property
+    def ends(self) -> "tuple[Taylor, ...]":
+        """Constants at the ends of their spread; themselves alone where there is none."""
+        return tuple(
+            replace(self, C_m_min=C, n=n, C_range_m_min=(), n_range=())
+            for C in self.C_range_m_min or (self.C_m_min,)
+            for n in self.n_range or (self.n,)
+        )
+
+    @property
+    def words(self) -> str:
+        """Speed and life, with their spread, for people."""
+        speed, n = (
+            " to ".join(f"{end:.4g}" for end in ends)
+            for ends in (self.C_range_m_min or (self.C_m_min,), self.n_range or (self.n,))
+        )
+        return f"v_c {speed} m/min for {self.life_min:g} min, n {n}"
 
 
 def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
@@ -119,7 +150,7 @@ def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
 def life(
     taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike] = NONE
 ) -> Floats:
-    """Time in the cut until the tool is worn [s].
+    """Time in the cut until the tool is worn [s]; shape of ``v_c`` and the conditions broadcast.
 
     Parameters
     ----------
@@ -131,10 +162,6 @@ def life(
     conditions : mapping of "f_z", "a_p", "a_e" to array_like
         Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
         one is 0 there is no chip and no wear.
-
-    Returns
-    -------
-    ndarray, shape of ``v_c`` and the conditions broadcast
 
     Raises
     ------
@@ -153,37 +180,49 @@ def life(
 
 
 def wear(
-    taylor: Taylor,
-    times: ArrayLike,
-    v_c: ArrayLike,
+    taylor: Taylor, times: ArrayLike, v_c: ArrayLike,
     conditions: Mapping[Condition, ArrayLike] = NONE,
-) -> Floats:
-    """Share of a tool's life that each block takes, t_i / T(V_i) [1].
+) -> Floats:  # fmt: skip
+    """Share of a tool's life that each block takes, t_i / T(V_i) [1]; shape (..., B).
 
     Parameters
     ----------
-    taylor : Taylor
-        Constants.
     times : array_like, shape (..., B)
         In the cut [s].
-    v_c : array_like, shape (..., B)
-        Cutting speed [m/s].
-    conditions : mapping
-        As of :func:`life`.
-
-    Returns
-    -------
-    ndarray, shape (..., B)
-
-    Raises
-    ------
-    ValueError
-        As :func:`life`, and when a time is negative or no number.
+    taylor, v_c, conditions
+        As of :func:`life`, and what it raises.
     """
     spent = not_negative("times", times)
     with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
         share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)
     return share
+
+
+def wear_ends(
+    taylor: Taylor, times: ArrayLike, v_c: ArrayLike,
+    conditions: Mapping[Condition, ArrayLike] = NONE,
+) -> Floats:  # fmt: skip
+    """Least and greatest :func:`wear` by the spread [1], (2, ..., B); NaN where there is none."""
+    found = np.stack([wear(end, times, v_c, conditions) for end in taylor.ends])
+    ends: Floats = np.stack([found.min(axis=0), found.max(axis=0)])
+    return ends if len(taylor.ends) > 1 else np.full_like(ends, np.nan)
+
+
+def fastest(
+    taylor: Taylor, lasting: float, conditions: Mapping[Condition, ArrayLike] = NONE
+) -> Floats:
+    """Greatest v_c [m/s] at which an edge lasts ``lasting`` [s] by every constant of the spread.
+
+    Examples
+    --------
+    >>> spread = Taylor(n=0.25, C_m_min=200.0, life_min=15.0, C_range_m_min=(140.0, 300.0))
+    >>> round(float(fastest(spread, 15 * 60.0)) * 60, 6)
+    140.0
+    """
+    with np.errstate(divide="ignore", over="ignore"):  # without end: need not last
+        speeds = [(life(end, 1.0, conditions) / lasting) ** end.n for end in taylor.ends]
+    slowest: Floats = np.min(speeds, axis=0)
+    return slowest
 
 
 def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:

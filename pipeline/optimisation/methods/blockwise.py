@@ -140,10 +140,19 @@ def _as_programmed(problem: Problem, objective: Objective) -> float:
     whole = float(problem.as_programmed.objectives[0, which])
     if not np.isfinite(whole):
         raise ValueError(
-            f"the {OBJECTIVES[which]} of {name} is not known (see not_known of kerf simulate): "
-            "give what is missing, or choose another objective"
+            f"the {OBJECTIVES[which]} of {name} is not known: {_missing(problem, objective)}, or "
+            "choose another objective"
         )
     return whole
+
+
+def _missing(problem: Problem, objective: Objective) -> str:
+    """What the objective needs and lacks: the lives of tools, or prices and powers."""
+    cut, material = problem.cut, problem.basis.material
+    for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
+        if objective in ("cost", "wear") and material.tool_life(cut.tools[index]) is None:
+            return f"T{cut.numbers[index]}: {material.no_life(cut.tools[index])}"
+    return "give what not_known of kerf simulate names"
 
 
 def _of_blocks(model: BlockModel, speeds: Floats) -> float:

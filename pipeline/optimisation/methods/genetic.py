@@ -63,7 +63,8 @@ class Improved:
     history: Floats = field(repr=False)
     """The best value up to each; shape (evaluations,)."""
     stopped: str
-    """Why it ended: ``generations`` or ``callback``."""
+    """Why it ended: ``generations`` or ``callback``; ``nothing free`` where no F and no S may
+    change."""
 
 
 def improve(
@@ -127,6 +128,8 @@ def _search(
     genes: BoundedGenes, fitness: Fitness, settings: SearchSettings, callback: Callback | None
 ) -> str:
     """Reason for the end of the search; its best is in ``fitness``."""
+    if not len(genes.low):
+        return "nothing free"
     start = genes.encoded(genes.start.feeds[None], genes.start.speeds[None])[0]
 
     def ends(generation: int, best: Floats, _: float) -> bool:
@@ -191,6 +194,8 @@ def baselines(
 ) -> list[Method]:
     """As programmed, the method of Sim2023, and the best of many evaluations from a random start.
 
+    Where no F and no S may change, the program as it is is the only one.
+
     Parameters
     ----------
     problem : Problem
@@ -212,6 +217,8 @@ def baselines(
     which = column(objective)
     reference = float(programmed.objectives[which])
     size = reference if reference > 0 else 1.0
+    if not (groups.feeds or groups.speeds):
+        return [programmed]
     methods = [programmed, _published(problem, groups, which, size, settings, callback)]
     if settings.baseline:
         methods.append(_best_of_many(problem, groups, which, size, settings, callback))

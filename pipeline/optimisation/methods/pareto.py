@@ -56,6 +56,11 @@ def pareto(
         evaluated = problem.evaluate(genes.groups, *genes.decoded(points))
         return evaluated.objectives[:, count], evaluated.violation
 
+    if not len(genes.low):  # the starts are all that there is
+        return _front(
+            problem, joint[0].groups, feeds, speeds, count, many=settings.front,
+            evaluations=len(starts),
+        )  # fmt: skip
     first = _population(genes, genes.encoded(feeds, speeds), settings.front)
     best = front(
         values_of, genes.low, genes.high,

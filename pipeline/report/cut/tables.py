@@ -1,6 +1,6 @@
 """Tables of a cut: loads and cost by tool, blocks nearest to a limit, sources of the numbers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from pipeline.charts.numbers import (
@@ -30,6 +30,12 @@ def share(value: float | None) -> str:
     if abs(value) >= 0.1:
         return f"{fixed(100 * value, 0)}{NARROW}%"
     return f"{number(100 * value, 2)}{NARROW}%"
+
+
+def between(row: object, key: str, said: Callable[[float], str]) -> str:
+    """The ends of the interval of a quantity, in brackets; nothing where it has none."""
+    low, high = (getattr(row, f"{key}_{end}", None) for end in ("low", "high"))
+    return "" if low is None or high is None else f" ({said(low)} to {said(high)})"
 
 
 def _figure(value: float | None) -> str:
@@ -140,6 +146,7 @@ def cost_table(cut: ProgramCut, sources: list[Source]) -> Table:
             _cost_row(cut.summary, "the part"),
         ],
         sources=sources,
+        note="In brackets what the spread of the tools’ lives allows.",
     )  # fmt: skip
 
 
@@ -150,8 +157,9 @@ def _cost_row(row: CutTotals, name: str) -> list[Cell]:
         duration(row.time_s),
         _figure(row.volume_cm3),
         _figure(row.removal_rate_cm3_min),
-        share(row.tool_life_share),
-        *(_figure(one) for one in (cost.time, cost.tools, cost.energy, cost.sum)),
+        share(row.tool_life_share) + between(row, "tool_life_share", share),
+        *(_figure(one) for one in (cost.time, cost.tools, cost.energy)),
+        _figure(cost.sum) + between(cost, "sum", _figure),
         _figure(row.energy_kWh),
     )
 

@@ -1,5 +1,6 @@
 """Materials: what is in conf/material/ against the tables that it cites."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,8 @@ def test_a7075_has_the_ratios_of_its_row_and_the_hardness_of_its_temper() -> Non
 def test_lives_out_of_a_textbook_say_that_they_are_a_guess(path: Path) -> None:
     """Groover's table 23.2 knows steel and nonsteel only."""
     found = material(path)
+    if not any("rough first guess" in life.source for life in found.taylor.values()):
+        return
     rows = {"carbide": (0.25, 500.0), "hss": (0.125, 70.0)}
     if found.iso not in "PM":
         rows = {"carbide": (0.25, 900.0), "hss": (0.125, 120.0)}
@@ -85,6 +88,57 @@ def test_lives_out_of_a_textbook_say_that_they_are_a_guess(path: Path) -> None:
         assert (taylor.n, taylor.C_m_min) == rows[tool]
         which = "rows of steel work" if found.iso in "PM" else "rows of nonsteel work"
         assert which in taylor.source and "rough first guess" in taylor.source
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda p: p.stem)
+def test_every_material_has_the_life_of_carbide_with_its_spread_or_says_what_is_missing(
+    path: Path,
+) -> None:
+    found = material(path)
+    carbide = Tool(kind="flat", diameter_mm=5.0, flutes=2)
+    life = found.tool_life(carbide)
+    assert life is not None and len(life.ends) > 1 and life.source
+    low, high = life.C_range_m_min
+    assert low <= life.C_m_min <= high and high / low > 1.5  # makers differ by more
+    hss = replace(carbide, material="hss")
+    if found.tool_life(hss) is None:
+        assert path.stem in ("nickel_alloy", "titanium_alloy")
+        said = found.no_life(hss)
+        assert f"life of high-speed steel in {found.name}" in said and "taylor.hss" in said
+
+
+STARTING = {
+    "steel_medium_carbon": (140, 250), "steel_medium_carbon_tempered": (140, 240),
+    "steel_low_alloy": (70, 240), "steel_low_alloy_tempered": (70, 200), "steel_tool": (80, 210),
+    "stainless_austenitic": (60, 130), "stainless_martensitic": (60, 165), "nickel_alloy": (20, 40),
+    "titanium_alloy": (20, 90), "cast_iron_nodular": (80, 220), "cast_iron_grey": (80, 275),
+    "aluminium_cast": (152, 850),
+}  # fmt: skip
+"""Least and greatest starting speed of the makers' tables that a carbide's source names [m/min]."""
+DORMER_PRAMET = {15: 1.23, 20: 1.13, 30: 1.0, 45: 0.89, 60: 0.81, 90: 0.72}
+"""Speed by the life of an edge [min] over that for 30 min: Milling 2021-2022, page 700."""
+
+
+@pytest.mark.parametrize("name", STARTING)
+def test_lives_by_makers_speeds_are_those_of_their_tables(name: str) -> None:
+    life = material(ROOT / f"conf/material/{name}.yaml").taylor["carbide"]
+    low, high = STARTING[name]
+    assert life.life_min == 15
+    assert life.C_range_m_min == (low, round(DORMER_PRAMET[15] * high))
+    assert life.C_m_min == round(float(np.sqrt(low * DORMER_PRAMET[15] * high)))
+    for minutes, factor in DORMER_PRAMET.items():  # two digits
+        assert (minutes / 30) ** -life.n_range[1] == pytest.approx(factor, rel=0.02)
+    for faster, share in ((1.2, 1 / 2), (1.5, 1 / 5)):  # Mitsubishi's rule
+        assert faster ** (-1 / life.n_range[0]) == pytest.approx(share, rel=0.05)
+
+
+@pytest.mark.parametrize(("coating", "factor"), [("none", 0.7), ("", 1.0), ("TiAlN", 1.0)])
+def test_an_uncoated_edge_is_slower(coating: str, factor: float) -> None:
+    found = material(ROOT / "conf/material/steel_tool.yaml")
+    tool = Tool(kind="flat", diameter_mm=5.0, flutes=2, coating=coating)
+    life, usual = found.tool_life(tool), found.taylor["carbide"]
+    assert life is not None and life.C_m_min == pytest.approx(factor * usual.C_m_min)
+    assert life.C_range_m_min == pytest.approx([factor * C for C in usual.C_range_m_min])
 
 
 def test_a6061_is_that_of_sim2023() -> None:

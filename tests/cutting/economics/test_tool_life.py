@@ -10,8 +10,10 @@ from pipeline.cutting.economics.cost import CostRates, part_cost
 from pipeline.cutting.economics.tool_life import (
     Taylor,
     cutting_speed,
+    fastest,
     life,
     wear,
+    wear_ends,
 )
 from tests.cutting.closed_forms import minimum_cost_speed, speed_for_life
 
@@ -54,6 +56,49 @@ def test_the_extended_law_is_the_plain_one_at_its_reference_and_scales_by_its_ex
     assert doubled == pytest.approx(life(plain, 4.0) * 2 ** (-(0.3 + 0.15) / 0.2), rel=1e-12)
     with pytest.raises(ValueError, match="depends on a_p here"):
         life(EXTENDED, 4.0, {"f_z": 0.1e-3})
+
+
+SPREAD = Taylor(
+    n=0.28, C_m_min=200.0, life_min=15.0, C_range_m_min=(140.0, 300.0), n_range=(0.25, 0.3)
+)
+
+
+def test_a_speed_at_a_life_is_taylors_constant_at_that_life() -> None:
+    """What makers print, v_c for 15 min, and C for one."""
+    assert life(SPREAD, 200 / MINUTE) / MINUTE == pytest.approx(15.0, rel=1e-12)
+    plain = Taylor(n=0.28, C_m_min=200.0 * 15**0.28)
+    assert life(SPREAD, 90 / MINUTE) == pytest.approx(float(life(plain, 90 / MINUTE)), rel=1e-12)
+
+
+@given(st.floats(20.0, 600.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+def test_wear_by_any_constants_of_the_spread_is_inside_its_interval(
+    speed: float, C_share: float, n_share: float
+) -> None:
+    inside = Taylor(n=0.25 + 0.05 * n_share, C_m_min=140 + 160 * C_share, life_min=15.0)
+    low, high = wear_ends(SPREAD, [60.0], speed / MINUTE)
+    for one in (inside, SPREAD):
+        used = wear(one, [60.0], speed / MINUTE)
+        assert (low <= used * (1 + 1e-9)).all() and (used <= high * (1 + 1e-9)).all()
+
+
+def test_without_a_spread_there_is_no_interval() -> None:
+    assert np.isnan(wear_ends(CARBIDE, [60.0, 0.0], 2.0)).all()
+
+
+@given(st.floats(1.0, 200.0))
+def test_the_fastest_speed_lasts_by_every_constant_and_no_faster_one_does(minutes: float) -> None:
+    v_c = float(fastest(SPREAD, minutes * MINUTE))
+    lives = [float(life(end, v_c)) / MINUTE for end in SPREAD.ends]
+    assert min(lives) == pytest.approx(minutes, rel=1e-9)
+
+
+@pytest.mark.parametrize(("ends", "said"), [
+    ({"C_range_m_min": (250.0, 300.0)}, r"C_range_m_min = \[250.0, 300.0\].* 200 between"),
+    ({"n_range": (0.1,)}, r"n_range = \[0.1\]"), ({"life_min": 0.0}, "life_min = 0.0"),
+])  # fmt: skip
+def test_a_spread_that_is_none_is_refused(ends, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        Taylor(**({"n": 0.28, "C_m_min": 200.0} | ends))
 
 
 def test_each_exponent_belongs_to_its_own_condition() -> None:
