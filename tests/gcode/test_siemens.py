@@ -395,6 +395,12 @@ def test_a_cycle_keeps_the_values_of_its_mcall_and_the_motion_in_force():
     ]  # fmt: skip
 
 
+def test_mcall_drills_where_only_the_table_turns():
+    assert [z for *_, z in holes("MCALL CYCLE81(10,0,2,-5)\nC0\nC30\nMCALL\nC60")][:8] == [
+        2, -5, 10, 10, 2, -5, 10, 10
+    ]  # fmt: skip
+
+
 def test_supa_leaves_offset_aside_and_d1_takes_the_tools_length():
     setup = Setup(
         dialect="siemens",
@@ -405,6 +411,16 @@ def test_supa_leaves_offset_aside_and_d1_takes_the_tools_length():
     rapid = made.end[made.kind == Kind.RAPID]
     np.testing.assert_array_equal(rapid[:, [0, 2]], [[0, 55], [7, 200], [101, 55]])
     assert made.tool[-1] == 1
+
+
+@pytest.mark.parametrize("change", [
+    "T5 D1 M6", "T5 M6", "T5 D1\nM6", "M6 T5 D1", 'T="DRILL"\nM6', "T5\nM6\nT1",
+])  # fmt: skip
+def test_m6_puts_the_length_of_its_own_tool_in_force(change):
+    tools = {1: Tool(length=50.0), 5: Tool(length=30.0)}
+    setup = Setup(dialect="siemens", tools=tools, tool_names={"DRILL": 5})
+    made = moves(f"T1 D1 M6\nG0 Z10\n{change}\nG0 Z10\nT1 M6 D0\nG0 Z10\nM30\n", setup)
+    assert made.end[made.kind == Kind.RAPID, 2].tolist() == [60, 40, 10]
 
 
 def test_cycle832_rounds_corners_within_its_tolerance():

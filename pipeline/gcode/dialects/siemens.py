@@ -64,7 +64,7 @@ class SiemensReader:
         if not reader.shifts:
             self._remember(reader)
             self._check(reader)
-            moved = any(word.letter in "XYZ" for word in reader.words)
+            moved = any(word.letter in AXES for word in reader.words)
             if moved and not (reader.calls or reader.rest):
                 reader.drilled()
         return Statement(
@@ -91,8 +91,6 @@ class SiemensReader:
                 memory.plane = value
             elif word.letter == "G" and value in (90.0, 91.0):
                 memory.absolute = value == 90.0
-            elif word.letter == "M" and value == 6:
-                memory.tool = memory.selected
             elif word.letter == "G" and value in (*UNITS, *SYSTEMS):
                 memory.unit = UNITS.get(value, memory.unit)
                 memory.at["X"] = memory.at["Y"] = None

@@ -239,6 +239,7 @@ class LineReader:
             if kind is None:
                 raise self.stream.error(token, "a word is expected here: delete this")
             kind(self, token)
+        self._change_tool()
         self._dwell()
         self._centre_mode()
         self._set_apart()
@@ -323,6 +324,16 @@ class LineReader:
         self.word("D", tool, token)
         self.word("H", tool, token)
         self.word("G", 43.0, token)
+
+    def _change_tool(self) -> None:
+        """M6 puts edge 1 of its tool in force (MD20270 = 1), unless D0 stands beside it."""
+        change = next((w for w in self.words if w.letter == "M" and w.value == Number(6.0)), None)
+        if change is None:
+            return
+        self.memory.tool = self.memory.selected
+        edges = [word.text[1:].strip() for word in self.words if word.letter == "D"]
+        self.words = [word for word in self.words if word.letter not in "DH"]
+        self._edge(replace(token_of(change), value=float(edges[-1] if edges else 1)))
 
     def _tool(self, number: Expression, token: Token) -> None:
         self.memory.selected = number
