@@ -182,7 +182,7 @@ def test_statement_says_where_its_words_stand():
 @pytest.mark.parametrize(
     ("text", "word", "column", "said"),
     [
-        ("G1 FOO X1", "FOO", 4, "if it calls a subprogram, put its blocks here"),
+        ("G1 FOO X1", "FOO", 4, "write the call in a block of its own"),
         ("X=DC(5)", "DC(", 3, "write X=AC("),
         ("SUPA X=IC(5)", "X=", 6, "beside SUPA or G53"),
         ("R1=2 X=R1", "R1", 1, "a block before"),
@@ -201,7 +201,14 @@ def test_statement_says_where_its_words_stand():
         ("DEF REAL RND=1", "RND=", 10, "another name"),
         ("DEF REAL", "REAL", 5, "needs the name"),
         ("FOR X=1 TO 3", "X=", 5, "define it with DEF"),
-        ('EXTCALL("A")', "EXTCALL(", 1, "put its blocks here"),
+        ('EXTCALL("A"', "end of line", 1, ") is missing"),
+        ("PCALL", "PCALL", 1, 'write PCALL "A"'),
+        ("NAME P2 X5", "NAME", 1, "a block of its own"),
+        ("G0 X1 L10", "L10", 7, "a block of its own"),
+        ("RET(5)", "RET(", 1, "is not known"),
+        ("PROC PP(VAR REAL AA)", "VAR", 9, "VAR and texts are not"),
+        ("PROC PP BLSYNC", "BLSYNC", 9, "delete it"),
+        ("MCALL HOLES2(0,0,20,0,0,4)", "HOLES2(", 7, "CYCLE81 to"),
         ("CASE(R1) OF 1 GOTOF AA", "CASE(", 1, "is not followed"),
         ("G2 X10 R5", "R5", 8, "write CR="),
         ("X=IC(2*R1) R1=2", "R1", 12, "a block before"),
@@ -212,10 +219,8 @@ def test_statement_says_where_its_words_stand():
         ("R1000=1", "R1000=", 1, "from R0 to R999"),
         ("R1=ATAN2(1)", ")", 11, "takes two values"),
         ("R[1]=2", "[", 2, "fields"),
-        ("REPEAT AA BB P=2", "REPEAT", 1, "between labels"),
-        ("REPEATB AA P=2", "REPEATB", 1, "is not followed"),
-        ("L100 P2", "L100", 1, "put its blocks here"),
-        ('EXTCALL "A"', "EXTCALL", 1, "put its blocks here"),
+        ("REPEAT AA BB CC", "REPEAT", 1, "a block of its own"),
+        ("REPEATB 5", "5", 9, "needs a label"),
         ("ROT Z30", "ROT", 1, "program's axes"),
         ("G4 S5", "G4", 1, "write G4 F"),
         ("G33 Z-5 K1", "G33", 1, "without it"),
@@ -235,7 +240,7 @@ def test_statement_says_where_its_words_stand():
         ("MCALL CYCLE81(9,0,1,-2)\nHOLES2(0,0,20)", "HOLES2(", 1, "write all of them"),
         ("G0 X=R1\nMCALL CYCLE81(9,0,1,-2)\nHOLES1(0,0,0,0,9,3)", "HOLES1(", 1, "is not known"),
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
-        ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "CYCLE81 to CYCLE84 only"),
+        ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "CYCLE81 to CYCLE84 and subprograms"),
         ("MCALL CYCLE81(1,0,1)", "CYCLE81(", 7, "the first four at least"),
         ("G1 X1 D2", "D2", 7, "write D1 or D0"),
         ("AROT", "AROT", 1, "names no axis"),
@@ -598,3 +603,68 @@ def test_jumps_go_to_labels_and_block_numbers():
 def test_a_jump_that_leads_nowhere_is_said(text):
     with pytest.raises(GcodeError, match=r"AA is no label or block number (above|below) this line"):
         ends_of(text)
+
+
+SUBPROGRAMS = {
+    "L10.SPF": "%_N_L10_SPF\n;$PATH=/_N_SPF_DIR\nG91 X1\nG90\nM17\n",
+    "row.spf": "X10\nX20\nRET\n",
+    "rough.mpf": "G0 X7\nM30\n",
+    "cut.spf": "PROC CUT(REAL X, REAL YY=3) SAVE DISPLOF\nDEF REAL DEEP=2\nR9=R9+1\n"
+    "TRANS X100\nG91 G1 X=X Y=YY\nZ=-DEEP\nRET\n",
+    "inner.spf": "L10\nCUT(1)\n",
+    "peek.spf": "X=MINE\nM17\n",
+    "l10.txt": "G0 X99\nM17\n",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("programs")
+    for name, text in SUBPROGRAMS.items():
+        (made / name).write_text(text)
+    return made
+
+
+@pytest.mark.parametrize(("text", "ends"), [
+    ("L10\nX5", [[1, 0, 0], [5, 0, 0]]),
+    ("L10 P3", [[1, 0, 0], [2, 0, 0], [3, 0, 0]]),
+    ("R1=2\nL10 P=R1", [[1, 0, 0], [2, 0, 0]]),
+    ("L10 P0\nX5", [[5, 0, 0]]),
+    ("ROW", [[10, 0, 0], [20, 0, 0]]),
+    ('CALL "L10"', [[1, 0, 0]]),
+    ('EXTCALL("ROUGH")\nX8', [[7, 0, 0], [8, 0, 0]]),
+    ('EXTCALL "CF_CARD:/JOB/ROUGH.MPF"', [[7, 0, 0]]),
+    ("PCALL /_N_WKS_DIR/CUT(4) P2\nX1",
+     [[4, 3, 0], [4, 3, -2], [8, 6, -2], [8, 6, -4], [1, 6, -4]]),
+    ("EXTERN CUT(REAL, REAL)\nCUT(5, 6)\nX1", [[5, 6, 0], [5, 6, -2], [1, 6, -2]]),
+    ("CUT(5,)\nX=R9", [[5, 3, 0], [5, 3, -2], [1, 3, -2]]),
+    ("INNER", [[1, 0, 0], [2, 3, 0], [2, 3, -2]]),
+    ("R1=5\nMCALL CUT(R1,0)\nR1=9\nX1\nX2\nMCALL\nX3",
+     [[1, 0, 0], [6, 0, 0], [6, 0, -2], [2, 0, -2], [7, 0, -2], [7, 0, -4], [3, 0, -4]]),
+    ("AA: X1\nX2\nREPEAT AA P=2\nX3", [[x, 0, 0] for x in (1, 2, 1, 2, 1, 2, 3)]),
+    ("AA: X1\nBB: X2\nX3\nREPEAT AA BB\nREPEATB AA", [[x, 0, 0] for x in (1, 2, 3, 1, 2, 1)]),
+    ("GOTOF CC\nAA: X1\nENDLABEL: X2\nX3\nCC: X4\nREPEAT AA", [[x, 0, 0] for x in (4, 1, 2)]),
+    ("CALL BLOCK AA TO BB\nX9\nM30\nAA: X1\nBB: X2", [[1, 0, 0], [2, 0, 0], [9, 0, 0]]),
+    ("AA: X1\nIF R1==1\nM17\nENDIF\nX2\nR1=1\nREPEAT AA\nX5", [[1, 0, 0], [2, 0, 0], [1, 0, 0]]),
+    ("UP\nX3\nM30\n%_N_UP_SPF\nX4\nM17\n", [[4, 0, 0], [3, 0, 0]]),
+])  # fmt: skip
+def test_subprograms_and_repeated_lines(text, ends, folder):
+    """SAVE restores G90 and TRANS; variables are each program's own; M30 and RET return."""
+    followed = [tuple(end) for end in ends_of(text, folders=(folder,))]
+    without_rest = [one for n, one in enumerate(followed) if n == 0 or one != followed[n - 1]]
+    assert without_rest == [tuple(end) for end in ends]
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("L11", r"test.mpf:2:1: L11: the subprogram L11 is neither in this file nor"),
+    ("NIX", r"NIX: no word that is known, and the subprogram NIX"),
+    ("L10 P1.5", r"P1.5 must be a whole number"),
+    ("CUT(1,2,3)", r"cut.spf:1:6: CUT\(: takes 2 values"),
+    ("DEF REAL MINE=5\nPEEK", r"peek.spf:1:.*MINE has no value.*no variables of its caller"),
+    ("REPEAT QQ", r"QQ to ENDLABEL is not in the program"),
+    ("AA: X1\nGOTOF CC\nBB: X2\nCC: X7\nREPEAT AA BB", r"CC leads out of the lines"),
+    ("AA: L10\nAB: CALL BLOCK AA TO AB", r"levels deep"),
+])  # fmt: skip
+def test_calls_that_cannot_be_made_say_why(text, said, folder):
+    with pytest.raises(GcodeError, match=said):
+        ends_of(text, folders=(folder,))

@@ -46,10 +46,12 @@ class SiemensReader:
         self.file, self.skipped = file, setup.block_skip
         defined = {str(name).lower(): "REAL" for name in setup.parameters}
         unit = INCH if setup.inch else 1.0
-        self.memory = ModalMemory(dict(setup.tool_names), defined=defined, unit=unit)
+        self.memory = ModalMemory(
+            dict(setup.tool_names), defined=defined, common=frozenset(defined), unit=unit
+        )
 
-    def statement(self, line: Line) -> Statement:
-        """Statement of the next line.
+    def statement(self, line: Line, file: str = "") -> Statement:
+        """Statement of the next line, of another ``file`` in a subprogram.
 
         Raises
         ------
@@ -58,7 +60,9 @@ class SiemensReader:
         """
         if line.skip is not None and line.skip in self.skipped:
             return Statement(line.number, line.skip, None, (), (), None, ())
-        stream = TokenStream(line.text.decode("latin-1"), line.number, self.file, line.code_start)
+        stream = TokenStream(
+            line.text.decode("latin-1"), line.number, file or self.file, line.code_start
+        )
         reader = LineReader(self.memory, stream)
         reader.read()
         if not reader.shifts:

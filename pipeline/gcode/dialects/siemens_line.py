@@ -15,6 +15,7 @@ already turned; R_z R_y R_x within a block), Job Planning, "Transformations".
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -29,8 +30,17 @@ from pipeline.gcode.dialects.siemens_cycles import (
     hole,
     places,
 )
-from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
+from pipeline.gcode.dialects.siemens_flow import (
+    CALLING,
+    COMPUTED,
+    JUMPS,
+    KIND,
+    WORDS,
+    call_of,
+    control_of,
+)
 from pipeline.gcode.dialects.siemens_tokens import (
+    ARGUMENT,
     R_PARAMETER,
     VARIABLE,
     Token,
@@ -118,8 +128,11 @@ WITHOUT_MOTION: dict[str, str] = {
     "G601": "exact stop fine",
     "G602": "exact stop coarse",
     "G603": "exact stop at the end of interpolation",
+    "G290": "words of a Sinumerik",
     "LIMS": "greatest speed of the spindle under G96",
     "NORM": "straight to the contour and away from it, as is done here",
+    "SBLOF": "single blocks off",
+    "SBLON": "single blocks on",
     "SOFT": "acceleration with limited jerk",
     "STOPRE": "blocks are read ahead up to here",
 }
@@ -156,14 +169,15 @@ ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
 """Without an axis they end every frame, as TRANS does."""
 SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
-SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
-NOT_CALLED = "subprograms are not followed in the dialect siemens: put its blocks here"
-CALLS: dict[str, str] = {
-    "CYCLE800": "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with "
-    "TRAORI and AROT",
-    "": "this cycle or function is not known in the dialect siemens: post it as single moves",
-}
-"""Why a call is refused."""
+ATTRIBUTES = frozenset({"SAVE", "DISPLOF", "DISPLON", "SBLOF", "SBLON", "ACTBLOCNO"})
+"""What may stand behind PROC."""
+CYCLE = re.compile(r"CYCLE\d+|POCKET\d|SLOT\d|LONGHOLE|HOLES\d|GROUP_\w+|CONTPRON|RET|ISOCALL")
+"""Names that are no subprogram of the user."""
+UNKNOWN = "this cycle or function is not known in the dialect siemens: post it as single moves"
+SWIVEL = (
+    "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with TRAORI and "
+    "AROT"
+)
 
 
 @dataclass(slots=True)
@@ -179,6 +193,8 @@ class ModalMemory:
     """G code of group 1 in force."""
     drilling: tuple[Token, tuple[Expression, ...]] | None = None
     """Token and arguments of the drilling cycle that MCALL put in force."""
+    modal: Control | None = None
+    """Call of the subprogram that MCALL put in force."""
     feed: Expression = field(default_factory=lambda: Number(0.0))
     speed: Expression = field(default_factory=lambda: Number(0.0))
     """Last F and S."""
@@ -198,6 +214,36 @@ class ModalMemory:
     """Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg]."""
     defined: dict[str, str] = field(default_factory=dict)
     """Type of each variable that has one, by its name in small letters."""
+    common: frozenset[str] = frozenset()
+    """Variables of the setup, which every program knows."""
+    given: frozenset[int] = frozenset()
+    """Numbers of the arguments that the call of the program gives."""
+    saves: bool = False
+    """Whether its PROC says SAVE."""
+
+    def enter(self, given: frozenset[int], *, modal: bool) -> "ModalMemory":
+        """A subprogram begins; what was before.  MCALL calls nothing while it runs itself."""
+        before = replace(self, at=dict(self.at), defined=self.defined)
+        self.given, self.saves = given, False
+        self.modal = None if modal else self.modal
+        self.defined = {name: kind for name, kind in self.defined.items() if name in self.common}
+        return before
+
+    def leave(self, before: "ModalMemory", *, modal: bool) -> None:
+        """It ends: variables are those of its caller, and with SAVE G codes and frames."""
+        names = ["defined", "given", "saves", *(["modal"] if modal else [])]
+        if self.saves:
+            names += ["motion", "unit", "plane", "frame", "shift", "absolute", "shifted"]
+            self.at["X"] = self.at["Y"] = None
+        for name in names:
+            setattr(self, name, getattr(before, name))
+
+    @property
+    def called(self) -> str:
+        """Name of what MCALL put in force; empty where there is none."""
+        return (
+            str(self.modal.label) if self.modal else self.drilling[0].head if self.drilling else ""
+        )
 
     def tool_number(self, name: str) -> float:
         """Number of a tool in the tool table."""
@@ -265,13 +311,12 @@ class LineReader:
             self._tool(Number(token.value), token)
         elif token.head == "M" and token.value in FOREIGN_M:
             raise self.stream.error(
-                token,
-                "subprograms are not called by M codes in the dialect siemens: put its blocks here",
+                token, "no M code calls a subprogram in the dialect siemens: write its name or L"
             )
         elif token.head in LETTERS:
             self.word(token.head, token.value, token)
         elif token.head == "L":
-            raise self.stream.error(token, NOT_CALLED)
+            self.subprogram(token)
         else:
             instead = "write CR=" if token.head == "R" else "rewrite the block without it"
             raise self.stream.error(token, f"{token.head} is no address that is known: {instead}")
@@ -458,13 +503,7 @@ class LineReader:
         """A word of its own."""
         if token.head in WITHOUT_MOTION:
             return
-        action = _NAMED.get(token.head)
-        if action is None:
-            raise self.stream.error(
-                token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
-                "a subprogram, put its blocks here"
-            )  # fmt: skip
-        action(self, token)
+        _NAMED.get(token.head, LineReader.subprogram)(self, token)
 
     def called(self, token: Token) -> None:
         """A word with arguments in brackets."""
@@ -474,12 +513,17 @@ class LineReader:
         if token.head in SHOWN:
             self._passed_over(token)
             return
-        if token.head in SUBPROGRAMS | COMPUTED:
+        if token.head in CALLING | COMPUTED:
             self.named(token)
             return
         if token.head in ARGUMENTS:
             self.drill(token)
             return
+        if not CYCLE.fullmatch(token.head):
+            self.subprogram(token)
+            return
+        if token.head not in ("CYCLE800", "CYCLE832"):
+            raise self.stream.error(token, UNKNOWN)
         start = self.stream.at
         arguments = self.stream.arguments()
         self._uses(start)
@@ -487,8 +531,8 @@ class LineReader:
             self.word("G", 64.0, token)
             if arguments:
                 self.word("P", arguments[0], token)
-        elif token.head != "CYCLE800" or arguments:
-            raise self.stream.error(token, CALLS.get(token.head, CALLS[""]))
+        elif arguments:
+            raise self.stream.error(token, SWIVEL)
 
     def _passed_over(self, token: Token) -> None:
         """The arguments of a call that moves nothing, whatever they are."""
@@ -542,8 +586,53 @@ class LineReader:
         )  # fmt: skip
 
     def subprogram(self, token: Token) -> None:
-        """CALL and its like."""
-        raise self.stream.error(token, NOT_CALLED)
+        """A call by name, by L or by CALL and its like."""
+        if CYCLE.fullmatch(token.head) or self.words or self.assignments:
+            raise self.stream.error(
+                token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
+                "a subprogram, write the call in a block of its own"
+            )  # fmt: skip
+        self.control = call_of(token, self.stream)
+
+    def procedure(self, token: Token) -> None:
+        """``PROC NAME(REAL A, INT B=2) SAVE``: what the call gives becomes variables."""
+        stream, number = self.stream, 0
+        name = stream.next
+        stream.at += name is not None
+        while name is not None and name.kind == "call" and not stream.skips(")"):
+            number += 1
+            self._argument(name, number)
+            stream.skips(",")
+        if max(self.memory.given, default=0) > number:
+            raise stream.error(name, f"takes {number} values and is given more: correct the call")
+        while (word := stream.next) is not None:
+            if word.head not in ATTRIBUTES:
+                raise stream.error(word, "this is not followed behind PROC: delete it")
+            stream.at += 1
+            self.memory.saves |= word.head == "SAVE"
+
+    def _argument(self, name: Token, number: int) -> None:
+        stream, kind = self.stream, self.stream.next
+        if kind is None or kind.head not in TYPES:
+            raise stream.error(
+                kind or name, "REAL, INT or BOOL is followed before an argument of PROC: VAR and "
+                "texts are not"
+            )  # fmt: skip
+        stream.at += 1
+        one = stream.next
+        if one is None or one.kind not in ("name", "set", "address"):
+            raise stream.error(one, "the name of an argument is expected here: add it")
+        stream.at += 1
+        called = one.text.upper() if one.kind == "address" else one.head
+        value = stream.expression() if one.kind == "set" else Number(0.0)
+        if number in self.memory.given:
+            value = Parameter(f"{ARGUMENT}{number}")
+        self.memory.defined[called.lower()] = kind.head
+        self._assign(called, value, one)
+
+    def extern(self, token: Token) -> None:
+        """``EXTERN NAME(REAL, INT)``: announces a subprogram."""
+        self.stream.at = len(self.stream.tokens)
 
     def computed(self, token: Token) -> None:
         """A jump to where a value says, or lines between labels."""
@@ -631,23 +720,29 @@ class LineReader:
         call = self.stream.next
         self.calls = True
         if call is None:
-            self.memory.drilling = None
+            self.memory.drilling = self.memory.modal = None
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if call.head not in ARGUMENTS or call.head in PATTERNS:
+        if CYCLE.fullmatch(call.head) and (call.head not in ARGUMENTS or call.head in PATTERNS):
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 to CYCLE84 only: post single moves"
+                call, "MCALL is known with CYCLE81 to CYCLE84 and subprograms: post single moves"
             )
-        arguments = self._arguments()
-        self.memory.drilling = (
-            call,
-            tuple(
-                one if constant(one) is not None else self._kept(index, one, call)
-                for index, one in enumerate(arguments)
-            ),
-        )
+        if not CYCLE.fullmatch(call.head):
+            control = call_of(call, self.stream)
+            kept = self._all_kept(control.arguments, call)
+            self.memory.modal = replace(control, kind=f"{KIND}mcall", arguments=kept)
+            self.memory.drilling = None
+            return
+        self.memory.drilling = call, self._all_kept(self._arguments(), call)
+        self.memory.modal = None
         self._hole(*self.memory.drilling)  # refuses here what it does not know
+
+    def _all_kept(self, values: tuple[Expression, ...], call: Token) -> tuple[Expression, ...]:
+        return tuple(
+            one if constant(one) is not None else self._kept(index, one, call)
+            for index, one in enumerate(values)
+        )
 
     def _kept(self, index: int, value: Expression, call: Token) -> Expression:
         """A value as it is at MCALL, in a variable whose name no program can write."""
@@ -662,7 +757,8 @@ class LineReader:
         return arguments
 
     def drilled(self) -> None:
-        """The hole of the cycle that MCALL put in force, after the words of the block."""
+        """What MCALL put in force, after the words of the block."""
+        self.control = self.memory.modal
         if self.memory.drilling is not None:
             self.rest += self._hole(*self.memory.drilling)
 
@@ -733,6 +829,7 @@ _NAMED: Mapping[str, Callable[[LineReader, Token], None]] = {
     "MCALL": LineReader.modal_call,
     "RET": LineReader.returns,
     **dict.fromkeys(FRAMES, LineReader.frame),
-    **dict.fromkeys(SUBPROGRAMS, LineReader.subprogram),
+    "PROC": LineReader.procedure,
+    "EXTERN": LineReader.extern,
     **dict.fromkeys(COMPUTED, LineReader.computed),
 }
