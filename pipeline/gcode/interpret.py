@@ -159,7 +159,11 @@ class Interpreter:
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
-        self.siemens = SiemensReader(program.name, setup) if setup.dialect == "siemens" else None
+        self.siemens = (
+            SiemensReader(program.name, setup, self.variables, self.run.note)
+            if setup.dialect == "siemens"
+            else None
+        )
         reader, memory = _reader(self.siemens, setup), getattr(self.siemens, "memory", None)
         self.calls = CallStack(self.run, self.variables, reader, program, memory)
         self.flow = Flow(self.calls, self.variables)

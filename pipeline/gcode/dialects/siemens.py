@@ -9,6 +9,8 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
+from collections.abc import Callable
+
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
     SQUARE,
@@ -21,7 +23,7 @@ from pipeline.gcode.dialects.siemens_tokens import TokenStream
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
 from pipeline.gcode.setup import Setup
-from pipeline.gcode.statements import Statement, constant
+from pipeline.gcode.statements import ParameterStore, Statement, constant
 
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
 """G code -> millimetres in its unit of length."""
@@ -40,14 +42,27 @@ class SiemensReader:
         Of the control: numbers of tool names (others get the next free ones in the order in which
         they are called), variables that it has before the program begins, levels of ``/`` that are
         switched on (their lines are not read), inches.
+    store : ParameterStore, optional
+        Variables as they are when a line is read; without them only numbers are known.
+    note : callable, optional
+        Takes a line and what the user is told about it.
     """
 
-    def __init__(self, file: str, setup: Setup) -> None:
+    def __init__(
+        self, file: str, setup: Setup, store: ParameterStore | None = None,
+        note: Callable[[int, str], None] = lambda line, what: None,
+    ) -> None:  # fmt: skip
         self.file, self.skipped = file, setup.block_skip
         defined = {str(name).lower(): "REAL" for name in setup.parameters}
         unit = INCH if setup.inch else 1.0
         self.memory = ModalMemory(
-            dict(setup.tool_names), defined=defined, common=frozenset(defined), unit=unit
+            dict(setup.tool_names),
+            defined=defined,
+            common=frozenset(defined),
+            unit=unit,
+            store=store,
+            note=note,
+            radii={number: tool.diameter / 2 for number, tool in setup.tools.items()},
         )
 
     def statement(self, line: Line, file: str = "") -> Statement:
@@ -99,9 +114,9 @@ class SiemensReader:
                 memory.unit = UNITS.get(value, memory.unit)
                 memory.at["X"] = memory.at["Y"] = None
             elif word.letter == "F":
-                memory.feed = word.value
+                memory.feed = memory.value(word.value)
             elif word.letter == "S":
-                memory.speed = word.value
+                memory.speed = memory.value(word.value)
         self._remember_places(reader)
 
     def _remember_places(self, reader: LineReader) -> None:
@@ -111,7 +126,7 @@ class SiemensReader:
             if word.letter not in at:
                 continue
             absolute = self.memory.absolute if word.absolute is None else word.absolute
-            linear, value = word.letter in "XY", constant(word.value)
+            linear, value = word.letter in "XY", self.memory.value(word.value)
             before = 0.0 if absolute else at[word.letter] if linear else None
             if before is None or value is None or (linear and reader.machine):
                 at[word.letter] = None

@@ -25,8 +25,12 @@ import numpy.typing as npt
 from pipeline.gcode.dialects.siemens_cycles import (
     ARGUMENTS,
     PATTERNS,
+    POCKETS,
+    CycleCall,
     CycleError,
+    Pocket,
     Words,
+    called,
     hole,
     places,
 )
@@ -41,6 +45,7 @@ from pipeline.gcode.dialects.siemens_flow import (
 )
 from pipeline.gcode.dialects.siemens_tokens import (
     ARGUMENT,
+    OMITTED,
     R_PARAMETER,
     VARIABLE,
     Token,
@@ -53,13 +58,18 @@ from pipeline.gcode.statements import (
     Call,
     Control,
     Expression,
+    ExpressionError,
     Number,
     Parameter,
+    ParameterStore,
     WordItem,
     constant,
+    evaluate,
 )
 
 Matrix = npt.NDArray[np.float64]
+Values = tuple[float | None, ...]
+"""Arguments of a cycle, None where one is not known."""
 SQUARE = 1e-6
 """Angle by which table and work plane may miss cancelling each other [rad]."""
 UNROTATED: Matrix = np.eye(3)
@@ -191,13 +201,13 @@ class ModalMemory:
     """Number of the tool called by T, and of the one in the spindle."""
     motion: float = 0.0
     """G code of group 1 in force."""
-    drilling: tuple[Token, tuple[Expression, ...]] | None = None
+    drilling: tuple[Token, Values] | None = None
     """Token and arguments of the drilling cycle that MCALL put in force."""
     modal: Control | None = None
     """Call of the subprogram that MCALL put in force."""
-    feed: Expression = field(default_factory=lambda: Number(0.0))
-    speed: Expression = field(default_factory=lambda: Number(0.0))
-    """Last F and S."""
+    feed: float | None = None
+    speed: float | None = None
+    """Last F and S, where they are known."""
     unit: float = 1.0
     """Millimetres in the program's unit of length."""
     plane: float = 17.0
@@ -237,6 +247,22 @@ class ModalMemory:
             self.at["X"] = self.at["Y"] = None
         for name in names:
             setattr(self, name, getattr(before, name))
+
+    store: ParameterStore | None = None
+    """Variables as they are when a line is read, which is when it is carried out."""
+    radii: dict[int, float] = field(default_factory=dict)
+    """Radius of each tool [mm]."""
+    note: Callable[[int, str], None] = lambda line, what: None
+    """Tells the user something about a line."""
+
+    def value(self, expression: Expression) -> float | None:
+        """Value of an expression; None where it is not known."""
+        if self.store is None:
+            return constant(expression)
+        try:
+            return evaluate(expression, self.store)
+        except ExpressionError:
+            return None
 
     @property
     def called(self) -> str:
@@ -517,7 +543,7 @@ class LineReader:
             self.named(token)
             return
         if token.head in ARGUMENTS:
-            self.drill(token)
+            self.cycle(token)
             return
         if not CYCLE.fullmatch(token.head):
             self.subprogram(token)
@@ -724,35 +750,24 @@ class LineReader:
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if CYCLE.fullmatch(call.head) and (call.head not in ARGUMENTS or call.head in PATTERNS):
+        if CYCLE.fullmatch(call.head) and call.head not in set(ARGUMENTS) - {*PATTERNS, *POCKETS}:
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 to CYCLE84 and subprograms: post single moves"
+                call, "MCALL is known with CYCLE81 to CYCLE89 and subprograms: post single moves"
             )
         if not CYCLE.fullmatch(call.head):
             control = call_of(call, self.stream)
-            kept = self._all_kept(control.arguments, call)
+            known = [(one, self.memory.value(one)) for one in control.arguments]
+            kept = tuple(one if v is None or one is OMITTED else Number(v) for one, v in known)
             self.memory.modal = replace(control, kind=f"{KIND}mcall", arguments=kept)
             self.memory.drilling = None
             return
-        self.memory.drilling = call, self._all_kept(self._arguments(), call)
+        self.memory.drilling = call, tuple(self.memory.value(one) for one in self._arguments())
         self.memory.modal = None
         self._hole(*self.memory.drilling)  # refuses here what it does not know
 
-    def _all_kept(self, values: tuple[Expression, ...], call: Token) -> tuple[Expression, ...]:
-        return tuple(
-            one if constant(one) is not None else self._kept(index, one, call)
-            for index, one in enumerate(values)
-        )
-
-    def _kept(self, index: int, value: Expression, call: Token) -> Expression:
-        """A value as it is at MCALL, in a variable whose name no program can write."""
-        kept = Parameter(f"{VARIABLE}mcall {index}")
-        self.assignments.append(Assignment(kept, value, call.column))
-        return kept
-
     def _arguments(self) -> tuple[Expression, ...]:
         start = self.stream.at
-        arguments = self.stream.arguments()
+        arguments = self.stream.arguments(texts=True)
         self._uses(start)
         return arguments
 
@@ -762,54 +777,77 @@ class LineReader:
         if self.memory.drilling is not None:
             self.rest += self._hole(*self.memory.drilling)
 
-    def _hole(self, call: Token, arguments: tuple[Expression, ...]) -> list[tuple[WordItem, ...]]:
-        """Blocks of a hole; the motion in force is so again after them."""
+    def _call(self, token: Token, values: Values) -> CycleCall:
         memory = self.memory
-        if memory.plane != 17:
-            raise self.stream.error(
-                call, f"{call.head} is followed along Z, under G17: post single moves"
-            )
+        call = called(
+            token.head, values, unit=memory.unit, feed=memory.feed or 0, speed=memory.speed or 0
+        )
+        if memory.plane != 17 and token.head not in PATTERNS:
+            raise CycleError(f"{token.head} is followed along Z, under G17: post single moves")
+        return call
+
+    def _hole(self, token: Token, values: Values) -> list[tuple[WordItem, ...]]:
+        """Blocks of a hole; the motion in force is so again after them."""
         try:
-            blocks = hole(
-                call.head, arguments, unit=memory.unit, feed=memory.feed, speed=memory.speed
-            )
+            blocks = hole(token.head, self._call(token, values))
         except CycleError as error:
-            raise self.stream.error(call, str(error)) from None
-        motion = (("G", Number(memory.motion)),)
-        return [self._block(call, words) for words in (*blocks, motion)]
+            raise self.stream.error(token, str(error)) from None
+        return [self._block(token, words) for words in (*blocks, (("G", self.memory.motion),))]
 
     @staticmethod
     def _block(token: Token, words: Words) -> tuple[WordItem, ...]:
-        return tuple(WordItem(one, v, token.column, token.text, True) for one, v in words)
+        return tuple(
+            WordItem(one[-1], Number(v), token.column, token.text, one[0] != "+")
+            for one, v in words
+        )
 
-    def drill(self, token: Token) -> None:
-        """A drilling cycle without MCALL, where the tool stands, or a pattern of those of MCALL."""
+    def cycle(self, token: Token) -> None:
+        """A cycle without MCALL, where the tool stands, or a pattern of those of MCALL."""
         self._by_itself(token)
-        memory, arguments = self.memory, self._arguments()
-        if token.head in PATTERNS:
-            self._pattern(token, arguments)
-            return
-        if memory.transformed or not np.array_equal(memory.frame, UNROTATED):
-            raise self.stream.error(
-                token, f"{token.head} is followed along Z, under G17: post single moves"
-            )
-        self.rest += self._hole(token, arguments)
-
-    def _pattern(self, token: Token, arguments: tuple[Expression, ...]) -> None:
         memory = self.memory
-        if memory.drilling is None:
-            raise self.stream.error(
-                token, f"{token.head} drills nothing without a cycle: write MCALL CYCLE81 before"
-            )
+        values = tuple(memory.value(one) for one in self._arguments())
         try:
-            found = places(token.head, arguments, (memory.at["X"], memory.at["Y"]))
+            if token.head in PATTERNS:
+                self._pattern(token, self._call(token, values))
+                return
+            if memory.transformed or not np.array_equal(memory.frame, UNROTATED):
+                raise CycleError(f"{token.head} is followed along Z, under G17: post single moves")
+            if token.head in POCKETS:
+                self._pocket(token, self._call(token, values))
+                return
         except CycleError as error:
             raise self.stream.error(token, str(error)) from None
+        self.rest += self._hole(token, values)
+
+    def _pattern(self, token: Token, call: CycleCall) -> None:
+        memory = self.memory
+        if memory.drilling is None:
+            raise CycleError(f"{token.head} drills nothing without a cycle: write MCALL CYCLE81(…)")
+        found = places(call, (memory.at["X"], memory.at["Y"]))
         for x, y in found:
-            rapid = (("G", Number(0.0)), ("X", Number(x)), ("Y", Number(y)))
-            self.rest.append(self._block(token, rapid))
+            self.rest.append(self._block(token, (("G", 0.0), ("X", x), ("Y", y))))
             self.drilled()
         memory.at["X"], memory.at["Y"] = found[-1]
+
+    def _pocket(self, token: Token, call: CycleCall) -> None:
+        memory = self.memory
+        number = memory.value(memory.tool)
+        radius = memory.radii.get(int(number or 0), 0.0) / call.unit
+        if not radius:
+            raise CycleError(
+                f"{token.head} needs the radius of the tool: give the diameter of tool "
+                f"{number or 0:g} in setup.tools of the machine's file"
+            )
+        pocket = Pocket(call=call, radius=radius)
+        pocket.check()
+        blocks = (*pocket.blocks(), (("G", memory.motion),))
+        self.rest += [self._block(token, words) for words in blocks]
+        memory.at["X"], memory.at["Y"] = call.given["PA"], call.given["PO"]
+        memory.note(
+            self.stream.line,
+            f"{token.head} is milled on paths of the control's own: length and time "
+            "are approximate",
+        )
 
 
 _KINDS: Mapping[str, Callable[[LineReader, Token], None]] = {

@@ -148,12 +148,16 @@ class TokenStream:
         column, word = (token.column, token.text) if token else (1, "end of line")
         return GcodeError(self.file, self.line, column, word, reason)
 
-    def arguments(self) -> tuple[Expression, ...]:
-        """Arguments up to the closing bracket of a call; one that is left out counts 0."""
+    def arguments(self, *, texts: bool = False) -> tuple[Expression, ...]:
+        """Arguments up to the closing bracket of a call; one that is left out counts 0.
+
+        So do ``texts`` in quotes where a cycle has them.
+        """
         given: list[Expression] = []
         if self.skips(")"):
             return ()
         while True:
+            self.at += texts and self.next is not None and self.next.kind == "string"
             empty = self.next is not None and self.next.text in (",", ")")
             given.append(OMITTED if empty else self.expression())
             if self.skips(")"):

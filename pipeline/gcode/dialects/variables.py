@@ -418,9 +418,7 @@ class SiemensVariables:
     def _shared(self) -> dict[int | str, float]:
         def known(name: str) -> bool:
             plain = name.removeprefix(VARIABLE)
-            return (
-                name in self.common or plain[:6] == "mcall " or bool(R_PARAMETER.fullmatch(plain))
-            )
+            return name in self.common or bool(R_PARAMETER.fullmatch(plain))
 
         return {key: value for key, value in self.values.items() if known(str(key))}
 
