@@ -177,7 +177,7 @@ FRAMES = frozenset((
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
 """Without an axis they end every frame, as TRANS does."""
-SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
+SHOWN = frozenset({"GROUP_BEGIN", "GROUP_ADDEND", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
 ATTRIBUTES = frozenset({"SAVE", "DISPLOF", "DISPLON", "SBLOF", "SBLON", "ACTBLOCNO"})
 """What may stand behind PROC."""
@@ -550,9 +550,7 @@ class LineReader:
             return
         if token.head not in ("CYCLE800", "CYCLE832"):
             raise self.stream.error(token, UNKNOWN)
-        start = self.stream.at
-        arguments = self.stream.arguments()
-        self._uses(start)
+        arguments = self._arguments()
         if token.head == "CYCLE832":
             self.word("G", 64.0, token)
             if arguments:
