@@ -26,19 +26,19 @@ def cycle(rng):
     """One call of a drilling cycle, as a post or a hand writes it."""
     rfp, sdis, deep = number(rng, -3, 3), number(rng, 0.5, 5), number(rng, 4, 60)
     rtp, dtb = rfp + sdis + number(rng, 0, 40), number(rng, 0, 2)
-    head = f"{rtp:g},{rfp:g},{sdis},"
-    depth = f"{rfp - deep:g}," if rng.random() < 0.6 else f",{deep}"
+    head = f"{rtp:.1f},{rfp},{sdis},"
+    depth = f"{rfp - deep:.1f}," if rng.random() < 0.6 else f",{deep}"
     name = rng.choice(["81", "82", "83", "84", "85", "86", "89"])
-    first = number(rng, deep / 6, deep, 2)
+    first, speeds = number(rng, deep / 6, deep, 2), rng.integers(200, 900, 2)
+    less, wait = number(rng, 0, first / 2, 2) * rng.integers(2), number(rng, 0, 1)
+    slow, out = rng.choice(["1", "0.6"]), rng.integers(2)
     more = {
         "81": "",
         "82": f",{dtb}",
-        "83": f",,{first},{number(rng, 0, first / 2, 2) * rng.integers(2)},{dtb},"
-        f"{number(rng, 0, 1)},{rng.choice(['1', '0.6'])},{rng.integers(2)},,,{number(rng, 0, 2)},{number(rng, 0, 1)}",
-        "84": f",{dtb},3,{rng.choice(['8,', ',1.25', ',-2', '16,'])},0,{rng.integers(200, 900)},"
-        f"{rng.integers(200, 900)}",
+        "83": f",,{first},{less},{dtb},{wait},{slow},{out},,,{number(rng, 0, 2)},{wait / 2}",
+        "84": f",{dtb},3,{rng.choice(['8,', ',1.25', ',-2', '16,'])},0,{speeds[0]},{speeds[1]}",
         "85": f",{dtb},{rng.integers(50, 200)},{rng.integers(50, 900)}",
-        "86": f",{dtb},3,{number(rng, -1, 1)},{number(rng, -1, 1)},{number(rng, 0, 1)},45",
+        "86": f",{dtb},3,{number(rng, -1, 1)},{number(rng, -1, 1)},{wait},45",
         "89": f",{dtb}",
     }[str(name)]
     return f"CYCLE{name}({head}{depth}{more})"
