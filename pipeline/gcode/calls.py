@@ -1,7 +1,7 @@
 """Subprogram calls: the stack of call levels, and the programs with their labels."""
 
 import re
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
@@ -177,7 +177,7 @@ class Source:
         return labels
 
 
-ENDINGS = ("spf", "mpf", "nc", "txt")
+ENDINGS = (".spf", ".mpf", ".nc", ".txt")
 """Endings of files that a Sinumerik's call finds, the first first."""
 
 
@@ -382,11 +382,10 @@ class CallStack:
         if label not in self.programs:
             stem, _, ending = label.lower().partition(".")
             section = _section(self.levels[0].source.program, stem)
-            endings = (ending,) if ending else ENDINGS
-            names = [f"{stem}.{one}" for one in endings] + [stem]
-            names += [f"{start}{stem}_{one}" for one in endings for start in ("", "_n_")]
+            stems = {stem, *(f"{n}{stem}_{e}" for n in ("", "_n_") for e in ("spf", "mpf"))}
+            endings = (f".{ending}",) if ending else ENDINGS
             self.programs[label] = (
-                self._source(section) if section else self._file(names, error, label, whole=True)
+                self._source(section) if section else self._file(stems, error, label, endings)
             )
         return self.programs[label]
 
@@ -415,24 +414,23 @@ class CallStack:
         return source, sub.line + 1
 
     def _file(
-        self, names: Collection[str], error: ErrorAt, shown: str, *, whole: bool = False
+        self, stems: set[str], error: ErrorAt, shown: str, endings: tuple[str, ...] = ()
     ) -> Source:
-        """The file of one of some names, without their endings unless ``whole``."""
+        """The file of one of some names, whatever its ending or in the order of ``endings``."""
         for folder in self.run.setup.folders:
-            here = sorted(folder.iterdir()) if folder.is_dir() else []
-            found = [p for p in here if (p.name if whole else p.stem).lower() in names]
-            if whole:
-                order = list(names)
-                found.sort(key=lambda path: order.index(path.name.lower()))
-            for path in found:
-                if path.is_file():
-                    if path not in self.files:
-                        self.files[path] = self._source(read_program(path))
-                    return self.files[path]
+            paths = sorted(folder.iterdir()) if folder.is_dir() else []
+            paths = [path for path in paths if path.stem.lower() in stems and path.is_file()]
+            if endings:
+                order = {ending: place for place, ending in enumerate(("", *endings))}
+                paths = [path for path in paths if path.suffix.lower() in order]
+                paths.sort(key=lambda path: order[path.suffix.lower()])
+            if paths:
+                if paths[0] not in self.files:
+                    self.files[paths[0]] = self._source(read_program(paths[0]))
+                return self.files[paths[0]]
+        unknown = "no word that is known, and " if endings and shown[1:].isalpha() else ""
         raise error(
-            "no word that is known, and "
-            * (whole and shown[1:].isalpha())
-            + f"the subprogram {shown} is neither in this file nor in the folders searched: "
+            f"{unknown}the subprogram {shown} is neither in this file nor in the folders searched: "
             "add its folder to setup.folders of the machine's file"
         )
 

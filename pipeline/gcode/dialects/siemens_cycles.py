@@ -30,8 +30,6 @@ ARGUMENTS: dict[str, tuple[str, ...]] = {
                 "_TECHNO", "_VARI", "_DAM", "_VRT", "_PITM", "_PTAB", "_PTABA", *_MODES),
     "CYCLE85": (*_DEPTHS, "DTB", "FFR", "RFF", *_MODES),
     "CYCLE86": (*_DEPTHS, "DTB", "SDIR", "RPA", "RPO", "RPAP", "POSS", *_MODES),
-    "CYCLE87": (*_DEPTHS, "SDIR"),
-    "CYCLE88": (*_DEPTHS, "DTB", "SDIR"),
     "CYCLE89": (*_DEPTHS, "DTB", *_MODES),
     "HOLES1": ("SPCA", "SPCO", "STA1", "FDIS", "DBH", "NUM"),
     "HOLES2": ("CPA", "CPO", "RAD", "STA1", "INDA", "NUM"),
@@ -133,7 +131,7 @@ def called(
 
 
 def hole(name: str, call: CycleCall) -> list[Words]:
-    """Blocks of one hole by CYCLE81 to CYCLE89.
+    """Blocks of one hole by a drilling cycle.
 
     Raises
     ------
@@ -287,20 +285,13 @@ def _reamed(call: CycleCall) -> Iterator[Words]:
 
 
 def _bored(call: CycleCall) -> Iterator[Words]:
-    """CYCLE86: the spindle stands at POSS when the tool leaves the wall by RPA, RPO and RPAP.
-
-    CYCLE87 and CYCLE88 stop the program at the bottom.
-    """
+    """CYCLE86: the spindle stands at POSS when the tool leaves the wall by RPA, RPO and RPAP."""
     given = call.given
     if given["SDIR"] not in (3.0, 4.0):
         raise CycleError(f"SDIR is {given['SDIR']:g}: give 3 or 4, as the spindle turns")
     yield (("M", given["SDIR"]),)
     yield _feed(call.bottom)
-    yield from call.dwell("DTB") if "DTB" in given else ()
-    if "POSS" not in given:
-        yield (("M", 5.0),)
-        yield (("M", 0.0),)
-        return
+    yield from call.dwell("DTB")
     yield (("M", 19.0),)
     x, y, up = given["RPA"], given["RPO"], given["RPAP"]
     yield (("G", 0.0), ("+X", x), ("+Y", y), ("Z", call.bottom + up))
@@ -310,7 +301,7 @@ def _bored(call: CycleCall) -> Iterator[Words]:
 
 _HOLES: dict[str, Callable[[CycleCall], Iterator[Words]]] = {
     "CYCLE81": _drilled, "CYCLE82": _drilled, "CYCLE83": _pecked, "CYCLE84": _tapped,
-    "CYCLE85": _reamed, "CYCLE86": _bored, "CYCLE87": _bored, "CYCLE88": _bored, "CYCLE89": _reamed,
+    "CYCLE85": _reamed, "CYCLE86": _bored, "CYCLE89": _reamed,
 }  # fmt: skip
 
 
@@ -349,19 +340,21 @@ class Pocket:
     def check(self) -> None:
         """Refuse what is not followed, before anything moves."""
         given = self.call.given
-        kind = given["VARI"] % 10 in (1, 2) and given["VARI"] // 10 in (0, 1, 2, 3)
-        if not kind or given["CDIR"] not in (0.0, 1.0, 2.0, 3.0):
-            raise CycleError("VARI is followed from 1 to 32 and CDIR from 0 to 3: correct them")
-        if any(given.get(name) for name in ("AP1", "AP2", "AD")):
-            raise CycleError("a pocket milled before (AP1, AP2, AD) is not followed: write 0")
-        if not (given["FFP1"] > 0 and given["FFD"] > 0 and given["DP"] < given["RFP"]):
-            raise CycleError("give FFP1 and FFD above 0, and DP below RFP")
-        if min(self.wall(given["FAL"])[:2]) < 0:
-            raise CycleError(f"the tool of radius {self.radius:g} does not go into the pocket")
-        if given["VARI"] // 10 in (2, 3) and not given["RAD1"] > 0:
-            raise CycleError("the way in by VARI needs RAD1: give it")
-        if given["VARI"] // 10 == 2 and not given["DP1"] > 0:
-            raise CycleError("the helix needs DP1, its pitch: give it")
+        kind, tens = given["VARI"] % 10, given["VARI"] // 10
+        for wrong, reason in (
+            (kind not in (1, 2) or tens not in (0, 1, 2, 3), "VARI is followed from 1 to 32"),
+            (given["CDIR"] not in (0.0, 1.0, 2.0, 3.0), "CDIR is followed from 0 to 3"),
+            (any(given.get(name) for name in ("AP1", "AP2", "AD")),
+             "a pocket milled before (AP1, AP2, AD) is not followed: write 0"),
+            (min(given["FFP1"], given["FFD"]) <= 0, "give FFP1 and FFD above 0"),
+            (given["DP"] >= given["RFP"], "DP lies below RFP: correct them"),
+            (min(self.wall(given["FAL"])[:2]) < 0,
+             f"the tool of radius {self.radius:g} does not go into the pocket"),
+            (tens in (2, 3) and given["RAD1"] <= 0, "the way in by VARI needs RAD1: give it"),
+            (tens == 2 and given["DP1"] <= 0, "the helix needs DP1, its pitch: give it"),
+        ):  # fmt: skip
+            if wrong:
+                raise CycleError(reason)
 
     def wall(self, allowance: float) -> Ring:
         """The pass that leaves an allowance on the edge."""

@@ -144,14 +144,14 @@ def _label(token: Token, stream: TokenStream) -> str:
     return f"N{mark.value:.17g}" if numbered else mark.head
 
 
-def _times(token: Token, stream: TokenStream) -> Expression:
+def _times(token: Token, stream: TokenStream, *, alone: bool = True) -> Expression:
     """``P3`` or ``P=R1`` behind a call, which ends its line."""
     count: Expression = Number(1.0)
     times = stream.next
     if times is not None and times.head == "P" and times.kind in ("address", "set"):
         stream.at += 1
         count = stream.expression() if times.kind == "set" else Number(times.value)
-    if stream.next is not None:
+    if stream.next is not None or not alone:
         raise stream.error(
             token, f"{token.text.rstrip('(')} is no word that is known here: rewrite it, or, if it "
             "calls a subprogram, write the call in a block of its own"
@@ -159,7 +159,7 @@ def _times(token: Token, stream: TokenStream) -> Expression:
     return count
 
 
-def call_of(token: Token, stream: TokenStream) -> Control:
+def call_of(token: Token, stream: TokenStream, *, alone: bool = True) -> Control:
     """Call of a subprogram; the stream is behind its word and, where it has one, the bracket.
 
     ``NAME``, ``NAME(1, 2)``, ``L10``, ``CALL "NAME"``, ``EXTCALL("NAME.SPF")``,
@@ -181,7 +181,7 @@ def call_of(token: Token, stream: TokenStream) -> Control:
     arguments = stream.arguments() if last.kind == "call" else ()
     name = re.split(r"[/\\:]", last.text.strip('"( \t'))[-1].upper().replace(" ", "")
     label = re.sub(r"[._](SPF|MPF)$", r".\1", name.removeprefix("_N_"))
-    count = _times(token, stream)
+    count = _times(token, stream, alone=alone)
     return Control(KIND + "call", label, token.column, count, arguments, part=part)
 
 

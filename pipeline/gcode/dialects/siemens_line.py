@@ -35,7 +35,6 @@ from pipeline.gcode.dialects.siemens_cycles import (
     places,
 )
 from pipeline.gcode.dialects.siemens_flow import (
-    CALLING,
     COMPUTED,
     JUMPS,
     KIND,
@@ -181,7 +180,7 @@ SHOWN = frozenset({"GROUP_BEGIN", "GROUP_ADDEND", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
 ATTRIBUTES = frozenset({"SAVE", "DISPLOF", "DISPLON", "SBLOF", "SBLON", "ACTBLOCNO"})
 """What may stand behind PROC."""
-CYCLE = re.compile(r"CYCLE\d+|POCKET\d|SLOT\d|LONGHOLE|HOLES\d|GROUP_\w+|CONTPRON|RET|ISOCALL")
+CYCLE = re.compile(r"CYCLE\d+|POCKET\d|SLOT\d|LONGHOLE|HOLES\d|CONTPRON|RET|ISOCALL")
 """Names that are no subprogram of the user."""
 UNKNOWN = "this cycle or function is not known in the dialect siemens: post it as single moves"
 SWIVEL = (
@@ -267,9 +266,8 @@ class ModalMemory:
     @property
     def called(self) -> str:
         """Name of what MCALL put in force; empty where there is none."""
-        return (
-            str(self.modal.label) if self.modal else self.drilling[0].head if self.drilling else ""
-        )
+        cycle = self.drilling[0].head if self.drilling else ""
+        return str(self.modal.label) if self.modal else cycle
 
     def tool_number(self, name: str) -> float:
         """Number of a tool in the tool table."""
@@ -539,14 +537,11 @@ class LineReader:
         if token.head in SHOWN:
             self._passed_over(token)
             return
-        if token.head in CALLING | COMPUTED:
-            self.named(token)
-            return
         if token.head in ARGUMENTS:
             self.cycle(token)
             return
         if not CYCLE.fullmatch(token.head):
-            self.subprogram(token)
+            self.named(token)
             return
         if token.head not in ("CYCLE800", "CYCLE832"):
             raise self.stream.error(token, UNKNOWN)
@@ -576,24 +571,34 @@ class LineReader:
 
     def define(self, token: Token) -> None:
         """``DEF REAL A, B=1``: variables are 0 unless they are given a value."""
-        stream = self.stream
-        kind = stream.next
-        if kind is None or kind.head not in TYPES:
-            raise stream.error(kind, "DEF needs a type: write REAL, INT or BOOL")
-        stream.at += 1
+        stream, kind = self.stream, self._type(token)
         if stream.next is None:
             raise stream.error(kind, "DEF needs the name of a variable: add it")
         while (name := stream.next) is not None:
-            stream.at += 1
-            if name.kind not in ("name", "set"):
-                raise stream.error(name, "the name of a variable is expected here: add it")
             if name.head in FEEDS | AXES or name.head in WITH_MOTION:
                 raise stream.error(name, f"{name.head} is a word of the control: take another name")
-            value = stream.expression() if name.kind == "set" else Number(0.0)
-            self.memory.defined[name.head.lower()] = kind.head
-            self._assign(name.head, value, name)
+            self._declare(kind)
             if stream.next is not None and not stream.skips(","):
                 raise stream.error(stream.next, "a comma is expected here: add it")
+
+    def _type(self, token: Token) -> Token:
+        kind = self.stream.next
+        if kind is None or kind.head not in TYPES:
+            raise self.stream.error(
+                kind, f"{token.head} needs a type: write REAL, INT or BOOL; VAR and texts are not "
+                "followed"
+            )  # fmt: skip
+        return self.stream.take()
+
+    def _declare(self, kind: Token, given: Expression | None = None) -> None:
+        """A variable of a type, with the value that a call gives, or its own, or 0."""
+        name = self.stream.next
+        if name is None or name.kind not in ("name", "set"):
+            raise self.stream.error(name, "the name of a variable is expected here: add it")
+        self.stream.at += 1
+        value = self.stream.expression() if name.kind == "set" else Number(0.0)
+        self.memory.defined[name.head.lower()] = kind.head
+        self._assign(name.head, given or value, name)
 
     def returns(self, token: Token) -> None:
         """RET: ends the program as M17 does."""
@@ -611,48 +616,25 @@ class LineReader:
 
     def subprogram(self, token: Token) -> None:
         """A call by name, by L or by CALL and its like."""
-        if CYCLE.fullmatch(token.head) or self.words or self.assignments:
-            raise self.stream.error(
-                token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
-                "a subprogram, write the call in a block of its own"
-            )  # fmt: skip
-        self.control = call_of(token, self.stream)
+        alone = not (CYCLE.fullmatch(token.head) or self.words or self.assignments)
+        self.control = call_of(token, self.stream, alone=alone)
 
     def procedure(self, token: Token) -> None:
         """``PROC NAME(REAL A, INT B=2) SAVE``: what the call gives becomes variables."""
-        stream, number = self.stream, 0
-        name = stream.next
-        stream.at += name is not None
-        while name is not None and name.kind == "call" and not stream.skips(")"):
+        stream, given, number = self.stream, self.memory.given, 0
+        name = stream.take() if stream.next else token
+        while name.kind == "call" and not stream.skips(")"):
             number += 1
-            self._argument(name, number)
+            value = Parameter(f"{ARGUMENT}{number}") if number in given else None
+            self._declare(self._type(token), value)
             stream.skips(",")
-        if max(self.memory.given, default=0) > number:
+        if max(given, default=0) > number:
             raise stream.error(name, f"takes {number} values and is given more: correct the call")
-        while (word := stream.next) is not None:
+        for word in stream.tokens[stream.at :]:
             if word.head not in ATTRIBUTES:
                 raise stream.error(word, "this is not followed behind PROC: delete it")
-            stream.at += 1
             self.memory.saves |= word.head == "SAVE"
-
-    def _argument(self, name: Token, number: int) -> None:
-        stream, kind = self.stream, self.stream.next
-        if kind is None or kind.head not in TYPES:
-            raise stream.error(
-                kind or name, "REAL, INT or BOOL is followed before an argument of PROC: VAR and "
-                "texts are not"
-            )  # fmt: skip
-        stream.at += 1
-        one = stream.next
-        if one is None or one.kind not in ("name", "set", "address"):
-            raise stream.error(one, "the name of an argument is expected here: add it")
-        stream.at += 1
-        called = one.text.upper() if one.kind == "address" else one.head
-        value = stream.expression() if one.kind == "set" else Number(0.0)
-        if number in self.memory.given:
-            value = Parameter(f"{ARGUMENT}{number}")
-        self.memory.defined[called.lower()] = kind.head
-        self._assign(called, value, one)
+        stream.at = len(stream.tokens)
 
     def extern(self, token: Token) -> None:
         """``EXTERN NAME(REAL, INT)``: announces a subprogram."""
@@ -748,20 +730,19 @@ class LineReader:
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if CYCLE.fullmatch(call.head) and call.head not in set(ARGUMENTS) - {*PATTERNS, *POCKETS}:
+        self.memory.drilling = self.memory.modal = None
+        if call.head in ARGUMENTS and call.head not in PATTERNS + POCKETS:
+            self.memory.drilling = call, tuple(map(self.memory.value, self._arguments()))
+            self._hole(*self.memory.drilling)  # refuses here what it does not know
+        elif CYCLE.fullmatch(call.head):
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 to CYCLE89 and subprograms: post single moves"
+                call, "MCALL is known with CYCLE81 to CYCLE86, CYCLE89 and subprograms: post single moves"
             )
-        if not CYCLE.fullmatch(call.head):
+        else:
             control = call_of(call, self.stream)
             known = [(one, self.memory.value(one)) for one in control.arguments]
             kept = tuple(one if v is None or one is OMITTED else Number(v) for one, v in known)
             self.memory.modal = replace(control, kind=f"{KIND}mcall", arguments=kept)
-            self.memory.drilling = None
-            return
-        self.memory.drilling = call, tuple(self.memory.value(one) for one in self._arguments())
-        self.memory.modal = None
-        self._hole(*self.memory.drilling)  # refuses here what it does not know
 
     def _arguments(self) -> tuple[Expression, ...]:
         start = self.stream.at
