@@ -185,7 +185,14 @@ def test_rectangular_pocket_stays_inside_and_leaves_only_its_allowance(call):
 
 @pytest.mark.parametrize(("call", "said"), [
     ("POCKET4(10,0,2,-6,4,0,0,3,0,0,300,100,0,11)", "does not go into the pocket"),
-    ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,21)", "needs RAD1"),
+    ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,21)", "needs a radius RAD1"),
+    ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,21,,,,16,1)", "goes into the pocket"),
+    ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,31,,,,3)", "VARI is followed from 1 to 22"),
+    ("POCKET3(10,0,2,-6,10,30,0,0,0,0,3,0,0,300,100,0,31,,,,,3)", "and room"),
+    ("POCKET3(10,0,2,-6,60,30,0,0,0,0,3,0,0,300,100,0,31,,,,,0.00001)", "RAD1 1e-05 makes"),
+    ("POCKET4(10,0,2,-6,20,0,0,3,0,7,300,100,0,11)", "MID 3 makes"),
+    ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,11,-5)", "no sign"),
+    ("POCKET4(10,0,2,6,20,0,0,3,0,0,300,100,0,11)", "DP lies below RFP"),
     ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,21,,,,3)", "DP1"),
     ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,2)", "nothing is left to finish"),
     ("POCKET4(10,0,2,-6,20,0,0,3,0,0,300,100,0,13)", "VARI"),

@@ -313,6 +313,13 @@ def _feed(level: float) -> Words:
     return (("G", 1.0), ("Z", level))
 
 
+def _counted(share: float, what: str) -> int:
+    """Equal steps of which none is more than one ``share``."""
+    if not 0 <= share <= MOST_PASSES:
+        raise CycleError(f"{what} makes {share:g} levels or passes: correct it")
+    return max(math.ceil(share - 1e-9), 1)
+
+
 Ring = tuple[float, float, float]
 """Half length, half width and corner radius of a closed pass of the tool's centre."""
 
@@ -341,8 +348,10 @@ class Pocket:
         """Refuse what is not followed, before anything moves."""
         given = self.call.given
         kind, tens = given["VARI"] % 10, given["VARI"] // 10
+        longest = 3 if "PRAD" not in given else 2
         for wrong, reason in (
-            (kind not in (1, 2) or tens not in (0, 1, 2, 3), "VARI is followed from 1 to 32"),
+            (kind not in (1, 2) or not 0 <= tens <= longest,
+             f"VARI is followed from 1 to {longest}2"),
             (given["CDIR"] not in (0.0, 1.0, 2.0, 3.0), "CDIR is followed from 0 to 3"),
             (any(given.get(name) for name in ("AP1", "AP2", "AD")),
              "a pocket milled before (AP1, AP2, AD) is not followed: write 0"),
@@ -350,8 +359,13 @@ class Pocket:
             (given["DP"] >= given["RFP"], "DP lies below RFP: correct them"),
             (min(self.wall(given["FAL"])[:2]) < 0,
              f"the tool of radius {self.radius:g} does not go into the pocket"),
-            (tens in (2, 3) and given["RAD1"] <= 0, "the way in by VARI needs RAD1: give it"),
+            (min(given[one] for one in ("MID", "FAL", "FALD", "MIDA", "SDIS")) < 0,
+             "MID, FAL, FALD, MIDA and SDIS have no sign: delete it"),
+            (tens == 2 and not 0 < given["RAD1"] <= min(self.wall(given["FAL"])[:2]),
+             "the helix needs a radius RAD1 that goes into the pocket: correct it"),
             (tens == 2 and given["DP1"] <= 0, "the helix needs DP1, its pitch: give it"),
+            (tens == 3 and not (0 < given["RAD1"] < 90 and self.swing > 0),
+             "going in to and fro needs an angle RAD1 below 90 and room: correct it"),
         ):  # fmt: skip
             if wrong:
                 raise CycleError(reason)
@@ -363,6 +377,12 @@ class Pocket:
             return (given["PRAD"] - less,) * 3
         corner = max(given["CRAD"] - less, 0.0)
         return given["LENG"] / 2 - less, given["WID"] / 2 - less, corner
+
+    @property
+    def swing(self) -> float:
+        """Half of the way to and fro, along the middle line."""
+        a, b, _ = self.wall(self.call.given["FAL"])
+        return a - b if a > b else min(a, self.radius)
 
     @property
     def way(self) -> int:
@@ -386,18 +406,14 @@ class Pocket:
         """Depths of equal steps, none more than MID, down to FALD above the bottom."""
         given = self.call.given
         depth = given["RFP"] - given["DP"] - given["FALD"]
-        count = math.ceil(depth / given["MID"] - 1e-9) if given["MID"] else 1
-        if not 1 <= count <= MOST_PASSES:
-            raise CycleError(f"MID {given['MID']:g} makes {count} levels: correct it")
+        count = _counted(depth / (given["MID"] or depth or 1.0), f"MID {given['MID']:g}")
         return [given["RFP"] - depth * (i + 1) / count for i in range(count)]
 
     def surface(self, allowance: float) -> Iterator[Words]:
         """Passes from the middle line outwards, none wider than MIDA or the tool."""
         a, b, c = self.wall(allowance)
         width = min(self.call.given["MIDA"] or WIDTH * 2 * self.radius, 2 * self.radius)
-        count = max(math.ceil(min(a, b) / width - 1e-9), 1)
-        if count > MOST_PASSES:
-            raise CycleError(f"MIDA {width:g} makes {count} passes: correct it")
+        count = _counted(min(a, b) / width, f"MIDA {width:g}")
         yield (("F", self.call.given["FFP1"]),)
         for step in range(count + 1):
             less = min(a, b) * (1 - step / count)
@@ -439,12 +455,11 @@ class Pocket:
             yield self.arc(size, 0.0, -size, 0.0, ("Z", level), ("P", float(turns)))
             yield self.arc(size, 0.0, -size, 0.0)
         elif kind == 3:
-            a, b, _ = self.wall(given["FAL"])
-            half = a - b if a > b else min(a, self.radius)
-            count = math.ceil((top - level) / (2 * half * math.tan(math.radians(size))) - 1e-9)
+            each = 2 * self.swing * math.tan(math.radians(size))
+            count = _counted((top - level) / each, f"RAD1 {size:g}")
             for i in range(count + 1):
                 z = top + (level - top) * i / count
-                yield (("G", 1.0), *self.at(half * (-1) ** i, 0.0), ("Z", z))
+                yield (("G", 1.0), *self.at(self.swing * (-1) ** i, 0.0), ("Z", z))
         else:
             yield _feed(level) if kind else _rapid(level)
 

@@ -736,7 +736,8 @@ class LineReader:
             self._hole(*self.memory.drilling)  # refuses here what it does not know
         elif CYCLE.fullmatch(call.head):
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 to CYCLE86, CYCLE89 and subprograms: post single moves"
+                call,
+                "MCALL is known with CYCLE81 to 86 and 89 and subprograms: post single moves",
             )
         else:
             control = call_of(call, self.stream)
