@@ -428,10 +428,12 @@ class CallStack:
                 if paths[0] not in self.files:
                     self.files[paths[0]] = self._source(read_program(paths[0]))
                 return self.files[paths[0]]
-        unknown = "no word that is known, and " if endings and shown[1:].isalpha() else ""
+        unknown = "this is no word that is known, and " if endings and shown[1:].isalpha() else ""
         raise error(
             f"{unknown}the subprogram {shown} is neither in this file nor in the folders searched: "
             "add its folder to setup.folders of the machine's file"
+            + ", or rewrite the word"
+            * bool(unknown)
         )
 
     def _error(self, line: int, jump: Jump | None) -> ErrorAt:

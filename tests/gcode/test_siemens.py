@@ -662,7 +662,7 @@ def test_subprograms_and_repeated_lines(text, ends, folder):
 
 @pytest.mark.parametrize(("text", "said"), [
     ("L11", r"test.mpf:2:1: L11: the subprogram L11 is neither in this file nor"),
-    ("NIX", r"NIX: no word that is known, and the subprogram NIX"),
+    ("NIX", r"NIX: this is no word that is known, and the subprogram NIX.*or rewrite the word"),
     ("L10 P1.5", r"P1.5 must be a whole number"),
     ("CUT(1,2,3)", r"cut.spf:1:6: CUT\(: takes 2 values"),
     ("DEF REAL MINE=5\nPEEK", r"peek.spf:1:.*MINE has no value.*no variables of its caller"),
