@@ -198,7 +198,7 @@ class Interpreter:
         self.stop_line = line
         while not self.ended:
             level = self.calls.current
-            if level.source.program is self.program and level.line == line:
+            if level.source.file == 0 and level.line == line:
                 return True
             self._step()
         return False
@@ -256,7 +256,7 @@ class Interpreter:
                 self._execute(block)
 
     def _mark_executed(self, line: int, stop: int) -> None:
-        if self.calls.current.source.program is self.program:
+        if self.calls.current.source.file == 0:
             self.executed[line:stop] = True
 
     def _execute(self, statement: Statement) -> None:

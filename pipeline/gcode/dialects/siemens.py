@@ -155,7 +155,7 @@ class SiemensReader:
                 "moving B or C under TRAORI needs the machine's dimensions, which are not known: "
                 "post the program with 3+2 axes"
             )
-        elif memory.transformed and memory.shifted:
+        elif memory.transformed and any(memory.shift.values()):
             reason = "TRANS under TRAORI is not supported: shift the coordinates in the program"
         else:
             return

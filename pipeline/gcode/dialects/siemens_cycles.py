@@ -103,7 +103,7 @@ class CycleCall:
         return value
 
 
-def called(
+def cycle_call(
     name: str, values: Sequence[float | None], *, unit: float, feed: float, speed: float
 ) -> CycleCall:
     """The call of a cycle with its ``values`` as given, None where one is not known.

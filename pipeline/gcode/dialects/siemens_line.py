@@ -30,7 +30,7 @@ from pipeline.gcode.dialects.siemens_cycles import (
     CycleError,
     Pocket,
     Words,
-    called,
+    cycle_call,
     hole,
     places,
 )
@@ -213,12 +213,11 @@ class ModalMemory:
     """17, 18 or 19."""
     frame: Matrix = field(default_factory=lambda: UNROTATED)
     """AROT: from the program's axes to the workpiece's."""
-    shift: dict[str, Expression] = field(default_factory=dict)
+    shift: dict[str, float] = field(default_factory=dict)
     """TRANS and ATRANS by axis."""
     absolute: bool = True
-    shifted: bool = False
     transformed: bool = False
-    """G90, TRANS by more than 0, TRAORI."""
+    """G90, TRAORI."""
     at: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys("BCXY"))
     """Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg]."""
     defined: dict[str, str] = field(default_factory=dict)
@@ -242,7 +241,7 @@ class ModalMemory:
         """It ends: variables are those of its caller, and with SAVE G codes and frames."""
         names = ["defined", "given", "saves", *(["modal"] if modal else [])]
         if self.saves:
-            names += ["motion", "unit", "plane", "frame", "shift", "absolute", "shifted"]
+            names += ["motion", "unit", "plane", "frame", "shift", "absolute"]
             self.at["X"] = self.at["Y"] = None
         for name in names:
             setattr(self, name, getattr(before, name))
@@ -657,36 +656,20 @@ class LineReader:
         given = self._axes(token)
         self.shifts = True
         memory = self.memory
-        if token.head == "ATRANS":
-            given = self._added(token, given)
-        memory.frame, memory.shift = UNROTATED, given
-        memory.at["X"] = memory.at["Y"] = None
-        memory.shifted = any(constant(value) != 0 for value in given.values())
-        self.word("G", 52.0, token)
-        for letter in "XYZ":
-            self.word(letter, given.get(letter, Number(0.0)), token)
-
-    def _added(self, token: Token, given: dict[str, Expression]) -> dict[str, Expression]:
-        """The shift of TRANS and ATRANS before with one more."""
-        before = self.memory.shift
-        if not np.array_equal(self.memory.frame, UNROTATED):
+        if token.head == "ATRANS" and not np.array_equal(memory.frame, UNROTATED):
             raise self.stream.error(
                 token, "ATRANS along axes that AROT turned is not followed: write TRANS and AROT"
             )
-        if not given:
+        if token.head == "ATRANS" and not given:
             raise self.stream.error(token, "ATRANS names no axis: add X, Y or Z")
-        total = dict(before)
+        before = memory.shift if token.head == "ATRANS" else {}
+        memory.frame, memory.shift = UNROTATED, dict(before)
         for letter, value in given.items():
-            base = constant(before.get(letter, Number(0.0)))
-            if base is None:
-                raise self.stream.error(
-                    token, f"ATRANS adds to the {letter} of a TRANS that is no number: write TRANS "
-                    "with the sum"
-                )  # fmt: skip
-            own = constant(value)
-            added = Binary("+", Number(base), value)
-            total[letter] = added if own is None else Number(base + own)
-        return total
+            memory.shift[letter] = before.get(letter, 0.0) + value
+        memory.at["X"] = memory.at["Y"] = None
+        self.word("G", 52.0, token)
+        for letter in "XYZ":
+            self.word(letter, memory.shift.get(letter, 0.0), token)
 
     def turn(self, token: Token) -> None:
         """AROT: additive rotation of the axes."""
@@ -694,27 +677,25 @@ class LineReader:
         given = self._axes(token)
         if not given:
             raise self.stream.error(token, "AROT names no axis: add X, Y or Z and an angle")
-        angles = [constant(given.get(letter, Number(0.0))) for letter in "XYZ"]
-        if None in angles:
-            raise self.stream.error(token, "AROT takes numbers here: write the angle itself")
-        x, y, z = (angle or 0.0 for angle in angles)
-        self.memory.frame = rotated(self.memory.frame, x, y, z)
+        self.memory.frame = rotated(self.memory.frame, *(given.get(axis, 0.0) for axis in "XYZ"))
         self.memory.at["X"] = self.memory.at["Y"] = None
 
     def _by_itself(self, token: Token) -> None:
         if self.words or self.assignments:
             raise self.stream.error(token, f"{token.head} needs a block of its own: write it alone")
 
-    def _axes(self, token: Token) -> dict[str, Expression]:
+    def _axes(self, token: Token) -> dict[str, float]:
         """The rest of the line, as axes and values."""
-        given: dict[str, Expression] = {}
+        given: dict[str, float] = {}
         while (item := self.stream.next) is not None:
             self.stream.at += 1
             if item.kind not in ("address", "set") or item.head not in "XYZ":
                 raise self.stream.error(item, f"{token.head} takes X, Y and Z only: delete this")
-            given[item.head] = (
-                self.stream.expression() if item.kind == "set" else Number(item.value)
-            )
+            one = self.stream.expression() if item.kind == "set" else Number(item.value)
+            value = self.memory.value(one)
+            if value is None:
+                raise self.stream.error(item, f"{token.head} takes numbers: write the value itself")
+            given[item.head] = value
         return given
 
     def transform(self, token: Token) -> None:
@@ -759,7 +740,7 @@ class LineReader:
 
     def _call(self, token: Token, values: Values) -> CycleCall:
         memory = self.memory
-        call = called(
+        call = cycle_call(
             token.head, values, unit=memory.unit, feed=memory.feed or 0, speed=memory.speed or 0
         )
         if memory.plane != 17 and token.head not in PATTERNS:
