@@ -124,9 +124,12 @@ def cycle_call(
             raise CycleError(f"{one} is followed as a number: write it so")
         given[one] = value
     call = CycleCall(given=given, unit=unit, feed=feed, speed=speed)
-    other = given.get("_GMODE") or given.get("_DMODE", 0.0) % 10 > 1 or call.mode(5)
-    if other or (name in POCKETS and any(given[one] for one in ("_UMODE", *_MODES[::2]))):
-        raise CycleError(f"{name} is followed with _GMODE 0 and its plane as it is: post it so")
+    if name in POCKETS and any(given[one] for one in ("_UMODE", *_MODES[::2])):
+        raise CycleError(f"{name} with _UMODE, _GMODE or _AMODE is not followed: leave them out")
+    if given.get("_GMODE") or given.get("_DMODE", 0.0) % 10 > 1 or call.mode(5):
+        raise CycleError(
+            f"{name} is followed with _GMODE 0, under G17 and without percents: post so"
+        )
     return call
 
 
