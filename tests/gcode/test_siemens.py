@@ -387,6 +387,56 @@ def test_cycle84_taps_and_turns_back(pitch, lead, ways):
     assert (made.direction[-1], made.speed[-1]) == (1, 900)
 
 
+@pytest.mark.parametrize(("call", "seconds", "bottom"), [
+    ("CYCLE82(10,0,2,-5,,3)", [3], -5), ("CYCLE82(10,0,2,-5,,-3)", [0.18], -5),
+    ("CYCLE82(10,0,2,,5,3,0,1,21)", [0.18], -5), ("CYCLE82(10,0,2,-5,9,3,0,1,12)", [3], -5),
+    ("CYCLE83(10,0,2,-5,,-3,,0,1,2,1,1,0,0,0,4,0,0,0,1001110)", [1, 2, 4], -5),
+    ("CYCLE83(10,0,2,-5,,-3,,0,1,2,1,1,0,0,0,4,0,0,0,1001220)", [0.06, 0.12, 4], -5),
+])  # fmt: skip
+def test_amode_says_what_depths_and_dwells_count(call, seconds, bottom):
+    made = moves(f"F100 S1000 M3\nG0 Z20\n{call}\nM30")
+    assert made.value[made.kind == Kind.DWELL].tolist() == pytest.approx(seconds)
+    assert made.end[:, 2].min() == bottom
+
+
+@pytest.mark.parametrize(("unit", "call", "lead", "depths", "way"), [
+    ("G710", "3,,1.5,0,400,500", 1.5, [-10, 2], 1),
+    ("G710", "3,,20,0,400,500,,2", 1.27, [-10, 2], 1),
+    ("G710", "3,,0.05,0,400,500,,3", 1.27, [-10, 2], 1),
+    ("G700", "3,,1.27,0,400,500,,1", 1.27, [-254, 50.8], 1),
+    ("G700", "3,,0.05,0,400,500", 1.27, [-254, 50.8], 1),
+    ("G710", "4,,1.5,0,400,500,0,1,0,0,5,1.4,\"\",\"\",\"\",,1,1002002", 1.5, [-10, 2], -1),
+    ("G710", "3,,1.5,0,400,500,,,,1,4,0.5", 1.5, [-4, -3.5, -8, -7.5, -10, 2], 1),
+    ("G710", "3,,1.5,0,400,500,,,,2,6", 1.5, [-6, 2, -10, 2], 1),
+])  # fmt: skip
+def test_cycle84_counts_its_pitch_in_its_own_unit_and_pecks(unit, call, lead, depths, way):
+    made = moves(f"{unit} F100 S900 M3\nG0 Z20\nCYCLE84(10,0,2,-10,,,{call})\nM30")
+    cut = made.kind == Kind.THREAD
+    assert made.end[cut, 2].tolist() == pytest.approx(depths)
+    assert made.feed[cut] == pytest.approx(lead)
+    assert made.direction[cut].tolist() == [way, -way] * (len(depths) // 2)
+
+
+def test_cycle86_leaves_the_wall_with_the_spindle_at_rest():
+    made = moves("F100 S900 M3\nG0 Z20\nCYCLE86(10,0,2,-5,,1,4,1,-0.5,0.2,45)\nM30")
+    goes = (made.start != made.end).any(axis=1)
+    assert made.end[goes, :3].tolist()[1:] == [
+        [0, 0, 2], [0, 0, -5], [1, -0.5, -4.8], [1, -0.5, 2], [0, 0, 10]
+    ]  # fmt: skip
+    assert made.direction[goes].tolist() == [1, 1, -1, 0, 0, 0]
+
+
+def test_arguments_of_cycles_are_known_when_their_line_is_read():
+    """R parameters in a depth, in F and in where the tool stands; a first hole that is nearer."""
+    text = "R1=-5 R2=50\nF=R2\nG0 X=R2 Y0\nMCALL CYCLE83(10,0,2,R1,,,R2/25,0,0,0,0.5,1)\nR1=9 R2=1"
+    made = moves(f"S900 M3\nG0 Z20\n{text}\nHOLES1(0,0,0,10,10,2)\nMCALL\nM30")
+    cut = (made.kind == Kind.FEED) & (made.start[:, 2] > made.end[:, 2])
+    assert made.end[cut][:, [0, 2]].tolist() == [
+        [20, -2], [20, -4], [20, -5], [10, -2], [10, -4], [10, -5]
+    ]  # fmt: skip
+    assert made.feed[cut].tolist() == [25, 50, 50] * 2
+
+
 def test_patterns_of_holes_drill_each_place():
     row = holes("MCALL CYCLE81(10,0,2,-5)\nHOLES1(10,0,0,2,5,3)\nMCALL\nX1")
     assert [x for kind, x, z in row if kind == "F"] == [12, 17, 22]

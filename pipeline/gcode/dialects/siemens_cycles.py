@@ -88,10 +88,10 @@ class CycleCall:
         relative = self.given["DPR"] if self.mode(0) != 2 else 0.0
         return self.given["RFP"] - abs(relative) if relative else self.given["DP"]
 
-    def dwell(self, name: str, letter: str = "") -> list[Words]:
-        """G4 of seconds, or of revolutions where the value is negative."""
-        time = self.given[letter or name]
-        if time < 0 or (time and self.mode(1) == 2):
+    def dwell(self, name: str) -> list[Words]:
+        """G4 of seconds, or of revolutions where the value is negative or _AMODE says so."""
+        time = self.given[name]
+        if time < 0 or (time and self.mode(("DTB", "DTS", "_DTD").index(name) + 1) == 2):
             time = abs(time) * 60 / self.known(self.speed, "S")
         return [(("G", 4.0), ("P", time))] if time else []
 
@@ -201,7 +201,7 @@ def _pecked(call: CycleCall) -> Iterator[Words]:
             yield (("F", call.feed),)
             slow = False
         last = depth == bottom
-        yield from call.dwell("DTB", "_DTD" if last and given["_DTD"] else "")
+        yield from call.dwell("_DTD" if last and given["_DTD"] else "DTB")
         if not last and given["VARI"]:
             yield _rapid(call.above)
             yield from call.dwell("DTS")
