@@ -106,7 +106,7 @@ def pocket(call, radius=5.0):
     return interpret(parse_program(text.encode(), "test.mpf"), setup)
 
 
-def points(made, rows, step=0.2):
+def points(made, rows, step=0.5):
     """Points along straight lines and circles, in the order of the rows."""
     start, found = made.start, []
     for row in rows:
@@ -174,7 +174,7 @@ def test_rectangular_pocket_stays_inside_and_leaves_only_its_allowance(call):
     # all of the floor but what the corners keep lies under the tool
     if not (finish and not fald):
         floor = path[:, 2] < -6 + bottom + 1e-9
-        a, b = np.meshgrid(np.linspace(-half[0], half[0], 40), np.linspace(-half[1], half[1], 40))
+        a, b = np.meshgrid(np.linspace(-half[0], half[0], 20), np.linspace(-half[1], half[1], 20))
         gap = np.hypot(a.ravel()[:, None] - u[floor], b.ravel()[:, None] - v[floor]).min(axis=1)
         assert gap.max() < 5.0
     turning = made.angle[rows][made.kind[rows] == Kind.ARC]

@@ -43,7 +43,7 @@ PATTERNS = ("HOLES1", "HOLES2")
 POCKETS = ("POCKET3", "POCKET4")
 ALONG_Z = (0.0, 3.0)
 """Values of _AXN that drill along Z."""
-MOST_STROKES, MOST_HOLES, MOST_PASSES = 10_000, 10_000, 1_000
+MOST_STROKES, MOST_HOLES, MOST_PASSES = 10_000, 10_000, 200
 SHORT_HOLE, AHEAD, MOST_AHEAD = 30.0, 0.6, 7.0
 """Depth up to which CYCLE83 stops 0.6 mm above the depth reached, beyond it depth / 50 [mm]."""
 CHIP_RETRACT = 1.0
