@@ -242,6 +242,7 @@ def test_statement_says_where_its_words_stand():
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
         ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "SDIR is 0"),
         ("MCALL POCKET4(9,0,1,-2,9,0,0,2)", "POCKET4(", 7, "MCALL is known with CYCLE81"),
+        ("G41 X1\nX9\nCYCLE81(9,0,1,-2)", "CYCLE81(", 1, "write G40 before"),
         ("CYCLE72(1)", "CYCLE72(", 1, "is not known"),
         ("CYCLE81(9,0,1,-2,,0,1)", "CYCLE81(", 1, "_GMODE 0"),
         ("F1\nCYCLE83(9,0,1,-9,,,5,50,0,0,1,0,0,0,0,0,0,0,1,211111)", "CYCLE83(", 1, "_GMODE 0"),

@@ -108,6 +108,8 @@ class SiemensReader:
                 memory.motion = value
             elif word.letter == "G" and value in (17.0, 18.0, 19.0):
                 memory.plane = value
+            elif word.letter == "G" and value in (40.0, 41.0, 42.0):
+                memory.compensated = value != 40.0
             elif word.letter == "G" and value in (90.0, 91.0):
                 memory.absolute = value == 90.0
             elif word.letter == "G" and value in (*UNITS, *SYSTEMS):

@@ -217,7 +217,8 @@ class ModalMemory:
     """TRANS and ATRANS by axis."""
     absolute: bool = True
     transformed: bool = False
-    """G90, TRAORI."""
+    compensated: bool = False
+    """G90, TRAORI, G41 or G42."""
     at: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys("BCXY"))
     """Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg]."""
     defined: dict[str, str] = field(default_factory=dict)
@@ -743,6 +744,8 @@ class LineReader:
         call = cycle_call(
             token.head, values, unit=memory.unit, feed=memory.feed or 0, speed=memory.speed or 0
         )
+        if memory.compensated:
+            raise CycleError(f"{token.head} cannot run under G41 or G42: write G40 before")
         if memory.plane != 17 and token.head not in PATTERNS:
             raise CycleError(f"{token.head} is followed along Z, under G17: post single moves")
         return call
