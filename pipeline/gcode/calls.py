@@ -8,11 +8,12 @@ from pathlib import Path
 
 from pipeline.gcode.dialects.siemens_flow import Structure, structures
 from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
+from pipeline.gcode.dialects.siemens_line import ModalMemory
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC
 from pipeline.gcode.program import Program, read_program
-from pipeline.gcode.run import Jump, Run
+from pipeline.gcode.run import Jump, Run, Snapshot
 from pipeline.gcode.statements import Control, Number, Statement
 
 _O_WORD = re.compile(rb"[\s/\d]*?(?:[nN]\s*[\d.]+\s*)?[oO]")
@@ -92,6 +93,19 @@ class Source:
         """Labels and block numbers of a Sinumerik program -> the lines that bear them."""
         return siemens_labels(self.program)
 
+    def part(self, first: str, last: str, line: int) -> range | None:
+        """Lines that REPEAT or CALL BLOCK in a line carries out; None where a label is missing.
+
+        Without ``last`` they end at ENDLABEL, or before the line of REPEAT itself.
+        """
+        begin = self.marked(first, line, "gotob") or self.marked(first, line, "goto")
+        if begin is None:
+            return None
+        ends = [place for place in self.marks.get(last or "ENDLABEL", []) if place >= begin]
+        if not last and begin < line and not (ends and ends[0] < line):
+            return range(begin, line)
+        return range(begin, ends[0] + 1) if ends else None
+
     def marked(self, mark: str, line: int, word: str) -> int | None:
         """Line that ``word`` (goto, gotof or gotob) jumps to from a line."""
         places = self.marks.get(mark, [])
@@ -163,6 +177,20 @@ class Source:
         return labels
 
 
+ENDINGS = (".spf", ".mpf", ".nc", ".txt")
+"""Endings of files that a Sinumerik's call finds, the first first."""
+
+
+def _section(program: Program, name: str) -> Program | None:
+    """The program that ``%_N_NAME_SPF`` opens in a file of several, with the file's lines."""
+    head = rb"(?im)^[ \t]*%%_N_%b_[SM]PF\b" % re.escape(name.encode("latin-1", "replace"))
+    found = re.search(head, program.data)
+    if found is None:
+        return None
+    above = program.data.count(b"\n", 0, found.start())
+    return Program(b"\n" * above + program.data[found.start() :], program.name)
+
+
 DEEPEST = 100
 """Levels of calls; controls allow 4 to 15."""
 Variables = FanucVariables | LinuxcncParameters | SiemensVariables
@@ -186,6 +214,14 @@ class Level:
     """Repetitions after the current one."""
     loops: dict[str, int] = field(default_factory=dict)
     """Label of an open repeat or do -> repetitions left, or the line of the do."""
+    stop: int | None = None
+    """The line behind the last of lines between labels; None elsewhere."""
+    arguments: dict[int, float] | None = None
+    """What a Sinumerik's call gives, by number; None where no program of one begins."""
+    modal: bool = False
+    """Whether MCALL made the call."""
+    before: ModalMemory | None = None
+    """What the reader remembered before the call."""
 
 
 class CallStack:
@@ -199,11 +235,17 @@ class CallStack:
         From a program and a line number to the statement.
     program : Program
         The main program.
+    memory : ModalMemory, optional
+        What the reader of a Sinumerik's lines remembers.
     """
 
-    def __init__(self, run: Run, variables: Variables, parse: Parser, program: Program) -> None:
-        self.run, self.variables, self.parse = run, variables, parse
+    def __init__(
+        self, run: Run, variables: Variables, parse: Parser, program: Program,
+        memory: ModalMemory | None = None,
+    ) -> None:  # fmt: skip
+        self.run, self.variables, self.parse, self.memory = run, variables, parse, memory
         self.files: dict[Path, Source] = {}
+        self.programs: dict[str, Source] = {}
         main = self._source(program)
         self.levels = [Level(source=main, line=main.body.start, first=main.body.start)]
 
@@ -236,8 +278,29 @@ class CallStack:
         self._enter(Level(source=source, line=first, first=first, label=label), error)
         self.variables.enter({index + 1: value for index, value in enumerate(arguments)})
 
+    def call_program(
+        self, control: Control, arguments: dict[int, float], count: int, line: int, at: ErrorAt
+    ) -> None:
+        """A Sinumerik's call of a subprogram, or of the lines between two labels."""
+        label, modal = str(control.label), control.kind.endswith("mcall")
+        source = self._program(label, at) if label else self.current.source
+        level = Level(source=source, line=source.body.start, first=source.body.start, modal=modal)
+        level.arguments = arguments if label else None
+        if control.part[0]:
+            lines = source.part(*control.part, 0 if label else line)
+            if lines is None:
+                first, last = control.part[0], control.part[1] or "ENDLABEL"
+                raise at(f"{first} to {last} is not in the program: add the labels")
+            level.line = level.first = lines.start
+            level.stop = lines.stop
+        level.repeats_left = count - 1
+        if count:
+            self._enter(level, at)
+
     def return_to_caller(self, number: int | None, line: int, jump: Jump | None) -> bool:
         """M99, or the end of an O-word subroutine; False in the main program."""
+        while jump is not None and self.current.stop and self.current.arguments is None:
+            self._leave()  # M17 ends the program that repeats some of its lines
         level = self.current
         if number is not None and (len(self.levels) == 1 or level.repeats_left == 0):
             target = self.levels[-2] if len(self.levels) > 1 else level
@@ -253,6 +316,9 @@ class CallStack:
             level.repeats_left -= 1
             level.line = level.first
             level.loops.clear()
+            if level.arguments is not None:
+                self._end(level, self.run.saved[-1])
+                self._begin(level)
             if level.jump is not None and level.jump.arguments is not None:
                 self.variables.leave()
                 self.variables.enter(dict(level.jump.arguments))
@@ -266,12 +332,29 @@ class CallStack:
         self.levels.append(level)
         self.run.saved.append(None)
         self.run.state.file = level.source.file
+        if level.arguments is not None:
+            self._begin(level)
+
+    def _begin(self, level: Level) -> None:
+        """A Sinumerik's subprogram begins, again where P counts."""
+        if self.memory is not None and level.arguments is not None:
+            level.before = self.memory.enter(frozenset(level.arguments), modal=level.modal)
+            self.variables.enter(level.arguments)
+            self.run.saved[-1] = Snapshot.of(self.run, automatic=False)
+
+    def _end(self, level: Level, snapshot: Snapshot | None) -> None:
+        if self.memory is not None and level.before is not None:
+            if snapshot is not None and self.memory.saves:
+                snapshot.restore(self.run)
+            self.memory.leave(level.before, modal=level.modal)
+            self.variables.leave()
 
     def _leave(self) -> None:
         if len(self.levels) == 1:
             return
         level = self.levels.pop()
         snapshot = self.run.saved.pop()
+        self._end(level, snapshot)
         if snapshot is not None and snapshot.automatic:
             snapshot.restore(self.run)
         if level.label is not None or (level.jump and level.jump.arguments is not None):
@@ -293,6 +376,18 @@ class CallStack:
         source = self._file(stems, error, f"O{number:04d}")
         head = source.programs.get(number)
         return source, source.body.start if head is None else head + self._skips_head
+
+    def _program(self, label: str, error: ErrorAt) -> Source:
+        """A Sinumerik's program: a part of this file, or a file of its own."""
+        if label not in self.programs:
+            stem, _, ending = label.lower().partition(".")
+            section = _section(self.levels[0].source.program, stem)
+            stems = {stem, *(f"{n}{stem}_{e}" for n in ("", "_n_") for e in ("spf", "mpf"))}
+            endings = (f".{ending}",) if ending else ENDINGS
+            self.programs[label] = (
+                self._source(section) if section else self._file(stems, error, label, endings)
+            )
+        return self.programs[label]
 
     def _local(self, number: int, error: ErrorAt) -> tuple[Source, int]:
         """The line N of a number in the program that runs."""
@@ -318,16 +413,27 @@ class CallStack:
             raise error(f"the file {source.program.name} has no o<{label}> sub: add it")
         return source, sub.line + 1
 
-    def _file(self, stems: set[str], error: ErrorAt, shown: str) -> Source:
+    def _file(
+        self, stems: set[str], error: ErrorAt, shown: str, endings: tuple[str, ...] = ()
+    ) -> Source:
+        """The file of one of some names, whatever its ending or in the order of ``endings``."""
         for folder in self.run.setup.folders:
-            for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-                if path.stem.lower() in stems and path.is_file():
-                    if path not in self.files:
-                        self.files[path] = self._source(read_program(path))
-                    return self.files[path]
+            paths = sorted(folder.iterdir()) if folder.is_dir() else []
+            paths = [path for path in paths if path.stem.lower() in stems and path.is_file()]
+            if endings:
+                order = {ending: place for place, ending in enumerate(("", *endings))}
+                paths = [path for path in paths if path.suffix.lower() in order]
+                paths.sort(key=lambda path: order[path.suffix.lower()])
+            if paths:
+                if paths[0] not in self.files:
+                    self.files[paths[0]] = self._source(read_program(paths[0]))
+                return self.files[paths[0]]
+        unknown = "this is no word that is known, and " if endings and shown[1:].isalpha() else ""
         raise error(
-            f"the subprogram {shown} is neither in this file nor in the folders searched: "
+            f"{unknown}the subprogram {shown} is neither in this file nor in the folders searched: "
             "add its folder to setup.folders of the machine's file"
+            + ", or rewrite the word"
+            * bool(unknown)
         )
 
     def _error(self, line: int, jump: Jump | None) -> ErrorAt:

@@ -5,6 +5,7 @@ from functools import partial
 from pipeline.gcode.calls import CallStack
 from pipeline.gcode.dialects.siemens_flow import JUMPS, Structure
 from pipeline.gcode.dialects.siemens_flow import KIND as SIEMENS
+from pipeline.gcode.dialects.siemens_tokens import OMITTED
 from pipeline.gcode.dialects.variables import SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.statements import (
@@ -21,6 +22,8 @@ from pipeline.gcode.statements import (
 )
 
 MOST_REPEATS = 1_000_000_000
+MOST_TIMES = 9999
+"""Largest P of a Sinumerik's call."""
 LONGEST_LABEL = 1e15
 
 
@@ -101,6 +104,9 @@ class Flow:
         """Branches and loops of the Sinumerik."""
         level = self.calls.current
         word = control.kind.removeprefix(SIEMENS)
+        if word in ("call", "mcall", "part"):
+            self._call(control, line, at)
+            return
         if word.upper() in JUMPS:
             if control.condition is None or self._value(control.condition, at):
                 level.line = self._marked(str(control.label), line, word, at)
@@ -126,11 +132,26 @@ class Flow:
         else:
             level.line = always.get(word, level.line)
 
+    def _call(self, control: Control, line: int, at: ErrorAt) -> None:
+        """A subprogram, or lines between labels, P times."""
+        at = self._at(line, control.column, str(control.label) or "REPEAT")
+        times = self._value(control.condition, at)
+        if times != int(times) or not 0 <= times <= MOST_TIMES:
+            raise at(f"P{times:g} must be a whole number from 0 to {MOST_TIMES}: correct it")
+        given = enumerate(control.arguments, 1)
+        values = {n: self._value(one, at) for n, one in given if one is not OMITTED}
+        self.calls.call_program(control, values, int(times), line, at)
+
     def _marked(self, mark: str, line: int, word: str, at: ErrorAt) -> int:
-        target = self.calls.current.source.marked(mark, line, word)
+        level = self.calls.current
+        target = level.source.marked(mark, line, word)
         if target is None:
             where = {"gotof": "below this line", "gotob": "above this line"}.get(word, "here")
             raise at(f"{mark} is no label or block number {where}: add it or correct the jump")
+        if level.stop and not level.first <= target < level.stop:
+            raise at(
+                f"{mark} leads out of the lines that REPEAT or CALL BLOCK repeats: stay inside"
+            )
         return target
 
     def _next_count(self, found: Structure, line: int, at: ErrorAt) -> None:

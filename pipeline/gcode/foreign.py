@@ -102,7 +102,7 @@ TURNING = {
         rb"|\bG32(?=[^\n]*[XZUW])(?=[^\n]*F)[^\n]*"
     ),
     "siemens": _words(
-        rb"\b(?:DIAMON|DIAM90|DIAMCYCOF)\b|\bCYCLE9(?:[3-9]|30|40|5[012])\s*\(|\bG33(?=[^\n]*[XZ])"
+        rb"\b(?:DIAMON|DIAM90|DIAMCYCOF)\b|\bCYCLE9(?:[3-9]|30|40|5[012])\s*\(|\bG33(?!\d)(?=[^\n]*[XZ])"
     ),
     "linuxcnc": _words(rb"(?!)"),
 }

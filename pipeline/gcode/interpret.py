@@ -102,8 +102,7 @@ def restart_at(program: Program, setup: Setup, line: int) -> Restart:
     if not interpreter.until(line):
         raise ValueError(f"{program.name} never comes to line {line}: name one that is executed")
     inside, siemens = len(interpreter.calls.levels) > 1, interpreter.siemens
-    drilling = siemens.memory.drilling if siemens is not None else None
-    modal = drilling[0].head if drilling is not None else ""
+    modal = siemens.memory.called if siemens is not None else ""
     return restart_of(interpreter.run, line, inside=inside, modal=modal)
 
 
@@ -118,7 +117,7 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, int], Statement]:
     """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
     if siemens is not None:
-        return lambda source, line: siemens.statement(source.line(line))
+        return lambda source, line: siemens.statement(source.line(line), source.name)
 
     def read(source: Program, line: int) -> Statement:
         plain = statement_from_tokens(source, line)
@@ -160,8 +159,13 @@ class Interpreter:
         self.compiled = compiled and setup.dialect != "siemens"
         self.run = Run(setup, len(program) + SPARE_ROWS)
         self.variables: Variables = VARIABLES[setup.dialect](self.run)
-        self.siemens = SiemensReader(program.name, setup) if setup.dialect == "siemens" else None
-        self.calls = CallStack(self.run, self.variables, _reader(self.siemens, setup), program)
+        self.siemens = (
+            SiemensReader(program.name, setup, self.variables, self.run.note)
+            if setup.dialect == "siemens"
+            else None
+        )
+        reader, memory = _reader(self.siemens, setup), getattr(self.siemens, "memory", None)
+        self.calls = CallStack(self.run, self.variables, reader, program, memory)
         self.flow = Flow(self.calls, self.variables)
         self.blocks = 0
         self.reported = 0
@@ -194,7 +198,7 @@ class Interpreter:
         self.stop_line = line
         while not self.ended:
             level = self.calls.current
-            if level.source.program is self.program and level.line == line:
+            if level.source.file == 0 and level.line == line:
                 return True
             self._step()
         return False
@@ -222,7 +226,7 @@ class Interpreter:
         """Execute one line, or consecutive fast lines at once."""
         level = self.calls.current
         line = level.line
-        if line >= level.source.body.stop:
+        if line >= (level.stop or level.source.body.stop):
             self._end_of_file()
             return
         compiled = self.compiled and not self.run.straight_next and self.run.corner is None
@@ -252,7 +256,7 @@ class Interpreter:
                 self._execute(block)
 
     def _mark_executed(self, line: int, stop: int) -> None:
-        if self.calls.current.source.program is self.program:
+        if self.calls.current.source.file == 0:
             self.executed[line:stop] = True
 
     def _execute(self, statement: Statement) -> None:
@@ -310,6 +314,9 @@ class Interpreter:
     def _end_of_file(self) -> None:
         """Past the last line: the end of a main program, an error in a subprogram."""
         level = self.calls.current
+        if len(self.calls.levels) > 1 and self.siemens is not None:
+            self.calls.return_to_caller(None, level.line, None)
+            return
         if len(self.calls.levels) > 1:
             ending = "M99" if level.jump is not None else f"o<{level.label}> endsub"
             reason = f"the subprogram does not return: add {ending}"

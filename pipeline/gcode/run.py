@@ -151,12 +151,16 @@ class Snapshot:
     active: str
     retract_to_r: bool
     automatic: bool
+    g52: list[float] | None = None
+    """Shift by TRANS that SAVE of a Sinumerik restores, which leaves F, S and tools as they are."""
 
     @classmethod
     def of(cls, run: "Run", *, automatic: bool) -> "Snapshot":
         """State that is in force now."""
+        siemens = run.dialect == "siemens"
         return cls(
-            values={name: getattr(run.state, name) for name in SAVED},
+            values={name: getattr(run.state, name) for name in (MODES if siemens else SAVED)},
+            g52=list(run.offsets.g52) if siemens else None,
             length=list(run.offsets.length),
             active=run.offsets.active,
             retract_to_r=run.retract_to_r,
@@ -167,8 +171,11 @@ class Snapshot:
         """Put it in force again."""
         for name, value in self.values.items():
             setattr(run.state, name, value)
-        run.offsets.length, run.offsets.active = list(self.length), self.active
-        run.retract_to_r = self.retract_to_r
+        run.offsets.active, run.retract_to_r = self.active, self.retract_to_r
+        if self.g52 is None:
+            run.offsets.length = list(self.length)
+        else:
+            run.offsets.g52 = list(self.g52)
         run.remap()
 
 
@@ -211,6 +218,8 @@ SAVED = (
     "speed", "direction", "constant_surface_speed", "wcs",
 )  # fmt: skip
 """Fields of the state that M70 saves."""
+MODES = ("motion", "unit", "plane", "absolute", "feed_mode", "path_mode", "tolerance", "wcs")
+"""Those that SAVE of a Sinumerik restores."""
 
 
 class Run:

@@ -110,6 +110,8 @@ class Control:
         Of ``call``.
     then : tuple of Assignment
         Of ``if_then``.
+    part : tuple of 2 str
+        Labels of the first and last line that a Sinumerik's REPEAT or CALL BLOCK carries out.
     """
 
     kind: str
@@ -118,6 +120,7 @@ class Control:
     condition: Expression | None = None
     arguments: tuple[Expression, ...] = ()
     then: tuple[Assignment, ...] = ()
+    part: tuple[str, str] = ("", "")
 
 
 @dataclass(frozen=True, slots=True)

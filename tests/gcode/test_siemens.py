@@ -182,7 +182,7 @@ def test_statement_says_where_its_words_stand():
 @pytest.mark.parametrize(
     ("text", "word", "column", "said"),
     [
-        ("G1 FOO X1", "FOO", 4, "if it calls a subprogram, put its blocks here"),
+        ("G1 FOO X1", "FOO", 4, "write the call in a block of its own"),
         ("X=DC(5)", "DC(", 3, "write X=AC("),
         ("SUPA X=IC(5)", "X=", 6, "beside SUPA or G53"),
         ("R1=2 X=R1", "R1", 1, "a block before"),
@@ -201,7 +201,14 @@ def test_statement_says_where_its_words_stand():
         ("DEF REAL RND=1", "RND=", 10, "another name"),
         ("DEF REAL", "REAL", 5, "needs the name"),
         ("FOR X=1 TO 3", "X=", 5, "define it with DEF"),
-        ('EXTCALL("A")', "EXTCALL(", 1, "put its blocks here"),
+        ('EXTCALL("A"', "end of line", 1, ") is missing"),
+        ("PCALL", "PCALL", 1, 'write PCALL "A"'),
+        ("NAME P2 X5", "NAME", 1, "a block of its own"),
+        ("G0 X1 L10", "L10", 7, "a block of its own"),
+        ("RET(5)", "RET(", 1, "is not known"),
+        ("PROC PP(VAR REAL AA)", "VAR", 9, "VAR and texts are not"),
+        ("PROC PP BLSYNC", "BLSYNC", 9, "delete it"),
+        ("MCALL HOLES2(0,0,20,0,0,4)", "HOLES2(", 7, "CYCLE81 to"),
         ("CASE(R1) OF 1 GOTOF AA", "CASE(", 1, "is not followed"),
         ("G2 X10 R5", "R5", 8, "write CR="),
         ("X=IC(2*R1) R1=2", "R1", 12, "a block before"),
@@ -212,18 +219,16 @@ def test_statement_says_where_its_words_stand():
         ("R1000=1", "R1000=", 1, "from R0 to R999"),
         ("R1=ATAN2(1)", ")", 11, "takes two values"),
         ("R[1]=2", "[", 2, "fields"),
-        ("REPEAT AA BB P=2", "REPEAT", 1, "between labels"),
-        ("REPEATB AA P=2", "REPEATB", 1, "is not followed"),
-        ("L100 P2", "L100", 1, "put its blocks here"),
-        ('EXTCALL "A"', "EXTCALL", 1, "put its blocks here"),
+        ("REPEAT AA BB CC", "REPEAT", 1, "a block of its own"),
+        ("REPEATB 5", "5", 9, "needs a label"),
         ("ROT Z30", "ROT", 1, "program's axes"),
         ("G4 S5", "G4", 1, "write G4 F"),
         ("G33 Z-5 K1", "G33", 1, "without it"),
-        ("CYCLE85(1,2,3)", "CYCLE85(", 1, "post it as single moves"),
+        ("CYCLE85(1,2,3)", "CYCLE85(", 1, "the first four at least"),
         ("CYCLE83(10,0,1,-20)", "CYCLE83(", 1, "FDEP or FDPR"),
         ("CYCLE83(10,0,1,-20,,,5,-0.5)", "CYCLE83(", 1, "_MDEP"),
         ("CYCLE83(10,0,1,-20,,,R1)", "CYCLE83(", 1, "FDPR is followed as a number"),
-        ("F100\nCYCLE83(10,0,1,-20,,,5,0,-1)", "CYCLE83(", 1, "DTB is -1"),
+        ("F100\nCYCLE83(10,0,1,-20,,,5,0,-1)", "CYCLE83(", 1, "the S before"),
         ("CYCLE83(10,0,1,-20,,,5,0,0,0,0.5)", "CYCLE83(", 1, "the F before"),
         ("S100\nCYCLE84(10,0,1,-20,,,3)", "CYCLE84(", 1, "no pitch"),
         ("S100\nCYCLE84(10,0,1,-20,,,,,1)", "CYCLE84(", 1, "SDAC 3, 4 or 5"),
@@ -235,7 +240,13 @@ def test_statement_says_where_its_words_stand():
         ("MCALL CYCLE81(9,0,1,-2)\nHOLES2(0,0,20)", "HOLES2(", 1, "write all of them"),
         ("G0 X=R1\nMCALL CYCLE81(9,0,1,-2)\nHOLES1(0,0,0,0,9,3)", "HOLES1(", 1, "is not known"),
         ("CYCLE800(1,2)", "CYCLE800(", 1, "machine's dimensions"),
-        ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "CYCLE81 to CYCLE84 only"),
+        ("MCALL CYCLE86(1,0,1,-2)", "CYCLE86(", 7, "SDIR is 0"),
+        ("MCALL POCKET4(9,0,1,-2,9,0,0,2)", "POCKET4(", 7, "MCALL is known with CYCLE81"),
+        ("G41 X1\nX9\nCYCLE81(9,0,1,-2)", "CYCLE81(", 1, "write G40 before"),
+        ("CYCLE72(1)", "CYCLE72(", 1, "is not known"),
+        ("CYCLE81(9,0,1,-2,,0,1)", "CYCLE81(", 1, "_GMODE 0"),
+        ("F1\nCYCLE83(9,0,1,-9,,,5,50,0,0,1,0,0,0,0,0,0,0,1,211111)", "CYCLE83(", 1, "_GMODE 0"),
+        ("POCKET4(9,0,1,-2,9,0,0,2,0,0,300,100,0,11)", "POCKET4(", 1, "diameter of tool 0"),
         ("MCALL CYCLE81(1,0,1)", "CYCLE81(", 7, "the first four at least"),
         ("G1 X1 D2", "D2", 7, "write D1 or D0"),
         ("AROT", "AROT", 1, "names no axis"),
@@ -377,6 +388,56 @@ def test_cycle84_taps_and_turns_back(pitch, lead, ways):
     assert (made.direction[-1], made.speed[-1]) == (1, 900)
 
 
+@pytest.mark.parametrize(("call", "seconds", "bottom"), [
+    ("CYCLE82(10,0,2,-5,,3)", [3], -5), ("CYCLE82(10,0,2,-5,,-3)", [0.18], -5),
+    ("CYCLE82(10,0,2,,5,3,0,1,21)", [0.18], -5), ("CYCLE82(10,0,2,-5,9,3,0,1,12)", [3], -5),
+    ("CYCLE83(10,0,2,-5,,-3,,0,1,2,1,1,0,0,0,4,0,0,0,1001110)", [1, 2, 4], -5),
+    ("CYCLE83(10,0,2,-5,,-3,,0,1,2,1,1,0,0,0,4,0,0,0,1001220)", [0.06, 0.12, 4], -5),
+])  # fmt: skip
+def test_amode_says_what_depths_and_dwells_count(call, seconds, bottom):
+    made = moves(f"F100 S1000 M3\nG0 Z20\n{call}\nM30")
+    assert made.value[made.kind == Kind.DWELL].tolist() == pytest.approx(seconds)
+    assert made.end[:, 2].min() == bottom
+
+
+@pytest.mark.parametrize(("unit", "call", "lead", "depths", "way"), [
+    ("G710", "3,,1.5,0,400,500", 1.5, [-10, 2], 1),
+    ("G710", "3,,20,0,400,500,,2", 1.27, [-10, 2], 1),
+    ("G710", "3,,0.05,0,400,500,,3", 1.27, [-10, 2], 1),
+    ("G700", "3,,1.27,0,400,500,,1", 1.27, [-254, 50.8], 1),
+    ("G700", "3,,0.05,0,400,500", 1.27, [-254, 50.8], 1),
+    ("G710", "4,,1.5,0,400,500,0,1,0,0,5,1.4,\"\",\"\",\"\",,1,1002002", 1.5, [-10, 2], -1),
+    ("G710", "3,,1.5,0,400,500,,,,1,4,0.5", 1.5, [-4, -3.5, -8, -7.5, -10, 2], 1),
+    ("G710", "3,,1.5,0,400,500,,,,2,6", 1.5, [-6, 2, -10, 2], 1),
+])  # fmt: skip
+def test_cycle84_counts_its_pitch_in_its_own_unit_and_pecks(unit, call, lead, depths, way):
+    made = moves(f"{unit} F100 S900 M3\nG0 Z20\nCYCLE84(10,0,2,-10,,,{call})\nM30")
+    cut = made.kind == Kind.THREAD
+    assert made.end[cut, 2].tolist() == pytest.approx(depths)
+    assert made.feed[cut] == pytest.approx(lead)
+    assert made.direction[cut].tolist() == [way, -way] * (len(depths) // 2)
+
+
+def test_cycle86_leaves_the_wall_with_the_spindle_at_rest():
+    made = moves("F100 S900 M3\nG0 Z20\nCYCLE86(10,0,2,-5,,1,4,1,-0.5,0.2,45)\nM30")
+    goes = (made.start != made.end).any(axis=1)
+    assert made.end[goes, :3].tolist()[1:] == [
+        [0, 0, 2], [0, 0, -5], [1, -0.5, -4.8], [1, -0.5, 2], [0, 0, 10]
+    ]  # fmt: skip
+    assert made.direction[goes].tolist() == [1, 1, -1, 0, 0, 0]
+
+
+def test_arguments_of_cycles_are_known_when_their_line_is_read():
+    """R parameters in a depth, in F and in where the tool stands; a first hole that is nearer."""
+    text = "R1=-5 R2=50\nF=R2\nG0 X=R2 Y0\nMCALL CYCLE83(10,0,2,R1,,,R2/25,0,0,0,0.5,1)\nR1=9 R2=1"
+    made = moves(f"S900 M3\nG0 Z20\n{text}\nHOLES1(0,0,0,10,10,2)\nMCALL\nM30")
+    cut = (made.kind == Kind.FEED) & (made.start[:, 2] > made.end[:, 2])
+    assert made.end[cut][:, [0, 2]].tolist() == [
+        [20, -2], [20, -4], [20, -5], [10, -2], [10, -4], [10, -5]
+    ]  # fmt: skip
+    assert made.feed[cut].tolist() == [25, 50, 50] * 2
+
+
 def test_patterns_of_holes_drill_each_place():
     row = holes("MCALL CYCLE81(10,0,2,-5)\nHOLES1(10,0,0,2,5,3)\nMCALL\nX1")
     assert [x for kind, x, z in row if kind == "F"] == [12, 17, 22]
@@ -395,6 +456,12 @@ def test_a_cycle_keeps_the_values_of_its_mcall_and_the_motion_in_force():
     ]  # fmt: skip
 
 
+def test_mcall_drills_where_only_the_table_turns():
+    assert [z for *_, z in holes("MCALL CYCLE81(10,0,2,-5)\nC0\nC30\nMCALL\nC60")][:8] == [
+        2, -5, 10, 10, 2, -5, 10, 10
+    ]  # fmt: skip
+
+
 def test_supa_leaves_offset_aside_and_d1_takes_the_tools_length():
     setup = Setup(
         dialect="siemens",
@@ -405,6 +472,16 @@ def test_supa_leaves_offset_aside_and_d1_takes_the_tools_length():
     rapid = made.end[made.kind == Kind.RAPID]
     np.testing.assert_array_equal(rapid[:, [0, 2]], [[0, 55], [7, 200], [101, 55]])
     assert made.tool[-1] == 1
+
+
+@pytest.mark.parametrize("change", [
+    "T5 D1 M6", "T5 M6", "T5 D1\nM6", "M6 T5 D1", 'T="DRILL"\nM6', "T5\nM6\nT1",
+])  # fmt: skip
+def test_m6_puts_the_length_of_its_own_tool_in_force(change):
+    tools = {1: Tool(length=50.0), 5: Tool(length=30.0)}
+    setup = Setup(dialect="siemens", tools=tools, tool_names={"DRILL": 5})
+    made = moves(f"T1 D1 M6\nG0 Z10\n{change}\nG0 Z10\nT1 M6 D0\nG0 Z10\nM30\n", setup)
+    assert made.end[made.kind == Kind.RAPID, 2].tolist() == [60, 40, 10]
 
 
 def test_cycle832_rounds_corners_within_its_tolerance():
@@ -582,3 +659,68 @@ def test_jumps_go_to_labels_and_block_numbers():
 def test_a_jump_that_leads_nowhere_is_said(text):
     with pytest.raises(GcodeError, match=r"AA is no label or block number (above|below) this line"):
         ends_of(text)
+
+
+SUBPROGRAMS = {
+    "L10.SPF": "%_N_L10_SPF\n;$PATH=/_N_SPF_DIR\nG91 X1\nG90\nM17\n",
+    "row.spf": "X10\nX20\nRET\n",
+    "rough.mpf": "G0 X7\nM30\n",
+    "cut.spf": "PROC CUT(REAL X, REAL YY=3) SAVE DISPLOF\nDEF REAL DEEP=2\nR9=R9+1\n"
+    "TRANS X100\nG91 G1 X=X Y=YY\nZ=-DEEP\nRET\n",
+    "inner.spf": "L10\nCUT(1)\n",
+    "peek.spf": "X=MINE\nM17\n",
+    "l10.txt": "G0 X99\nM17\n",
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    made = tmp_path_factory.mktemp("programs")
+    for name, text in SUBPROGRAMS.items():
+        (made / name).write_text(text)
+    return made
+
+
+@pytest.mark.parametrize(("text", "ends"), [
+    ("L10\nX5", [[1, 0, 0], [5, 0, 0]]),
+    ("L10 P3", [[1, 0, 0], [2, 0, 0], [3, 0, 0]]),
+    ("R1=2\nL10 P=R1", [[1, 0, 0], [2, 0, 0]]),
+    ("L10 P0\nX5", [[5, 0, 0]]),
+    ("ROW", [[10, 0, 0], [20, 0, 0]]),
+    ('CALL "L10"', [[1, 0, 0]]),
+    ('EXTCALL("ROUGH")\nX8', [[7, 0, 0], [8, 0, 0]]),
+    ('EXTCALL "CF_CARD:/JOB/ROUGH.MPF"', [[7, 0, 0]]),
+    ("PCALL /_N_WKS_DIR/CUT(4) P2\nX1",
+     [[4, 3, 0], [4, 3, -2], [8, 6, -2], [8, 6, -4], [1, 6, -4]]),
+    ("EXTERN CUT(REAL, REAL)\nCUT(5, 6)\nX1", [[5, 6, 0], [5, 6, -2], [1, 6, -2]]),
+    ("CUT(5,)\nX=R9", [[5, 3, 0], [5, 3, -2], [1, 3, -2]]),
+    ("INNER", [[1, 0, 0], [2, 3, 0], [2, 3, -2]]),
+    ("R1=5\nMCALL CUT(R1,0)\nR1=9\nX1\nX2\nMCALL\nX3",
+     [[1, 0, 0], [6, 0, 0], [6, 0, -2], [2, 0, -2], [7, 0, -2], [7, 0, -4], [3, 0, -4]]),
+    ("AA: X1\nX2\nREPEAT AA P=2\nX3", [[x, 0, 0] for x in (1, 2, 1, 2, 1, 2, 3)]),
+    ("AA: X1\nBB: X2\nX3\nREPEAT AA BB\nREPEATB AA", [[x, 0, 0] for x in (1, 2, 3, 1, 2, 1)]),
+    ("GOTOF CC\nAA: X1\nENDLABEL: X2\nX3\nCC: X4\nREPEAT AA", [[x, 0, 0] for x in (4, 1, 2)]),
+    ("CALL BLOCK AA TO BB\nX9\nM30\nAA: X1\nBB: X2", [[1, 0, 0], [2, 0, 0], [9, 0, 0]]),
+    ("AA: X1\nIF R1==1\nM17\nENDIF\nX2\nR1=1\nREPEAT AA\nX5", [[1, 0, 0], [2, 0, 0], [1, 0, 0]]),
+    ("UP\nX3\nM30\n%_N_UP_SPF\nX4\nM17\n", [[4, 0, 0], [3, 0, 0]]),
+])  # fmt: skip
+def test_subprograms_and_repeated_lines(text, ends, folder):
+    """SAVE restores G90 and TRANS; variables are each program's own; M30 and RET return."""
+    followed = [tuple(end) for end in ends_of(text, folders=(folder,))]
+    without_rest = [one for n, one in enumerate(followed) if n == 0 or one != followed[n - 1]]
+    assert without_rest == [tuple(end) for end in ends]
+
+
+@pytest.mark.parametrize(("text", "said"), [
+    ("L11", r"test.mpf:2:1: L11: the subprogram L11 is neither in this file nor"),
+    ("NIX", r"NIX: this is no word that is known, and the subprogram NIX.*or rewrite the word"),
+    ("L10 P1.5", r"P1.5 must be a whole number"),
+    ("CUT(1,2,3)", r"cut.spf:1:6: CUT\(: takes 2 values"),
+    ("DEF REAL MINE=5\nPEEK", r"peek.spf:1:.*MINE has no value.*no variables of its caller"),
+    ("REPEAT QQ", r"QQ to ENDLABEL is not in the program"),
+    ("AA: X1\nGOTOF CC\nBB: X2\nCC: X7\nREPEAT AA BB", r"CC leads out of the lines"),
+    ("AA: L10\nAB: CALL BLOCK AA TO AB", r"levels deep"),
+])  # fmt: skip
+def test_calls_that_cannot_be_made_say_why(text, said, folder):
+    with pytest.raises(GcodeError, match=said):
+        ends_of(text, folders=(folder,))

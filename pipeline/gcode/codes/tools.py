@@ -176,10 +176,12 @@ def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     elif code in (0, 1):
         run.add_row(Kind.STOP, block.line, code=code)
     elif code in (2, 30) or (code == 17 and run.dialect == "siemens"):
-        close_contour(run)
-        if code != 17:
+        # in a subprogram of a Sinumerik M2 and M30 return as M17 does
+        returns = code == 17 or (run.dialect == "siemens" and len(run.saved) > 1)
+        if not returns:
+            close_contour(run)
             run.add_row(Kind.END, block.line)
-        block.flow = Jump(kind="return" if code == 17 else "end", item=item)
+        block.flow = Jump(kind="return" if returns else "end", item=item)
     elif code in (6, 61) and (code == 6 or run.state.dialect == LINUXCNC):
         _tool_change(run, block, code, item)
     elif code in (98, 198):

@@ -9,6 +9,8 @@ it read: the tool, the modal call, the turned work plane.
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """
 
+from collections.abc import Callable
+
 from pipeline.gcode.dialects.siemens_line import (
     AXES,
     SQUARE,
@@ -21,7 +23,7 @@ from pipeline.gcode.dialects.siemens_tokens import TokenStream
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
 from pipeline.gcode.setup import Setup
-from pipeline.gcode.statements import Statement, constant
+from pipeline.gcode.statements import ParameterStore, Statement, constant
 
 UNITS = {70.0: INCH, 700.0: INCH, 71.0: 1.0, 710.0: 1.0}
 """G code -> millimetres in its unit of length."""
@@ -40,16 +42,31 @@ class SiemensReader:
         Of the control: numbers of tool names (others get the next free ones in the order in which
         they are called), variables that it has before the program begins, levels of ``/`` that are
         switched on (their lines are not read), inches.
+    store : ParameterStore, optional
+        Variables as they are when a line is read; without them only numbers are known.
+    note : callable, optional
+        Takes a line and what the user is told about it.
     """
 
-    def __init__(self, file: str, setup: Setup) -> None:
+    def __init__(
+        self, file: str, setup: Setup, store: ParameterStore | None = None,
+        note: Callable[[int, str], None] = lambda line, what: None,
+    ) -> None:  # fmt: skip
         self.file, self.skipped = file, setup.block_skip
         defined = {str(name).lower(): "REAL" for name in setup.parameters}
         unit = INCH if setup.inch else 1.0
-        self.memory = ModalMemory(dict(setup.tool_names), defined=defined, unit=unit)
+        self.memory = ModalMemory(
+            dict(setup.tool_names),
+            defined=defined,
+            common=frozenset(defined),
+            unit=unit,
+            store=store,
+            note=note,
+            radii={number: tool.diameter / 2 for number, tool in setup.tools.items()},
+        )
 
-    def statement(self, line: Line) -> Statement:
-        """Statement of the next line.
+    def statement(self, line: Line, file: str = "") -> Statement:
+        """Statement of the next line, of another ``file`` in a subprogram.
 
         Raises
         ------
@@ -58,13 +75,15 @@ class SiemensReader:
         """
         if line.skip is not None and line.skip in self.skipped:
             return Statement(line.number, line.skip, None, (), (), None, ())
-        stream = TokenStream(line.text.decode("latin-1"), line.number, self.file, line.code_start)
+        stream = TokenStream(
+            line.text.decode("latin-1"), line.number, file or self.file, line.code_start
+        )
         reader = LineReader(self.memory, stream)
         reader.read()
         if not reader.shifts:
             self._remember(reader)
             self._check(reader)
-            moved = any(word.letter in "XYZ" for word in reader.words)
+            moved = any(word.letter in AXES for word in reader.words)
             if moved and not (reader.calls or reader.rest):
                 reader.drilled()
         return Statement(
@@ -89,17 +108,17 @@ class SiemensReader:
                 memory.motion = value
             elif word.letter == "G" and value in (17.0, 18.0, 19.0):
                 memory.plane = value
+            elif word.letter == "G" and value in (40.0, 41.0, 42.0):
+                memory.compensated = value != 40.0
             elif word.letter == "G" and value in (90.0, 91.0):
                 memory.absolute = value == 90.0
-            elif word.letter == "M" and value == 6:
-                memory.tool = memory.selected
             elif word.letter == "G" and value in (*UNITS, *SYSTEMS):
                 memory.unit = UNITS.get(value, memory.unit)
                 memory.at["X"] = memory.at["Y"] = None
             elif word.letter == "F":
-                memory.feed = word.value
+                memory.feed = memory.value(word.value)
             elif word.letter == "S":
-                memory.speed = word.value
+                memory.speed = memory.value(word.value)
         self._remember_places(reader)
 
     def _remember_places(self, reader: LineReader) -> None:
@@ -109,7 +128,7 @@ class SiemensReader:
             if word.letter not in at:
                 continue
             absolute = self.memory.absolute if word.absolute is None else word.absolute
-            linear, value = word.letter in "XY", constant(word.value)
+            linear, value = word.letter in "XY", self.memory.value(word.value)
             before = 0.0 if absolute else at[word.letter] if linear else None
             if before is None or value is None or (linear and reader.machine):
                 at[word.letter] = None
@@ -138,7 +157,7 @@ class SiemensReader:
                 "moving B or C under TRAORI needs the machine's dimensions, which are not known: "
                 "post the program with 3+2 axes"
             )
-        elif memory.transformed and memory.shifted:
+        elif memory.transformed and any(memory.shift.values()):
             reason = "TRANS under TRAORI is not supported: shift the coordinates in the program"
         else:
             return

@@ -1,13 +1,14 @@
-"""Branches, loops and jumps of the Sinumerik 840D: IF, WHILE, FOR, LOOP, REPEAT and GOTO.
+"""Branches, loops, jumps, repeated parts and calls of subprograms of the Sinumerik 840D.
 
 A line of flow control holds nothing else but, at its head, a block number and a label.  Computed
-jumps (CASE, GOTOC, GOTOS) and REPEAT with labels are refused.
+jumps (CASE, GOTOC, GOTOS) are refused.
 
-Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures".
+Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures", "Repeat program
+part" and "Subprograms".
 """
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.gcode.dialects.siemens_tokens import Token, TokenStream, variable
 from pipeline.gcode.program import Program
@@ -15,10 +16,11 @@ from pipeline.gcode.statements import Assignment, Control, Expression, Number, P
 
 ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", "REPEAT": "UNTIL"}
 """Word that opens a structure -> word that closes it."""
-WORDS = frozenset((*ENDS, *ENDS.values(), "ELSE"))
+WORDS = frozenset((*ENDS, *ENDS.values(), "ELSE", "REPEATB"))
 JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB"})
 """To a label or block number: forwards, then from the top; forwards; backwards."""
-COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE", "REPEATB"})
+COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE"})
+CALLING = frozenset({"CALL", "EXTCALL", "PCALL"})
 KIND = "siemens "
 """Before the word, in small letters, that the kind of a control is called by."""
 _HEAD = re.compile(
@@ -80,14 +82,9 @@ def jump_of(token: Token, stream: TokenStream, condition: Expression | None = No
     GcodeError
         When it does not say where to, or the line holds more.
     """
-    target = stream.next
-    numbered = target is not None and target.kind == "address" and target.head == "N"
-    if target is None or not (target.kind == "name" or numbered):
-        raise stream.error(target, f"{token.head} needs a label or N and a number: add it")
-    stream.at += 1
+    label = _label(token, stream)
     if stream.next is not None:
         raise stream.error(stream.next, f"nothing may follow {token.head} here: delete it")
-    label = f"N{target.value:.17g}" if numbered else target.head
     return Control(KIND + token.head.lower(), label, token.column, condition=condition)
 
 
@@ -102,10 +99,8 @@ def control_of(token: Token, stream: TokenStream) -> Control:
     word, kind = token.head, KIND + token.head.lower()
     if word in JUMPS:
         return jump_of(token, stream)
-    if word == "REPEAT" and stream.next is not None:
-        raise stream.error(
-            token, "REPEAT of lines between labels is not followed: write FOR or LOOP"
-        )
+    if word == "REPEATB" or (word == "REPEAT" and stream.next is not None):
+        return _repeat(token, stream)
     condition: Expression | None = None
     then: tuple[Assignment, ...] = ()
     if word in ("IF", "WHILE", "UNTIL"):
@@ -129,3 +124,82 @@ def control_of(token: Token, stream: TokenStream) -> Control:
     if stream.next is not None:
         raise stream.error(stream.next, f"nothing may follow {word} here: put it on its own line")
     return Control(kind, Number(0.0), token.column, condition=condition, then=then)
+
+
+def _repeat(token: Token, stream: TokenStream) -> Control:
+    """``REPEATB LABEL``, ``REPEAT LABEL`` or ``REPEAT LABEL LABEL``, each with ``P=`` times."""
+    first = _label(token, stream)
+    last = first if token.head == "REPEATB" else ""
+    if not last and stream.next is not None and stream.next.kind == "name":
+        last = _label(token, stream)
+    return Control(KIND + "part", "", token.column, _times(token, stream), part=(first, last))
+
+
+def _label(token: Token, stream: TokenStream) -> str:
+    mark = stream.next
+    numbered = mark is not None and mark.kind == "address" and mark.head == "N"
+    if mark is None or not (mark.kind == "name" or numbered):
+        raise stream.error(mark, f"{token.head} needs a label or N and a number: add it")
+    stream.at += 1
+    return f"N{mark.value:.17g}" if numbered else mark.head
+
+
+def _times(token: Token, stream: TokenStream, *, alone: bool = True) -> Expression:
+    """``P3`` or ``P=R1`` behind a call, which ends its line."""
+    count: Expression = Number(1.0)
+    times = stream.next
+    if times is not None and times.head == "P" and times.kind in ("address", "set"):
+        stream.at += 1
+        count = stream.expression() if times.kind == "set" else Number(times.value)
+    if stream.next is not None or not alone:
+        raise stream.error(
+            token, f"{token.text.rstrip('(')} is no word that is known here: rewrite it, or, if it "
+            "calls a subprogram, write the call in a block of its own"
+        )  # fmt: skip
+    return count
+
+
+def call_of(token: Token, stream: TokenStream, *, alone: bool = True) -> Control:
+    """Call of a subprogram; the stream is behind its word and, where it has one, the bracket.
+
+    ``NAME``, ``NAME(1, 2)``, ``L10``, ``CALL "NAME"``, ``EXTCALL("NAME.SPF")``,
+    ``PCALL /FOLDER/NAME(1)`` and ``CALL "NAME" BLOCK FIRST TO LAST``, each with ``P`` times.
+
+    Raises
+    ------
+    GcodeError
+        When it names no program, or the line holds more.
+    """
+    last, part = token, ("", "")
+    if token.head in CALLING:
+        last = _named(token, stream)
+        if stream.next is not None and stream.next.head == "BLOCK":
+            stream.at += 1
+            first = _label(token, stream)
+            stream.at += stream.next is not None and stream.next.head == "TO"
+            part = first, _label(token, stream)
+    arguments = stream.arguments() if last.kind == "call" else ()
+    name = re.split(r"[/\\:]", last.text.strip('"( \t'))[-1].upper().replace(" ", "")
+    label = re.sub(r"[._](SPF|MPF)$", r".\1", name.removeprefix("_N_"))
+    count = _times(token, stream, alone=alone)
+    return Control(KIND + "call", label, token.column, count, arguments, part=part)
+
+
+def _named(token: Token, stream: TokenStream) -> Token:
+    """The token that names the program of CALL, EXTCALL or PCALL; empty before BLOCK."""
+    name = stream.next
+    while token.head == "PCALL" and name is not None and name.head != "P":
+        stream.at += 1
+        if name.kind == "call" or stream.next is None or stream.next.head == "P":
+            return name
+        name = stream.next
+    if token.head == "CALL" and name is not None and name.head == "BLOCK":
+        return replace(token, text="")
+    if name is None or name.kind != "string" or token.head == "PCALL":
+        raise stream.error(
+            token, f'{token.head} needs the name of a program: write {token.head} "A"'
+        )
+    stream.at += 1
+    if token.kind == "call" and not stream.skips(")"):
+        raise stream.error(stream.next, "a ) is missing: add it")
+    return name

@@ -15,6 +15,7 @@ already turned; R_z R_y R_x within a block), Job Planning, "Transformations".
 """
 
 import math
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
@@ -24,13 +25,26 @@ import numpy.typing as npt
 from pipeline.gcode.dialects.siemens_cycles import (
     ARGUMENTS,
     PATTERNS,
+    POCKETS,
+    CycleCall,
     CycleError,
+    Pocket,
     Words,
+    cycle_call,
     hole,
     places,
 )
-from pipeline.gcode.dialects.siemens_flow import COMPUTED, JUMPS, WORDS, control_of
+from pipeline.gcode.dialects.siemens_flow import (
+    COMPUTED,
+    JUMPS,
+    KIND,
+    WORDS,
+    call_of,
+    control_of,
+)
 from pipeline.gcode.dialects.siemens_tokens import (
+    ARGUMENT,
+    OMITTED,
     R_PARAMETER,
     VARIABLE,
     Token,
@@ -43,13 +57,18 @@ from pipeline.gcode.statements import (
     Call,
     Control,
     Expression,
+    ExpressionError,
     Number,
     Parameter,
+    ParameterStore,
     WordItem,
     constant,
+    evaluate,
 )
 
 Matrix = npt.NDArray[np.float64]
+Values = tuple[float | None, ...]
+"""Arguments of a cycle, None where one is not known."""
 SQUARE = 1e-6
 """Angle by which table and work plane may miss cancelling each other [rad]."""
 UNROTATED: Matrix = np.eye(3)
@@ -118,8 +137,11 @@ WITHOUT_MOTION: dict[str, str] = {
     "G601": "exact stop fine",
     "G602": "exact stop coarse",
     "G603": "exact stop at the end of interpolation",
+    "G290": "words of a Sinumerik",
     "LIMS": "greatest speed of the spindle under G96",
     "NORM": "straight to the contour and away from it, as is done here",
+    "SBLOF": "single blocks off",
+    "SBLON": "single blocks on",
     "SOFT": "acceleration with limited jerk",
     "STOPRE": "blocks are read ahead up to here",
 }
@@ -154,16 +176,17 @@ FRAMES = frozenset((
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
 """Without an axis they end every frame, as TRANS does."""
-SHOWN = frozenset({"GROUP_BEGIN", "GROUP_END", "WORKPIECE"})
+SHOWN = frozenset({"GROUP_BEGIN", "GROUP_ADDEND", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
-SUBPROGRAMS = frozenset({"CALL", "EXTCALL", "PCALL", "ISOCALL"})
-NOT_CALLED = "subprograms are not followed in the dialect siemens: put its blocks here"
-CALLS: dict[str, str] = {
-    "CYCLE800": "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with "
-    "TRAORI and AROT",
-    "": "this cycle or function is not known in the dialect siemens: post it as single moves",
-}
-"""Why a call is refused."""
+ATTRIBUTES = frozenset({"SAVE", "DISPLOF", "DISPLON", "SBLOF", "SBLON", "ACTBLOCNO"})
+"""What may stand behind PROC."""
+CYCLE = re.compile(r"CYCLE\d+|POCKET\d|SLOT\d|LONGHOLE|HOLES\d|CONTPRON|RET|ISOCALL")
+"""Names that are no subprogram of the user."""
+UNKNOWN = "this cycle or function is not known in the dialect siemens: post it as single moves"
+SWIVEL = (
+    "swivelling by CYCLE800 needs the machine's dimensions: post the turned plane with TRAORI and "
+    "AROT"
+)
 
 
 @dataclass(slots=True)
@@ -177,27 +200,74 @@ class ModalMemory:
     """Number of the tool called by T, and of the one in the spindle."""
     motion: float = 0.0
     """G code of group 1 in force."""
-    drilling: tuple[Token, tuple[Expression, ...]] | None = None
+    drilling: tuple[Token, Values] | None = None
     """Token and arguments of the drilling cycle that MCALL put in force."""
-    feed: Expression = field(default_factory=lambda: Number(0.0))
-    speed: Expression = field(default_factory=lambda: Number(0.0))
-    """Last F and S."""
+    modal: Control | None = None
+    """Call of the subprogram that MCALL put in force."""
+    feed: float | None = None
+    speed: float | None = None
+    """Last F and S, where they are known."""
     unit: float = 1.0
     """Millimetres in the program's unit of length."""
     plane: float = 17.0
     """17, 18 or 19."""
     frame: Matrix = field(default_factory=lambda: UNROTATED)
     """AROT: from the program's axes to the workpiece's."""
-    shift: dict[str, Expression] = field(default_factory=dict)
+    shift: dict[str, float] = field(default_factory=dict)
     """TRANS and ATRANS by axis."""
     absolute: bool = True
-    shifted: bool = False
     transformed: bool = False
-    """G90, TRANS by more than 0, TRAORI."""
+    compensated: bool = False
+    """G90, TRAORI, G41 or G42."""
     at: dict[str, float | None] = field(default_factory=lambda: dict.fromkeys("BCXY"))
     """Last B, C, X and Y, where they were given as numbers in the frame in force [unit, deg]."""
     defined: dict[str, str] = field(default_factory=dict)
     """Type of each variable that has one, by its name in small letters."""
+    common: frozenset[str] = frozenset()
+    """Variables of the setup, which every program knows."""
+    given: frozenset[int] = frozenset()
+    """Numbers of the arguments that the call of the program gives."""
+    saves: bool = False
+    """Whether its PROC says SAVE."""
+
+    def enter(self, given: frozenset[int], *, modal: bool) -> "ModalMemory":
+        """A subprogram begins; what was before.  MCALL calls nothing while it runs itself."""
+        before = replace(self, at=dict(self.at), defined=self.defined)
+        self.given, self.saves = given, False
+        self.modal = None if modal else self.modal
+        self.defined = {name: kind for name, kind in self.defined.items() if name in self.common}
+        return before
+
+    def leave(self, before: "ModalMemory", *, modal: bool) -> None:
+        """It ends: variables are those of its caller, and with SAVE G codes and frames."""
+        names = ["defined", "given", "saves", *(["modal"] if modal else [])]
+        if self.saves:
+            names += ["motion", "unit", "plane", "frame", "shift", "absolute"]
+            self.at["X"] = self.at["Y"] = None
+        for name in names:
+            setattr(self, name, getattr(before, name))
+
+    store: ParameterStore | None = None
+    """Variables as they are when a line is read, which is when it is carried out."""
+    radii: dict[int, float] = field(default_factory=dict)
+    """Radius of each tool [mm]."""
+    note: Callable[[int, str], None] = lambda line, what: None
+    """Tells the user something about a line."""
+
+    def value(self, expression: Expression) -> float | None:
+        """Value of an expression; None where it is not known."""
+        if self.store is None:
+            return constant(expression)
+        try:
+            return evaluate(expression, self.store)
+        except ExpressionError:
+            return None
+
+    @property
+    def called(self) -> str:
+        """Name of what MCALL put in force; empty where there is none."""
+        cycle = self.drilling[0].head if self.drilling else ""
+        return str(self.modal.label) if self.modal else cycle
 
     def tool_number(self, name: str) -> float:
         """Number of a tool in the tool table."""
@@ -239,6 +309,7 @@ class LineReader:
             if kind is None:
                 raise self.stream.error(token, "a word is expected here: delete this")
             kind(self, token)
+        self._change_tool()
         self._dwell()
         self._centre_mode()
         self._set_apart()
@@ -264,13 +335,12 @@ class LineReader:
             self._tool(Number(token.value), token)
         elif token.head == "M" and token.value in FOREIGN_M:
             raise self.stream.error(
-                token,
-                "subprograms are not called by M codes in the dialect siemens: put its blocks here",
+                token, "no M code calls a subprogram in the dialect siemens: write its name or L"
             )
         elif token.head in LETTERS:
             self.word(token.head, token.value, token)
         elif token.head == "L":
-            raise self.stream.error(token, NOT_CALLED)
+            self.subprogram(token)
         else:
             instead = "write CR=" if token.head == "R" else "rewrite the block without it"
             raise self.stream.error(token, f"{token.head} is no address that is known: {instead}")
@@ -323,6 +393,16 @@ class LineReader:
         self.word("D", tool, token)
         self.word("H", tool, token)
         self.word("G", 43.0, token)
+
+    def _change_tool(self) -> None:
+        """M6 puts edge 1 of its tool in force (MD20270 = 1), unless D0 stands beside it."""
+        change = next((w for w in self.words if w.letter == "M" and w.value == Number(6.0)), None)
+        if change is None:
+            return
+        self.memory.tool = self.memory.selected
+        edges = [word.text[1:].strip() for word in self.words if word.letter == "D"]
+        self.words = [word for word in self.words if word.letter not in "DH"]
+        self._edge(replace(token_of(change), value=float(edges[-1] if edges else 1)))
 
     def _tool(self, number: Expression, token: Token) -> None:
         self.memory.selected = number
@@ -447,13 +527,7 @@ class LineReader:
         """A word of its own."""
         if token.head in WITHOUT_MOTION:
             return
-        action = _NAMED.get(token.head)
-        if action is None:
-            raise self.stream.error(
-                token, "this word is not known in the dialect siemens: rewrite it, or, if it calls "
-                "a subprogram, put its blocks here"
-            )  # fmt: skip
-        action(self, token)
+        _NAMED.get(token.head, LineReader.subprogram)(self, token)
 
     def called(self, token: Token) -> None:
         """A word with arguments in brackets."""
@@ -463,21 +537,21 @@ class LineReader:
         if token.head in SHOWN:
             self._passed_over(token)
             return
-        if token.head in SUBPROGRAMS | COMPUTED:
+        if token.head in ARGUMENTS:
+            self.cycle(token)
+            return
+        if not CYCLE.fullmatch(token.head):
             self.named(token)
             return
-        if token.head in ARGUMENTS:
-            self.drill(token)
-            return
-        start = self.stream.at
-        arguments = self.stream.arguments()
-        self._uses(start)
+        if token.head not in ("CYCLE800", "CYCLE832"):
+            raise self.stream.error(token, UNKNOWN)
+        arguments = self._arguments()
         if token.head == "CYCLE832":
             self.word("G", 64.0, token)
             if arguments:
                 self.word("P", arguments[0], token)
-        elif token.head != "CYCLE800" or arguments:
-            raise self.stream.error(token, CALLS.get(token.head, CALLS[""]))
+        elif arguments:
+            raise self.stream.error(token, SWIVEL)
 
     def _passed_over(self, token: Token) -> None:
         """The arguments of a call that moves nothing, whatever they are."""
@@ -497,24 +571,34 @@ class LineReader:
 
     def define(self, token: Token) -> None:
         """``DEF REAL A, B=1``: variables are 0 unless they are given a value."""
-        stream = self.stream
-        kind = stream.next
-        if kind is None or kind.head not in TYPES:
-            raise stream.error(kind, "DEF needs a type: write REAL, INT or BOOL")
-        stream.at += 1
+        stream, kind = self.stream, self._type(token)
         if stream.next is None:
             raise stream.error(kind, "DEF needs the name of a variable: add it")
         while (name := stream.next) is not None:
-            stream.at += 1
-            if name.kind not in ("name", "set"):
-                raise stream.error(name, "the name of a variable is expected here: add it")
             if name.head in FEEDS | AXES or name.head in WITH_MOTION:
                 raise stream.error(name, f"{name.head} is a word of the control: take another name")
-            value = stream.expression() if name.kind == "set" else Number(0.0)
-            self.memory.defined[name.head.lower()] = kind.head
-            self._assign(name.head, value, name)
+            self._declare(kind)
             if stream.next is not None and not stream.skips(","):
                 raise stream.error(stream.next, "a comma is expected here: add it")
+
+    def _type(self, token: Token) -> Token:
+        kind = self.stream.next
+        if kind is None or kind.head not in TYPES:
+            raise self.stream.error(
+                kind, f"{token.head} needs a type: write REAL, INT or BOOL; VAR and texts are not "
+                "followed"
+            )  # fmt: skip
+        return self.stream.take()
+
+    def _declare(self, kind: Token, given: Expression | None = None) -> None:
+        """A variable of a type, with the value that a call gives, or its own, or 0."""
+        name = self.stream.next
+        if name is None or name.kind not in ("name", "set"):
+            raise self.stream.error(name, "the name of a variable is expected here: add it")
+        self.stream.at += 1
+        value = self.stream.expression() if name.kind == "set" else Number(0.0)
+        self.memory.defined[name.head.lower()] = kind.head
+        self._assign(name.head, given or value, name)
 
     def returns(self, token: Token) -> None:
         """RET: ends the program as M17 does."""
@@ -531,8 +615,30 @@ class LineReader:
         )  # fmt: skip
 
     def subprogram(self, token: Token) -> None:
-        """CALL and its like."""
-        raise self.stream.error(token, NOT_CALLED)
+        """A call by name, by L or by CALL and its like."""
+        alone = not (CYCLE.fullmatch(token.head) or self.words or self.assignments)
+        self.control = call_of(token, self.stream, alone=alone)
+
+    def procedure(self, token: Token) -> None:
+        """``PROC NAME(REAL A, INT B=2) SAVE``: what the call gives becomes variables."""
+        stream, given, number = self.stream, self.memory.given, 0
+        name = stream.take() if stream.next else token
+        while name.kind == "call" and not stream.skips(")"):
+            number += 1
+            value = Parameter(f"{ARGUMENT}{number}") if number in given else None
+            self._declare(self._type(token), value)
+            stream.skips(",")
+        if max(given, default=0) > number:
+            raise stream.error(name, f"takes {number} values and is given more: correct the call")
+        for word in stream.tokens[stream.at :]:
+            if word.head not in ATTRIBUTES:
+                raise stream.error(word, "this is not followed behind PROC: delete it")
+            self.memory.saves |= word.head == "SAVE"
+        stream.at = len(stream.tokens)
+
+    def extern(self, token: Token) -> None:
+        """``EXTERN NAME(REAL, INT)``: announces a subprogram."""
+        self.stream.at = len(self.stream.tokens)
 
     def computed(self, token: Token) -> None:
         """A jump to where a value says, or lines between labels."""
@@ -551,36 +657,20 @@ class LineReader:
         given = self._axes(token)
         self.shifts = True
         memory = self.memory
-        if token.head == "ATRANS":
-            given = self._added(token, given)
-        memory.frame, memory.shift = UNROTATED, given
-        memory.at["X"] = memory.at["Y"] = None
-        memory.shifted = any(constant(value) != 0 for value in given.values())
-        self.word("G", 52.0, token)
-        for letter in "XYZ":
-            self.word(letter, given.get(letter, Number(0.0)), token)
-
-    def _added(self, token: Token, given: dict[str, Expression]) -> dict[str, Expression]:
-        """The shift of TRANS and ATRANS before with one more."""
-        before = self.memory.shift
-        if not np.array_equal(self.memory.frame, UNROTATED):
+        if token.head == "ATRANS" and not np.array_equal(memory.frame, UNROTATED):
             raise self.stream.error(
                 token, "ATRANS along axes that AROT turned is not followed: write TRANS and AROT"
             )
-        if not given:
+        if token.head == "ATRANS" and not given:
             raise self.stream.error(token, "ATRANS names no axis: add X, Y or Z")
-        total = dict(before)
+        before = memory.shift if token.head == "ATRANS" else {}
+        memory.frame, memory.shift = UNROTATED, dict(before)
         for letter, value in given.items():
-            base = constant(before.get(letter, Number(0.0)))
-            if base is None:
-                raise self.stream.error(
-                    token, f"ATRANS adds to the {letter} of a TRANS that is no number: write TRANS "
-                    "with the sum"
-                )  # fmt: skip
-            own = constant(value)
-            added = Binary("+", Number(base), value)
-            total[letter] = added if own is None else Number(base + own)
-        return total
+            memory.shift[letter] = before.get(letter, 0.0) + value
+        memory.at["X"] = memory.at["Y"] = None
+        self.word("G", 52.0, token)
+        for letter in "XYZ":
+            self.word(letter, memory.shift.get(letter, 0.0), token)
 
     def turn(self, token: Token) -> None:
         """AROT: additive rotation of the axes."""
@@ -588,27 +678,25 @@ class LineReader:
         given = self._axes(token)
         if not given:
             raise self.stream.error(token, "AROT names no axis: add X, Y or Z and an angle")
-        angles = [constant(given.get(letter, Number(0.0))) for letter in "XYZ"]
-        if None in angles:
-            raise self.stream.error(token, "AROT takes numbers here: write the angle itself")
-        x, y, z = (angle or 0.0 for angle in angles)
-        self.memory.frame = rotated(self.memory.frame, x, y, z)
+        self.memory.frame = rotated(self.memory.frame, *(given.get(axis, 0.0) for axis in "XYZ"))
         self.memory.at["X"] = self.memory.at["Y"] = None
 
     def _by_itself(self, token: Token) -> None:
         if self.words or self.assignments:
             raise self.stream.error(token, f"{token.head} needs a block of its own: write it alone")
 
-    def _axes(self, token: Token) -> dict[str, Expression]:
+    def _axes(self, token: Token) -> dict[str, float]:
         """The rest of the line, as axes and values."""
-        given: dict[str, Expression] = {}
+        given: dict[str, float] = {}
         while (item := self.stream.next) is not None:
             self.stream.at += 1
             if item.kind not in ("address", "set") or item.head not in "XYZ":
                 raise self.stream.error(item, f"{token.head} takes X, Y and Z only: delete this")
-            given[item.head] = (
-                self.stream.expression() if item.kind == "set" else Number(item.value)
-            )
+            one = self.stream.expression() if item.kind == "set" else Number(item.value)
+            value = self.memory.value(one)
+            if value is None:
+                raise self.stream.error(item, f"{token.head} takes numbers: write the value itself")
+            given[item.head] = value
         return given
 
     def transform(self, token: Token) -> None:
@@ -620,89 +708,110 @@ class LineReader:
         call = self.stream.next
         self.calls = True
         if call is None:
-            self.memory.drilling = None
+            self.memory.drilling = self.memory.modal = None
             self.word("G", self.memory.motion, token)
             return
         self.stream.at += 1
-        if call.head not in ARGUMENTS or call.head in PATTERNS:
+        self.memory.drilling = self.memory.modal = None
+        if call.head in ARGUMENTS and call.head not in PATTERNS + POCKETS:
+            self.memory.drilling = call, tuple(map(self.memory.value, self._arguments()))
+            self._hole(*self.memory.drilling)  # refuses here what it does not know
+        elif CYCLE.fullmatch(call.head):
             raise self.stream.error(
-                call, "MCALL is known with CYCLE81 to CYCLE84 only: post single moves"
+                call,
+                "MCALL is known with CYCLE81 to 86 and 89 and subprograms: post single moves",
             )
-        arguments = self._arguments()
-        self.memory.drilling = (
-            call,
-            tuple(
-                one if constant(one) is not None else self._kept(index, one, call)
-                for index, one in enumerate(arguments)
-            ),
-        )
-        self._hole(*self.memory.drilling)  # refuses here what it does not know
-
-    def _kept(self, index: int, value: Expression, call: Token) -> Expression:
-        """A value as it is at MCALL, in a variable whose name no program can write."""
-        kept = Parameter(f"{VARIABLE}mcall {index}")
-        self.assignments.append(Assignment(kept, value, call.column))
-        return kept
+        else:
+            control = call_of(call, self.stream)
+            known = [(one, self.memory.value(one)) for one in control.arguments]
+            kept = tuple(one if v is None or one is OMITTED else Number(v) for one, v in known)
+            self.memory.modal = replace(control, kind=f"{KIND}mcall", arguments=kept)
 
     def _arguments(self) -> tuple[Expression, ...]:
         start = self.stream.at
-        arguments = self.stream.arguments()
+        arguments = self.stream.arguments(texts=True)
         self._uses(start)
         return arguments
 
     def drilled(self) -> None:
-        """The hole of the cycle that MCALL put in force, after the words of the block."""
+        """What MCALL put in force, after the words of the block."""
+        self.control = self.memory.modal
         if self.memory.drilling is not None:
             self.rest += self._hole(*self.memory.drilling)
 
-    def _hole(self, call: Token, arguments: tuple[Expression, ...]) -> list[tuple[WordItem, ...]]:
-        """Blocks of a hole; the motion in force is so again after them."""
+    def _call(self, token: Token, values: Values) -> CycleCall:
         memory = self.memory
-        if memory.plane != 17:
-            raise self.stream.error(
-                call, f"{call.head} is followed along Z, under G17: post single moves"
-            )
+        call = cycle_call(
+            token.head, values, unit=memory.unit, feed=memory.feed or 0, speed=memory.speed or 0
+        )
+        if memory.compensated:
+            raise CycleError(f"{token.head} cannot run under G41 or G42: write G40 before")
+        if memory.plane != 17 and token.head not in PATTERNS:
+            raise CycleError(f"{token.head} is followed along Z, under G17: post single moves")
+        return call
+
+    def _hole(self, token: Token, values: Values) -> list[tuple[WordItem, ...]]:
+        """Blocks of a hole; the motion in force is so again after them."""
         try:
-            blocks = hole(
-                call.head, arguments, unit=memory.unit, feed=memory.feed, speed=memory.speed
-            )
+            blocks = hole(token.head, self._call(token, values))
         except CycleError as error:
-            raise self.stream.error(call, str(error)) from None
-        motion = (("G", Number(memory.motion)),)
-        return [self._block(call, words) for words in (*blocks, motion)]
+            raise self.stream.error(token, str(error)) from None
+        return [self._block(token, words) for words in (*blocks, (("G", self.memory.motion),))]
 
     @staticmethod
     def _block(token: Token, words: Words) -> tuple[WordItem, ...]:
-        return tuple(WordItem(one, v, token.column, token.text, True) for one, v in words)
+        return tuple(
+            WordItem(one[-1], Number(v), token.column, token.text, one[0] != "+")
+            for one, v in words
+        )
 
-    def drill(self, token: Token) -> None:
-        """A drilling cycle without MCALL, where the tool stands, or a pattern of those of MCALL."""
+    def cycle(self, token: Token) -> None:
+        """A cycle without MCALL, where the tool stands, or a pattern of those of MCALL."""
         self._by_itself(token)
-        memory, arguments = self.memory, self._arguments()
-        if token.head in PATTERNS:
-            self._pattern(token, arguments)
-            return
-        if memory.transformed or not np.array_equal(memory.frame, UNROTATED):
-            raise self.stream.error(
-                token, f"{token.head} is followed along Z, under G17: post single moves"
-            )
-        self.rest += self._hole(token, arguments)
-
-    def _pattern(self, token: Token, arguments: tuple[Expression, ...]) -> None:
         memory = self.memory
-        if memory.drilling is None:
-            raise self.stream.error(
-                token, f"{token.head} drills nothing without a cycle: write MCALL CYCLE81 before"
-            )
+        values = tuple(memory.value(one) for one in self._arguments())
         try:
-            found = places(token.head, arguments, (memory.at["X"], memory.at["Y"]))
+            if token.head in PATTERNS:
+                self._pattern(token, self._call(token, values))
+                return
+            if memory.transformed or not np.array_equal(memory.frame, UNROTATED):
+                raise CycleError(f"{token.head} is followed along Z, under G17: post single moves")
+            if token.head in POCKETS:
+                self._pocket(token, self._call(token, values))
+                return
         except CycleError as error:
             raise self.stream.error(token, str(error)) from None
+        self.rest += self._hole(token, values)
+
+    def _pattern(self, token: Token, call: CycleCall) -> None:
+        memory = self.memory
+        if memory.drilling is None:
+            raise CycleError(f"{token.head} drills nothing without a cycle: write MCALL CYCLE81(…)")
+        found = places(call, (memory.at["X"], memory.at["Y"]))
         for x, y in found:
-            rapid = (("G", Number(0.0)), ("X", Number(x)), ("Y", Number(y)))
-            self.rest.append(self._block(token, rapid))
+            self.rest.append(self._block(token, (("G", 0.0), ("X", x), ("Y", y))))
             self.drilled()
         memory.at["X"], memory.at["Y"] = found[-1]
+
+    def _pocket(self, token: Token, call: CycleCall) -> None:
+        memory = self.memory
+        number = memory.value(memory.tool)
+        radius = memory.radii.get(int(number or 0), 0.0) / call.unit
+        if not radius:
+            raise CycleError(
+                f"{token.head} needs the radius of the tool: give the diameter of tool "
+                f"{number or 0:g} in setup.tools of the machine's file"
+            )
+        pocket = Pocket(call=call, radius=radius)
+        pocket.check()
+        blocks = (*pocket.blocks(), (("G", memory.motion),))
+        self.rest += [self._block(token, words) for words in blocks]
+        memory.at["X"], memory.at["Y"] = call.given["PA"], call.given["PO"]
+        memory.note(
+            self.stream.line,
+            f"{token.head} is milled on paths of the control's own: length and time "
+            "are approximate",
+        )
 
 
 _KINDS: Mapping[str, Callable[[LineReader, Token], None]] = {
@@ -722,6 +831,7 @@ _NAMED: Mapping[str, Callable[[LineReader, Token], None]] = {
     "MCALL": LineReader.modal_call,
     "RET": LineReader.returns,
     **dict.fromkeys(FRAMES, LineReader.frame),
-    **dict.fromkeys(SUBPROGRAMS, LineReader.subprogram),
+    "PROC": LineReader.procedure,
+    "EXTERN": LineReader.extern,
     **dict.fromkeys(COMPUTED, LineReader.computed),
 }

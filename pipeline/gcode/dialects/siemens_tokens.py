@@ -14,6 +14,8 @@ DEEPEST = 60
 """Brackets and signs within each other in an expression."""
 VARIABLE = "def "
 """Prefix of variable names, which keeps them apart from those that other dialects predefine."""
+ARGUMENT = f"{VARIABLE}argument "
+"""Before the number of an argument: variables whose names no program can write."""
 R_PARAMETER = re.compile(r"r(\d{1,3})")
 """R0 to R999, which exist without a definition."""
 LONGEST = 512
@@ -35,6 +37,8 @@ FUNCTIONS = {
 }
 """Function as written -> in the tree."""
 TRUTH = {"TRUE": 1.0, "FALSE": 0.0}
+OMITTED = Number(0.0)
+"""An argument that a call leaves out; it counts 0 where nothing else is said."""
 WITH_TWO = frozenset({"ATAN2"})
 # a name begins with two letters, so that G0X10 is two words
 _TOKEN = re.compile(
@@ -144,14 +148,18 @@ class TokenStream:
         column, word = (token.column, token.text) if token else (1, "end of line")
         return GcodeError(self.file, self.line, column, word, reason)
 
-    def arguments(self) -> tuple[Expression, ...]:
-        """Arguments up to the closing bracket of a call; one that is left out counts 0."""
+    def arguments(self, *, texts: bool = False) -> tuple[Expression, ...]:
+        """Arguments up to the closing bracket of a call; one that is left out counts 0.
+
+        So do ``texts`` in quotes where a cycle has them.
+        """
         given: list[Expression] = []
         if self.skips(")"):
             return ()
         while True:
+            self.at += texts and self.next is not None and self.next.kind == "string"
             empty = self.next is not None and self.next.text in (",", ")")
-            given.append(Number(0.0) if empty else self.expression())
+            given.append(OMITTED if empty else self.expression())
             if self.skips(")"):
                 return tuple(given)
             if not self.skips(","):

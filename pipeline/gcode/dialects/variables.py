@@ -6,7 +6,7 @@ Sources: Fanuc 0i-F operator's manual B-64694EN, 16.2 "System variables"; LinuxC
 
 from collections.abc import Callable
 
-from pipeline.gcode.dialects.siemens_tokens import R_PARAMETER, VARIABLE, variable
+from pipeline.gcode.dialects.siemens_tokens import ARGUMENT, R_PARAMETER, VARIABLE, variable
 from pipeline.gcode.modal import CANCELLED
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.run import Register, Run
@@ -401,13 +401,26 @@ class SiemensVariables:
     def __init__(self, run: Run) -> None:
         given = run.setup.parameters.items()
         self.values: dict[int | str, float] = {variable(str(name)): v for name, v in given}
+        self.common = frozenset(self.values)
+        self.callers: list[dict[int | str, float]] = []
         self.line = 0
 
     def enter(self, arguments: dict[int, float]) -> None:
-        """Subprograms of this dialect are not followed; there is nothing to set apart."""
+        """A subprogram with its arguments; it knows R parameters and the setup's variables only."""
+        self.callers.append(self.values)
+        self.values = self._shared | {f"{ARGUMENT}{n}": value for n, value in arguments.items()}
 
     def leave(self) -> None:
-        """See :meth:`enter`."""
+        """Its caller goes on."""
+        self.values = self.callers.pop() | self._shared
+
+    @property
+    def _shared(self) -> dict[int | str, float]:
+        def known(name: str) -> bool:
+            plain = name.removeprefix(VARIABLE)
+            return name in self.common or bool(R_PARAMETER.fullmatch(plain))
+
+        return {key: value for key, value in self.values.items() if known(str(key))}
 
     def read(self, key: int | str) -> float | None:
         """Value of a name."""
@@ -416,7 +429,10 @@ class SiemensVariables:
         name = str(key).removeprefix(VARIABLE)
         if R_PARAMETER.fullmatch(name):
             return 0.0
-        raise ExpressionError(f"{name.upper()} has no value: define it with DEF before")
+        raise ExpressionError(
+            f"{name.upper()} has no value: define it with DEF before"
+            + " (a subprogram knows no variables of its caller)" * bool(self.callers)
+        )
 
     def write(self, key: int | str, value: float | None) -> None:
         """Keep a value."""
