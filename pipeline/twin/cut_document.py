@@ -312,6 +312,7 @@ def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
     )
     return (
         FEEDS,
+        *(f"{notice[:1].upper()}{notice[1:]}." for notice in cut.plan.path.moves.notices),
         *worn,
         *(f"Forces: {caution}." for caution in cautions if caution),
         *([f"Blank: {cut.blank.notice}."] if cut.blank.notice else []),
