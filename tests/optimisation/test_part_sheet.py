@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.engagement.stock import stock_of
+from pipeline.gcode.program import parse_program
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.feeds import feed_bounds
@@ -114,10 +115,11 @@ def test_split_blocks_are_lines_that_were_not_there() -> None:
     job = paper_job("time", settings=replace(
         QUICK, grouping=replace(QUICK.grouping, split=True, split_gain=0.01),
     ))  # fmt: skip
-    found = optimise(job)
+    out = PROGRAM.replace("G1 X2.\nX-4.\n", "G1 X-30.\n")  # far out of the blank
+    found = optimise(replace(job, program=parse_program(out.encode(), "O2023.nc")))
     part = optimised_part(found, machine="mill", origin="simulated", control="identified")
-    many = len(found.answer.text.splitlines()) - len(PROGRAM.splitlines())
-    assert many > 0  # else this proves nothing
+    many = len(found.answer.text.splitlines()) - len(out.splitlines())
+    assert part.proof.points == many > 0  # else this proves nothing
     assert sum(line.before is None for line in part.lines) >= many
     text = found.answer.text.decode().split("\n")
     assert all(
