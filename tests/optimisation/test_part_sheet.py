@@ -136,6 +136,22 @@ def test_a_tool_stands_beside_its_ranges(part: OptimisedPart) -> None:
     assert len(feeds_table(part, []).rows) == len(loads_table(part, []).rows) == 1
 
 
+def test_a_fast_return_move_does_not_hide_what_rose() -> None:
+    """A slot at F150, and a way back along its wall at the F500 that is the greatest allowed."""
+    head = PROGRAM[: PROGRAM.index("X6. F300.")]
+    text = f"{head}X35. F150.\nG0 Z2.\nY4.1\nG1 Z-1. F400.\nX-4. F500.\nG0 Z2.\nM30\n"
+    job = paper_job("time", settings=QUICK)
+    limits = replace(job.limits, load_N=600.0, speed_rpm=(5000.0, 5000.0))
+    found = optimise(
+        replace(job, limits=limits, program=parse_program(text.encode(), "O2023.nc"))
+    )  # fmt: skip
+    part = optimised_part(found, machine="mill", origin="simulated", control="identified")
+    use = part.tools[0]
+    assert use.before.feed_per_tooth_mm == pytest.approx(150 / (2 * 5000), rel=1e-4)
+    assert use.after.feed_per_tooth_mm == pytest.approx(500 / (2 * 5000), rel=1e-4)
+    assert use.before.peak_load_N == part.before.peak_load_N  # of all its blocks
+
+
 def test_the_path_is_as_long_as_the_moves_and_lies_in_the_blank(result: Result) -> None:
     cut = result.before
     path = path_trace(cut, stock_of(STOCK))

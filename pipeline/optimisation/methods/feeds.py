@@ -88,8 +88,8 @@ def common_bounds(
     """Interval of F that suits all rows of each group, without what axes and arcs cut off.
 
     It reaches up to F as programmed where that is allowed: a lesser one, that changes nothing,
-    would be a word for nothing.  All of it still suits when a word rounds F down.  An interval too narrow for that is one F: as
-    programmed, or such as a word holds.
+    would be a word for nothing.  All of it still suits when a word rounds F down.  An interval too
+    narrow for that is one F: as programmed, or such as a word holds.
 
     Parameters
     ----------
