@@ -7,6 +7,7 @@ servo.  Rows whose loads the table took too low get less feed, and the search be
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 
@@ -52,7 +53,7 @@ from pipeline.optimisation.reliability.force_intervals import cut_ranges
 from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
-from pipeline.optimisation.text.split import SplitProgram, alike_points, split_blocks
+from pipeline.optimisation.text.split import SplitProgram, split_blocks
 from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
@@ -216,15 +217,9 @@ class _Course:
         split = split_blocks(self.program, self.moves, self.before, settings, rows, in_air)
         if not split.added:
             return None
-        try:
-            parts = self._of_parts(split)
-            decision = parts._blockwise(parts._problem())
-        except LimitsError:
-            return None
-        alike = alike_points(
-            split.points(parts.moves), decision.row_feeds, parts.moves.line, settings.split_gain
-        )
-        split = split.without(alike)
+        parts = self._of_parts(split)
+        feeds = parts._blockwise(parts._problem()).row_feeds
+        split = split.without(split.alike(parts.moves, feeds, settings.split_gain))
         return self._of_parts(split) if split.added else None
 
     def _of_parts(self, split: SplitProgram) -> "_Course":
@@ -492,28 +487,27 @@ def _best_in_parts(job: Job, progress: Progress) -> Result:
         return progress(what, begun + 0.5 * share)
 
     course = _Course(job, half, _as_programmed(job))
-    whole, refused = None, None
+    whole, split, refused, points = None, None, None, 0
     try:
         whole = course.result()
     except LimitsError as error:
         refused = error
     begun = 0.5
-    parts = None if course.interrupted else course.in_parts()
-    try:
-        split = None if parts is None else parts.result()
-    except (LimitsError, Interrupted):
-        split = None
-    if parts is not None and split is not None:
-        points = parts.text.points
-        at = f"long blocks are split at {points} point{'s' * (points > 1)}"
-        if whole is None:
-            return replace(split, split=f"{at}: without that no F and S keep the limits")
-        gain = _gain(whole, split)
-        if gain > points * job.settings.grouping.least_gain:
-            return replace(split, split=f"{at}, which gains {100 * gain:.2g} %")
+    with suppress(LimitsError, Interrupted):
+        parts = None if course.interrupted else course.in_parts()
+        if parts is not None:
+            split, points = parts.result(), parts.text.points
+    at = f"long blocks are split at {points} point{'s' * (points > 1)}"
     if whole is None:
-        raise refused or Interrupted
-    return replace(whole, split="splitting long blocks gains nothing: none is split")
+        if split is None:
+            raise refused or Interrupted
+        return replace(split, split=f"{at}: without that no F and S keep the limits")
+    gain = 0.0 if split is None else _gain(whole, split)
+    if split is not None and gain > points * job.settings.grouping.least_gain:
+        return replace(split, split=f"{at}, which gains {100 * gain:.2g} %")
+    ended = course.interrupted or half("splitting", 1.0)
+    nothing = "splitting long blocks gains nothing: none is split"
+    return replace(whole, split=nothing, interrupted=ended)
 
 
 def _gain(whole: Result, split: Result) -> float:

@@ -22,7 +22,7 @@ from pipeline.optimisation.settings import (
 )
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.rewrite import rewrite
-from pipeline.optimisation.text.split import alike_points, split_at, split_blocks, splittable
+from pipeline.optimisation.text.split import split_at, split_blocks, splittable
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import CutJob, cut_program
@@ -70,11 +70,12 @@ def test_points_are_put_in_as_the_program_writes() -> None:
 
 def test_points_with_nearly_the_same_feed_on_both_sides_are_none() -> None:
     """F 100 104 108 | 300 | 290 400: what is joined counts from its least to its greatest F."""
-    feeds = np.array([100.0, 104.0, 108.0, 300.0, 290.0, 400.0])
-    points = np.array([True, True, True, True, True, False])
-    lines = np.arange(1, 7, dtype=np.int32)
-    assert alike_points(points, feeds, lines, 0.05) == [1, 4]
-    assert alike_points(points, feeds, lines, 0.0) == []
+    program, moves = read("G21G90S3000M3\nF100.\nG1X60.\n")
+    split = split_at(program, moves, {len(moves) - 1: [0.1, 0.3, 0.5, 0.7, 0.9]})
+    parts = interpret(split.program, SETUP)
+    feeds = np.array([1.0, *([1.0] * (len(parts) - 7)), 100.0, 104.0, 108.0, 300.0, 290.0, 400.0])
+    assert split.alike(parts, feeds, 0.05) == [3, 6]
+    assert split.alike(parts, feeds, 0.0) == []
 
 
 @pytest.mark.parametrize("seed", seeds(6, 60))

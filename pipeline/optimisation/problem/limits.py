@@ -313,17 +313,11 @@ def ranges_of(
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
         spans += [
-            (
-                "the cutting speed of the tool or its life",
-                practice.surface_low,
-                practice.surface_high,
-            ),
-            (
-                "practice.change (no more than programmed without a tool life)",
-                practice.speed_low,
-                practice.speed_high,
-            ),
-        ]
+            ("the cutting speed of the tool or its life", practice.surface_low,
+             practice.surface_high),
+            ("practice.change (no more than programmed without a tool life)", practice.speed_low,
+             practice.speed_high),
+        ]  # fmt: skip
         surface_low = np.maximum(surface_low, practice.surface_low)
         surface_high = np.minimum(surface_high, practice.surface_high)
         low, high = np.maximum(low, practice.speed_low), np.minimum(high, practice.speed_high)

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
@@ -57,6 +56,21 @@ class SplitProgram:
         """Rows of this program that end at a point that was put in; shape (M,)."""
         return (parts.file == 0) & np.isin(parts.line, self.added)
 
+    def alike(self, parts: Moves, feeds: Floats, gain: float) -> list[int]:
+        """Lines of the points on whose two sides F (M,) differs by less than a share ``gain``."""
+        points, alike = self.points(parts), []
+        least, most = np.inf, 0.0
+        for row in np.flatnonzero(points).tolist():
+            if row == 0 or not points[row - 1]:
+                least, most = np.inf, 0.0
+            least, most = min(least, feeds[row]), max(most, feeds[row])
+            after = feeds[row + 1]
+            if max(most, after) < (1 + gain) * min(least, after):
+                alike.append(int(parts.line[row]))
+            else:
+                least, most = np.inf, 0.0
+        return alike
+
 
 def split_blocks(
     program: Program, moves: Moves, cut: Cut, grouping: Grouping, rows: Bools, in_air: Bools
@@ -95,34 +109,6 @@ def split_blocks(
         for row in chosen.tolist()
     }
     return split_at(program, moves, where)
-
-
-def alike_points(points: Bools, feeds: Floats, lines: NDArray[np.int32], gain: float) -> list[int]:
-    """Lines of the points on whose two sides F differs by less than a share ``gain``.
-
-    Parameters
-    ----------
-    points : ndarray of bool, shape (M,)
-        Rows that end at a point that was put in.
-    feeds : ndarray, shape (M,)
-        Best F of each row.
-    lines : ndarray of int, shape (M,)
-        Line of each row.
-    gain : float
-        By how much the greater of two feeds is to pass the lesser [1].
-    """
-    alike = []
-    least, most = np.inf, 0.0
-    for row in np.flatnonzero(points).tolist():
-        if row == 0 or not points[row - 1]:
-            least, most = np.inf, 0.0
-        least, most = min(least, feeds[row]), max(most, feeds[row])
-        after = feeds[row + 1]
-        if max(most, after) < (1 + gain) * min(least, after):
-            alike.append(int(lines[row]))
-        else:
-            least, most = np.inf, 0.0
-    return alike
 
 
 def splittable(program: Program, moves: Moves) -> Rows:
