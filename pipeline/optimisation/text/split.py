@@ -170,22 +170,25 @@ def changes_along(
 
 
 def _joined(parts: list[list[float]], least: float, *, in_air: bool) -> list[list[float]]:
-    """End and level of parts along a row, those that are too short with the most alike beside them.
+    """End and level of parts along a row, those that are too short with a heavier one beside them.
 
-    What is joined has the level of the heavier one, the lower number.
+    A level is the lower, the heavier; a part that is heavier than both beside it goes with the more
+    alike.
     """
     parts = [part for last, part in pairwise([[0.0, AIR], *parts]) if part[0] - last[0] > TINY]
     while len(parts) > 1:
         lengths = np.diff([0.0, *(end for end, _ in parts)])
         levels = np.array([level for _, level in parts])
-        apart = np.abs(np.diff(levels, prepend=np.inf, append=np.inf))
-        lengths[np.minimum(apart[:-1], apart[1:]) == 0] = 0.0
+        lighter = np.diff(levels)  # than the next
+        before = np.concatenate([[np.inf], np.where(lighter >= 0, lighter, AIR - lighter)])
+        after = np.concatenate([np.where(lighter <= 0, -lighter, AIR + lighter), [np.inf]])
+        lengths[np.minimum(before, after) == 0] = 0.0
         if not in_air:
             lengths[levels == AIR] = np.nextafter(least, 0.0)  # once an entry is joined to its cut
         k = int(lengths.argmin())
         if lengths[k] >= least:
             break
-        first = k - 1 if apart[k] <= apart[k + 1] else k
+        first = k - 1 if before[k] <= after[k] else k
         parts[first : first + 2] = [[parts[first + 1][0], float(levels[first : first + 2].min())]]
     return parts
 
