@@ -190,6 +190,10 @@ def test_a_program_that_cuts_nothing_says_so(project: Path) -> None:
     assert "not where the program cuts: feed moves span X -10..70, Y 20..20" in done.stdout
     assert "the blank X 500..560, Y 0..40, Z -10..0 mm" in done.stdout
     assert "not known: stability, nothing is cut" in done.stdout
+    inches = [w if w != CUT[3] else "box:0,2.4,0,1.6,-0.4,0" for w in CUT]
+    asked = kerf(project, "simulate", "part.nc", *inches).stdout
+    assert "the blank X 0..2.5, Y 0..2, Z -0.4..0 mm (is it in inches? it is read in mm)" in asked
+    assert "in inches" not in kerf(project, "simulate", "part.nc", *CUT).stdout
     (project / "part.nc").write_text("%\nM30\n%\n")
     assert "part.nc has no moves" in refused(project, "simulate", "part.nc", *CUT)
 

@@ -224,6 +224,9 @@ def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
         ({"limit_torque": "-1"}, "--limit-torque -1.0 N m must lie above 0"),
         ({"limit_roughness": "inf"}, "--limit-roughness inf um must lie above 0"),
         ({"power_share": "0"}, "--power-share 0.0 must lie above 0"),
+        ({"power_share": "5"}, "--power-share 5.0 must lie above 0 and at most 2"),
+        ({"resolution": "50"}, "a resolution of 50 mm is too coarse for T1, the widest tool with"),
+        ({"tool_table": "empty.yaml"}, "empty.yaml is empty: write into it what those of conf/ h"),
         ({"least_speed_change": "-1"}, "--least-speed-change -1.0 rev/min"),
         ({"stability_margin": "1.5"}, "--stability-margin 1.5 must lie from 0 and below 1"),
         ({"epsilon": "0"}, "--epsilon 0.0 must lie from 0.0001 to"),
@@ -238,6 +241,7 @@ def test_what_does_not_fit_is_one_sentence_and_nothing_is_written(
     project: Path, changes: dict, said: str
 ) -> None:
     (project / "other.yaml").write_text("tools: {5: {kind: flat, diameter_mm: 12, flutes: 3}}")
+    (project / "empty.yaml").touch()
     before = sorted(project.rglob("*"))
     assert said in refused(project, "optimise", "part.nc", *given(**changes), *OUT)
     assert sorted(project.rglob("*")) == before

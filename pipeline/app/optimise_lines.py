@@ -169,6 +169,8 @@ def _changes(part: OptimisedPart) -> Iterator[str]:
     )  # fmt: skip
     parts = ", ".join(f"{count} {what}" for what, count in counts if count)
     yield f"  words: {parts}" if parts else f"  nothing to change: {'; '.join(_why_not(part))}"
+    if part.split is not None:
+        yield f"  split: {part.split}"
     if proof.same:
         yield (
             f"  proof: {many(proof.moves, 'move')} the same to the last bit, sha256 {proof.sha256}"

@@ -89,10 +89,13 @@ def _twice(node: yaml.Node | None) -> yaml.ScalarNode | None:
 
 def _structured(values: Any, where: str, wanted: type[T]) -> T:
     """``values`` as ``wanted``; what does not fit is said of ``where``."""
+    if values is None:
+        raise ValueError(f"{where} is empty: write into it what those of conf/ hold")
     try:
         return structure({"file": values}, "file", wanted)
     except ParametersError as error:
         said = str(error).removeprefix("params.yaml, ").replace("file.", "").replace("$.", "")
+        said = said.removesuffix(" @ file")
         raise ValueError(f"{where}: {said}") from error
 
 

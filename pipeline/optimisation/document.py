@@ -114,6 +114,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         unit=words.program_unit(reads_feed(result.moves)),
         residual=None if job.models.residual is None else job.models.residual_name,
         edges=tool_edges(after.cut, after.of.arcs, basis.coefficients),
+        split=result.split,
     )
 
 
@@ -362,6 +363,7 @@ def _proof(result: Result) -> stored.StoredProof:
         before_sha256=sha256(result.job.program.data).hexdigest(),
         after_sha256=sha256(optimised_text(result)).hexdigest(),
         first=None if proof.first is None else str(proof.first),
+        points=proof.points,
     )
 
 

@@ -155,6 +155,8 @@ class Result:
     """Evaluations of the whole twin."""
     interrupted: bool = False
     """Whether the search was ended early."""
+    split: str | None = None
+    """Gain of splitting long blocks, in words; None where that was not asked for."""
 
 
 def full_twin(

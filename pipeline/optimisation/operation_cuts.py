@@ -151,3 +151,9 @@ def length_in_air(cut: Cut, blocks: CutBlocks) -> Floats:
     inside[blocks.row] = np.divide(blocks.seconds, time, out=np.zeros(len(time)), where=time > 0)
     outside: Floats = length * (1 - inside)
     return outside
+
+
+def long_in_air(cut: Cut, blocks: CutBlocks) -> Bools:
+    """Rows that leave the cut for more than a lead-out; shape (M,)."""
+    diameter = np.array([tool.diameter for tool in cut.tools] or [0.0])
+    return length_in_air(cut, blocks) > LEAD * diameter[cut.tool]

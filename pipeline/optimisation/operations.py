@@ -6,7 +6,7 @@ width, what cuts nothing.  In doubt the operation is the one whose rule allows l
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,15 @@ class Operations:
         """Rows with one of some operations; shape (M,)."""
         there: Bools = np.isin(self.code, [CODE[name] for name in names])
         return there
+
+    def of_parts(self, whole: NDArray[np.int8]) -> "Operations":
+        """These operations of the parts of blocks, where ``whole`` (M,) are those of the blocks.
+
+        A part is of its block's operation: its first part is no lead.  Only what of it is in air
+        is that, and beside a slot there may be less than one.
+        """
+        own = self.of("air") | ((whole == CODE["slotting"]) & self.of("roughing"))
+        return replace(self, code=np.where(own | (self.code < 0), self.code, whole))
 
 
 def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> Operations:

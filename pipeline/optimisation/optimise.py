@@ -7,14 +7,16 @@ servo.  Rows whose loads the table took too low get less feed, and the search be
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
-from pipeline.gcode.program import Program, parse_program
+from pipeline.gcode.program import Program
 from pipeline.optimisation.axis_limits import check_axes_known
 from pipeline.optimisation.full_twin import Full, Result, full_twin
 from pipeline.optimisation.job import Interrupted, Job, Progress, Workshop
@@ -23,6 +25,7 @@ from pipeline.optimisation.methods.genes import Front, Method, method_of, writte
 from pipeline.optimisation.methods.genetic import baselines, improve
 from pipeline.optimisation.methods.pareto import pareto
 from pipeline.optimisation.methods.speeds import staying
+from pipeline.optimisation.operation_cuts import long_in_air
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import (
     Decision,
@@ -50,12 +53,13 @@ from pipeline.optimisation.reliability.force_intervals import cut_ranges
 from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
-from pipeline.optimisation.text.split import split_blocks
+from pipeline.optimisation.text.split import SplitProgram, split_blocks
 from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import Cut, cut_program
+from pipeline.twin.cut_blocks import cut_blocks
 from pipeline.twin.cut_limits import missed_blank
 
 ANSWER, DIRECT = "answer", "direct"
@@ -91,7 +95,9 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
     Interrupted
         When the search was ended before anything kept the limits.
     """
-    return _Course(job, progress or _alone).result()
+    if job.settings.grouping.split:
+        return _best_in_parts(job, progress or _alone)
+    return _Course(job, progress or _alone, _as_programmed(job)).result()
 
 
 def optimise_worn(
@@ -135,11 +141,22 @@ def _alone(what: str, share: float) -> bool:
     return False
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Text:
+    """A program, its moves and their cut; of parts of blocks, the operations of these blocks."""
+
+    program: Program
+    moves: Moves
+    cut: Cut
+    whole: NDArray[np.int8] | None = None
+    points: int = 0
+
+
 class _Course:
     """An optimisation under way."""
 
-    def __init__(self, job: Job, progress: Progress) -> None:
-        self.job, self._progress = job, progress
+    def __init__(self, job: Job, progress: Progress, text: _Text) -> None:
+        self.job, self._progress, self.text = job, progress, text
         self.interrupted = False
         if job.settings.compensated and job.models.residual is None:
             raise ValueError(
@@ -147,7 +164,7 @@ class _Course:
                 "setting out here, and give `kerf optimise --compensated` for a part"
             )
         self.evaluated = self.tightened = 0
-        self.program, self.moves, self.before = _as_programmed(job)
+        self.program, self.moves, self.before = text.program, text.moves, text.cut
         check_known(self.before, job.limits, job.basis.drive)
         self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
@@ -164,11 +181,7 @@ class _Course:
     def result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job = self.job
-        asked = problem_of(
-            self.before, job.basis, job.limits, self.editable, f_z_load=self.f_z,
-            practice=self.practice,
-        )  # fmt: skip
-        outcome = self._search(staying(asked, job.settings.grouping))
+        outcome = self._search(self._problem())
         problem = outcome.problem
         if not outcome.answer.kept:
             if self.interrupted:
@@ -185,6 +198,38 @@ class _Course:
             tightened=self.tightened, evaluated=self.evaluated, interrupted=self.interrupted,
         )  # fmt: skip
 
+    def _problem(self) -> Problem:
+        asked = problem_of(
+            self.before, self.job.basis, self.job.limits, self.editable, f_z_load=self.f_z,
+            practice=self.practice,
+        )  # fmt: skip
+        return staying(asked, self.job.settings.grouping)
+
+    def in_parts(self) -> "_Course | None":
+        """The same with long blocks split where their best F differ; None where none do."""
+        settings, practice = self.job.settings.grouping, self.practice
+        rows = self.editable.block >= 0
+        in_air = np.ones(len(self.moves), dtype=np.bool_)
+        if practice is not None:
+            rows &= practice.passes < 0
+            if practice.settings.air_feed_mm_min is None:
+                in_air = long_in_air(self.before, cut_blocks(self.before))
+        split = split_blocks(self.program, self.moves, self.before, settings, rows, in_air)
+        if not split.added:
+            return None
+        parts = self._of_parts(split)
+        feeds = parts._blockwise(parts._problem()).row_feeds
+        split = split.without(split.alike(parts.moves, feeds, settings.split_gain))
+        return self._of_parts(split) if split.added else None
+
+    def _of_parts(self, split: SplitProgram) -> "_Course":
+        """The same of a program with its blocks split."""
+        moves = interpret(split.program, self.job.setup)
+        cut = cut_program(planned_program(moves, self.job.models.control), self.job.cut)
+        of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
+        text = _Text(program=split.program, moves=moves, cut=cut, whole=of, points=len(split.added))
+        return _Course(self.job, self._progress, text)
+
     def _practice(self) -> tuple[Practice | None, Editable]:
         """Limits by tool and operation, and what may change with them."""
         job = self.job
@@ -192,7 +237,7 @@ class _Course:
             return None, editable_blocks(self.program, self.moves)
         practice = practice_of(
             self.program, self.moves, self.before, limits=job.limits, catalogue=job.catalogue,
-            material=job.basis.material,
+            material=job.basis.material, whole=self.text.whole,
         )  # fmt: skip
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed
@@ -317,7 +362,7 @@ class _Course:
         return full_twin(self.job, self.program, self.moves, problem, decision, certain)
 
     def _proof(self, answer: Full) -> Proof:
-        name, split = self.job.program.name, self.job.settings.grouping.split
+        name, split = self.job.program.name, self.text.points > 0
         proof = prove(self.job.program.data, answer.text, name, name, self.job.setup, splits=split)
         if not proof.same:
             raise ValueError(
@@ -420,8 +465,8 @@ def _unchanged(decision: Decision) -> Decision:
     )
 
 
-def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
-    """Program (its long blocks split where the settings say so), moves and cut."""
+def _as_programmed(job: Job) -> _Text:
+    """Program, moves and cut."""
     program = job.program
     moves = interpret(program, job.setup) if job.moves is None else job.moves
     cut = cut_program(planned_program(moves, job.models.control), job.cut)
@@ -431,9 +476,42 @@ def _as_programmed(job: Job) -> tuple[Program, Moves, Cut]:
         raise ValueError(
             f"{program.name}: nothing is cut: {why}: give the blank that the program cuts"
         )
-    if not job.settings.grouping.split:
-        return program, moves, cut
-    data = split_blocks(program, moves, cut, job.settings.grouping)
-    program = parse_program(data, program.name)
-    moves = interpret(program, job.setup)
-    return program, moves, cut_program(planned_program(moves, job.models.control), job.cut)
+    return _Text(program=program, moves=moves, cut=cut)
+
+
+def _best_in_parts(job: Job, progress: Progress) -> Result:
+    """The better of the program as it is and with its long blocks split."""
+    begun = 0.0
+
+    def half(what: str, share: float) -> bool:
+        return progress(what, begun + 0.5 * share)
+
+    course = _Course(job, half, _as_programmed(job))
+    whole, split, refused, points = None, None, None, 0
+    try:
+        whole = course.result()
+    except LimitsError as error:
+        refused = error
+    begun = 0.5
+    with suppress(LimitsError, Interrupted):
+        parts = None if course.interrupted else course.in_parts()
+        if parts is not None:
+            split, points = parts.result(), parts.text.points
+    at = f"long blocks are split at {points} point{'s' * (points > 1)}"
+    if whole is None:
+        if split is None:
+            raise refused or Interrupted
+        return replace(split, split=f"{at}: without that no F and S keep the limits")
+    gain = 0.0 if split is None else _gain(whole, split)
+    if split is not None and gain > points * job.settings.grouping.least_gain:
+        return replace(split, split=f"{at}, which gains {100 * gain:.2g} %")
+    ended = course.interrupted or half("splitting", 1.0)
+    nothing = "splitting long blocks gains nothing: none is split"
+    return replace(whole, split=nothing, interrupted=ended)
+
+
+def _gain(whole: Result, split: Result) -> float:
+    """Share of the objective that splitting saves; of a front's knee the least of all."""
+    objective = whole.job.objective
+    known = [OBJECTIVES.index(objective)] if objective in OBJECTIVES else slice(None)
+    return float(np.nanmin(1 - split.answer.objectives[known] / whole.answer.objectives[known]))

@@ -5,6 +5,7 @@ All are of the program as it was and as it is written, row by row; nothing is se
 
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from difflib import SequenceMatcher
 from typing import TYPE_CHECKING
 
@@ -31,7 +32,7 @@ from pipeline.schema.part_sheet import (
     ToolUse,
     WorkOffset,
 )
-from pipeline.schema.program_cut import CutWarning
+from pipeline.schema.program_cut import CutWarning, ToolTotals
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
 from pipeline.twin.cut_tables import by_tool, figure, tool_totals
@@ -97,14 +98,13 @@ def tool_uses(
     f_z, uses = _commanded(result, before, after), []
     found = [one for one in tool_ranges(result) if one[3].any()]
     for tool, known, why, mine in sorted(found, key=lambda one: int(np.argmax(one[3]))):
-        rows, now = np.flatnonzero(mine), np.zeros(len(after.cut.tool), dtype=np.bool_)
-        now[result.answer.rows[rows]] = True
-        kept = reasons.why_both(rows)
+        rows = np.flatnonzero(mine)
+        kept, shown = reasons.why_both(rows), mine & _raised(*f_z, mine)
         uses.append(ToolUse(
             tool=tool, name=result.job.cut.tools[tool].name,
             operation=_operation(result, int(rows[0])),
-            before=tool_totals(before.of.found, tool, mine),
-            after=tool_totals(after.of.found, tool, now),
+            before=_totals(before, tool, mine, shown),
+            after=_totals(after, tool, *(_written(result, one) for one in (mine, shown))),
             feed_per_tooth_range_mm=known.feed_per_tooth_mm,
             cutting_speed_range_m_min=known.cutting_speed_m_min,
             range_source=known.source, kept=kept and (why or kept),
@@ -113,6 +113,32 @@ def tool_uses(
             rise=_rise(result.moves.line, *f_z, rows),
         ))  # fmt: skip
     return tuple(uses)
+
+
+def _raised(before: Floats, after: Floats, rows: Bools) -> Bools:
+    """Rows whose feed per tooth rose; where none of ``rows`` did, those where it changed, or all.
+
+    What did not change would hide what did where it is greater, as a fast return move does.
+    """
+    change = after / before - 1
+    for some in (change > LEAST_RISE, np.abs(change) > LEAST_RISE):
+        if (some & rows).any():
+            return some
+    return np.ones(len(rows), dtype=np.bool_)
+
+
+def _written(result: "Result", rows: Bools) -> Bools:
+    """Rows of the program after that rows (M,) of the one before have become."""
+    now = np.zeros(len(result.answer.cut.tool), dtype=np.bool_)
+    now[result.answer.rows[rows]] = True
+    return now
+
+
+def _totals(side: Side, tool: int, rows: Bools, shown: Bools) -> ToolTotals:
+    """Totals of the rows of a tool, the feed per tooth the greatest of some of them."""
+    found = side.of.found
+    feed = tool_totals(found, tool, shown).feed_per_tooth_mm
+    return replace(tool_totals(found, tool, rows), feed_per_tooth_mm=feed)
 
 
 def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -> FeedRise | None:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, Operation
 from pipeline.cutting.economics.material import Material
@@ -19,7 +20,7 @@ from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_spee
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import LEAD, length_in_air
+from pipeline.optimisation.operation_cuts import long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
 from pipeline.optimisation.text.words import FeedText, ProgramWords
@@ -71,7 +72,7 @@ RULES: dict[Operation, Rule] = {
 
 def practice_of(
     program: Program, moves: Moves, cut: Cut, *, limits: CutLimit, catalogue: CuttingCatalogue,
-    material: Material,
+    material: Material, whole: NDArray[np.int8] | None = None,
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
@@ -87,6 +88,8 @@ def practice_of(
         Where the tool table gives no range.
     material : Material
         Of the blank.
+    whole : ndarray of int8, shape (M,), optional
+        Operations of the blocks that the rows are parts of, where blocks were split.
 
     Raises
     ------
@@ -95,6 +98,8 @@ def practice_of(
     """
     blocks = cut_blocks(cut)
     found = operations(program, moves, cut, blocks)
+    if whole is not None:
+        found = found.of_parts(whole)
     return _Rows(program, moves, cut, blocks, found, limits).practice(catalogue, material)
 
 
@@ -159,9 +164,8 @@ class _Rows:
         given = self.settings.air_feed_mm_min
         most[air] = self.own_feed[air] if given is None else np.maximum(given, self.own_feed[air])
         if given is None:  # a row that leaves the cut for more than a lead-out
-            diameter = np.array([tool.diameter for tool in self.cut.tools] or [0.0])
-            outside = length_in_air(self.cut, self.blocks) > LEAD * diameter[self.cut.tool]
-            most = np.where(self.cuts & outside, self.own_feed, most)
+            leaves = self.cuts & long_in_air(self.cut, self.blocks)
+            most = np.where(leaves, self.own_feed, most)
         return most * SAME
 
     def _by_life(self, material: Material, high: Floats) -> Floats:

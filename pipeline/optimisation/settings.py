@@ -70,9 +70,9 @@ class Grouping(Ranged, section="grouping"):
     speeds: Literal["blocks", "own"] = "blocks"
     """Whether S words may be added at any block, or only the program's own changed."""
     split: bool = False
-    """Whether long straight blocks are split where their engagement changes."""
-    split_gain: Annotated[float, Range(least=0.0, most=100.0)] = 0.2
-    """Feed that a part of a block must gain to be split off, as a share [1]."""
+    """Whether long straight blocks are split where their engagement changes and that gains."""
+    split_gain: Annotated[float, Range(least=0.0, most=100.0)] = 0.05
+    """Difference of the feeds of two parts of a block below which they stay one, as a share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -257,10 +257,13 @@ def _proof_text(part: OptimisedPart) -> list[str]:
     }  # fmt: skip
     listed = ", ".join(f"{number(many)} {what}" for what, many in counts.items() if many)
     which = f": {counted(words.total, 'word')} ({listed})".replace(" ()", "")
+    points = ""
+    if proof.points:
+        points = f", and {counted(proof.points, 'line')} with a point of the path were put in"
     command = "kerf check BEFORE AFTER" + (f" --machine {part.machine}" if part.machine else "")
     return [
-        f"Only F and S words changed{which}; every other byte of the program is as it was. All "
-        f"{number(proof.moves)} moves, "
+        f"Only F and S words changed{which}{points}; every other byte of the program is as it was. "
+        f"All {number(proof.moves)} moves, "
         "modal states, tools, offsets and codes are the same to the last bit, compared by a "
         f"check that shares nothing with what wrote the program: {command}."
     ]
@@ -275,6 +278,6 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
                "are unproven."}.get(part.control, "")  # fmt: skip
     return Section(
         key="basis", title="What these numbers rest on",
-        text=[*filter(None, [control]), *part.notes], pairs=unknown,
+        text=[*filter(None, [control, part.split]), *part.notes], pairs=unknown,
         blocks=present(tables.limits_table(part, sources)), closing=True,
     )  # fmt: skip

@@ -84,8 +84,8 @@ def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
             moved = True
         finally:
             if not moved:
-                part.unlink(missing_ok=True)
-            if waiting is None or not moved:
+                _remove(part)
+            elif waiting is None:
                 _begun.discard(part)
     except OSError as error:
         if isinstance(error, NotWrittenError) or not _is_of(error, target, part):
@@ -114,8 +114,7 @@ def together() -> Iterator[None]:
     finally:
         _held.reset(token)
         for part, _ in waiting:
-            part.unlink(missing_ok=True)
-            _begun.discard(part)
+            _remove(part)
 
 
 def written(path: Path) -> Path:
@@ -173,7 +172,14 @@ def _end_there(unraisable: "sys.UnraisableHookArgs") -> None:
 
 def _remove_begun() -> None:
     for part in list(_begun):
+        _remove(part)
+
+
+def _remove(part: Path) -> None:
+    """Remove a file that is not whole, where the system lets go of it: a disk may be read-only."""
+    with suppress(OSError):
         part.unlink(missing_ok=True)
+    _begun.discard(part)
 
 
 def _finish(part: Path, target: Path) -> None:

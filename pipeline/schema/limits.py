@@ -197,13 +197,13 @@ class CutLimit(Ranged, section="limits"):
     """Of the cut, beside the drive's own [N m]."""
     power_share: Annotated[
         float,
-        Range(above=0.0, below=ENDLESS),
+        Range(above=0.0, most=2.0),
         Limit(
             option="--power-share", help="Of the drive's power that may be used, a share.",
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
-    """Of the drive's power at each speed [1]."""
+    """Of the drive's rated power at each speed [1]; above 1 for drives that bear it for minutes."""
     following_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),

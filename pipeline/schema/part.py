@@ -258,6 +258,8 @@ class StoredProof:
     """Of the two texts."""
     first: str | None
     """First difference."""
+    points: int = 0
+    """Lines that were put in on the path of straight cuts."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -381,6 +383,8 @@ class OptimisedPart:
     edges: tuple[ToolEdge, ...] = ()
     """Wear of each tool that figures and limits hold for, with the force of the optimised program
     sharp and worn."""
+    split: str | None = None
+    """Gain of splitting long blocks, in words; stored only where that was asked for."""
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""
@@ -390,10 +394,9 @@ class OptimisedPart:
 def part_values(part: OptimisedPart) -> dict[str, Any]:
     """A part as it is stored, without limits that do not hold and names that are none."""
     values: dict[str, Any] = unstructured(part)
-    if part.residual is None:
-        del values["residual"]
-    if part.machine_unit is None:
-        del values["machine_unit"]
+    for name in ("residual", "machine_unit", "split"):
+        if values[name] is None:
+            del values[name]
     given = part.limits.given
     values["limits"] = {name: one for name, one in values["limits"].items() if name in given}
     return values

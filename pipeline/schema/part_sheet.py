@@ -36,7 +36,8 @@ class ToolUse:
     """Kind of machining; empty where operations were not told apart."""
     before: ToolTotals
     after: ToolTotals
-    """Worst values of its blocks and sums over them."""
+    """Worst values of its blocks and sums over them; the feed per tooth is that of the blocks in
+    which it rose, where there are none of those in which it changed."""
     feed_per_tooth_range_mm: tuple[float, float] | None
     cutting_speed_range_m_min: tuple[float, float] | None
     """Least and greatest f_z [mm] and v_c [m/min]; None where no source gives them."""

@@ -19,6 +19,7 @@ from pipeline.cutting.engagement.stock import Stock
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, LoadTable, load_table
 from pipeline.cutting.tool import Tool
+from pipeline.cutting.tool_sizes import odd_sizes
 from pipeline.gcode.moves import METRE
 from pipeline.gcode.setup import Vector
 from pipeline.machine.control.parameters import ControlParameters
@@ -181,6 +182,7 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
     )  # fmt: skip
     tools = tuple(job.tools[number] for number in listed)
     force_laws = tuple(job.force_laws[number] for number in listed)
+    _check_resolution(path, tools, listed, job.resolution)
     blank = height_map(job.stock, job.resolution)
     swept, left = engage(path.pieces, tools, blank)
     if not len(swept) and not path.pieces.feed.any():
@@ -191,6 +193,25 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
         engagement=engagement, blank=blank, left=left,
         table=load_table(engagement, tools, force_laws, _greatest(plan, engagement, tools)),
     )  # fmt: skip
+
+
+def _check_resolution(
+    path: CuttingPath, tools: tuple[Tool, ...], numbers: list[int], resolution: float
+) -> None:
+    """Refuse cells wider than half of the widest tool that cuts: it would miss what it cuts.
+
+    A tool of an odd size counts as a slip of units, of which there is a warning.
+    """
+    used = np.unique(path.pieces.tool[path.pieces.feed]).tolist()
+    widest = max(used, key=lambda index: tools[index].diameter, default=None)
+    if widest is None or odd_sizes(tools[widest]):
+        return
+    if 2 * resolution > tools[widest].diameter:
+        size = tools[widest].diameter_mm
+        raise ValueError(
+            f"a resolution of {resolution / METRE:g} mm is too coarse for T{numbers[widest]}, the "
+            f"widest tool with {size:g} mm: give at most a tenth of it, {size / 10:g} mm"
+        )
 
 
 def with_force_laws(cut: Cut, force_laws: tuple[ForceLaw, ...]) -> Cut:

@@ -151,10 +151,14 @@ def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> CutWar
     return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
 
 
+SMALL = 10.0
+"""Extent of the moves at feed over the blank's, along X or Y, from which it may be in inches."""
+
+
 def missed_blank(cut: Cut, stock: str) -> CutWarning | None:
-    """Said where moves at feed exist and none of them meets the blank."""
+    """Said where no move at feed meets the blank, or where it is as small as one in inches."""
     blank, pieces = cut.blank, cut.path.pieces
-    if (cut.tool >= 0).any() or not pieces.feed.any():
+    if not pieces.feed.any():
         return None
     ends = np.concatenate([pieces.start[pieces.feed], pieces.end[pieces.feed]])
     rows, columns = blank.heights.shape
@@ -162,13 +166,16 @@ def missed_blank(cut: Cut, stock: str) -> CutWarning | None:
     high = [
         blank.x0 + columns * blank.cell, blank.y0 + rows * blank.cell, float(blank.heights.max()),
     ]  # fmt: skip
+    small = bool((np.ptp(ends, axis=0) > SMALL * np.subtract(high, low))[:2].any())
+    if not small and (cut.tool >= 0).any():
+        return None
     fed, held = _spans(ends.min(axis=0), ends.max(axis=0)), _spans(low, high)
-    inch = " Is the STL in inch? It is read in mm." if stock.lower().endswith(".stl") else ""
+    inch = small or stock.lower().endswith(".stl")
     return CutWarning(
         what=f"the blank {stock} is not where the program cuts: feed moves span {fed} mm, the "
-        f"blank {held} mm",
+        f"blank {held} mm{' (is it in inches? it is read in mm)' * inch}",
         do=f"Give the blank in the coordinates of {cut.path.frame.name}, or name another work "
-        f"offset.{inch}",
+        "offset.",
         grave=True,
     )
 

@@ -48,7 +48,7 @@ TOOLS = {1: TEN, 2: SIX, 3: DRILL}
 NO_MARGINS = Margins(
     load=0, power=0, torque=0, chip=0, deflection=0, stability=0, cutting_speed=0, roughness=0
 )
-ROOMY = CutLimit(load_N=1e4, chip_um=(0.0, 1e4), power_share=100.0, margins=NO_MARGINS)
+ROOMY = CutLimit(load_N=1e4, chip_um=(0.0, 1e4), power_share=2.0, margins=NO_MARGINS)
 """Limits that nothing here comes near."""
 
 TWO_TOOLS = """T1 M6

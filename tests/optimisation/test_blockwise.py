@@ -478,3 +478,13 @@ def test_of_speeds_that_take_as_long_the_slowest_is_taken():
     feed, S, _ = optimum(found, "time")
     assert feed == pytest.approx(200.0, rel=NEAR)
     assert pytest.approx(200.0 / (load_f_z(60.0) * FLUTES), rel=NEAR) == S
+
+
+def test_a_feed_that_axes_do_not_reach_keeps_its_word():
+    """Any F from what they reach on costs the same: as programmed it is no word."""
+    text = slots(0.1, 0.2, feed=25_000.0)
+    found = problem(text, CutLimit(load_N=1e6, feed_mm_min=(10, 30_000)), drive=drive(1e6))
+    own, cap = found.cut.plan.path.moves.feed, found.cut.plan.path.cap
+    assert (cap[found.editable.block >= 0] * 6e4 < 25_000).all()  # else this proves nothing
+    decision = blockwise_optimum(found, "time", ONE_SPEED)
+    np.testing.assert_array_equal(decision.row_feeds, own)

@@ -53,7 +53,11 @@ def held(cut, *, feed=True, speed=True):
         (CutLimit(load_N=1e4, chip_um=(90.0, 900.0), margins=NO_MARGINS,
                   feed_mm_min=(100.0, 500.0), speed_rpm=(4e3, 8e3)),
          "make the least chip: T1 needs 90.* um a tooth, and gets 62.5 um at most"),
-        (CutLimit(load_N=1e4, cutting_speed_m_min=(400.0, 500.0)), "at least 12732.4 and at most"),
+        (CutLimit(load_N=1e4, cutting_speed_m_min=(400.0, 500.0)),
+         "at least 12732.4 rev/min by limits.cutting_speed_m_min, and at most 10000 by the top "
+         "speed of the spindle"),
+        (CutLimit(load_N=1e4, cutting_speed_m_min=(50.0, 60.0), speed_rpm=(5e3, 6e3)),
+         "at least 5000 rev/min by limits.speed_rpm, and at most 1909.86 by limits.cutting_s"),
         (CutLimit(load_N=1e4, speed_rpm=(11e3, 12e3)), r"\[11000, 12000\] begins above the spind"),
         (CutLimit(load_N=1e4, deflection_um=50.0, speed_rpm=(1e3, 6e3), roughness_um=0.1,
                   margins=NO_MARGINS, feed_mm_min=(800.0, 900.0)),

@@ -42,14 +42,16 @@ DRIVE = SpindleDrive(
 )
 
 
-def supplies() -> Supplies:
+def supplies(table: str = "tool/mill01", *materials: str) -> Supplies:
+    """What conf/ has, one tool table and the materials of mill01 or others."""
+
     def of(path: str, wanted: type) -> Any:
         values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
         return structure({"a": values}, "a", wanted)
 
-    return Supplies(tools={"mine": of("tool/mill01", ToolTable)},
-                     materials={"A7075": of("material/A7075", Material),
-                                "A6061": of("material/A6061", Material)},
+    names = materials or ("material/A7075", "material/A6061")
+    return Supplies(tools={"mine": of(table, ToolTable)},
+                     materials={one.partition("/")[2]: of(one, Material) for one in names},
                      rates=of("cost/default", CostRates),
                      cutting_data=of("catalogue/default", CuttingCatalogue))  # fmt: skip
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.engagement.stock import stock_of
+from pipeline.gcode.program import parse_program
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.methods.feeds import feed_bounds
@@ -114,10 +115,11 @@ def test_split_blocks_are_lines_that_were_not_there() -> None:
     job = paper_job("time", settings=replace(
         QUICK, grouping=replace(QUICK.grouping, split=True, split_gain=0.01),
     ))  # fmt: skip
-    found = optimise(job)
+    out = PROGRAM.replace("G1 X2.\nX-4.\n", "G1 X-30.\n")  # far out of the blank
+    found = optimise(replace(job, program=parse_program(out.encode(), "O2023.nc")))
     part = optimised_part(found, machine="mill", origin="simulated", control="identified")
-    many = len(found.answer.text.splitlines()) - len(PROGRAM.splitlines())
-    assert many > 0  # else this proves nothing
+    many = len(found.answer.text.splitlines()) - len(out.splitlines())
+    assert part.proof.points == many > 0  # else this proves nothing
     assert sum(line.before is None for line in part.lines) >= many
     text = found.answer.text.decode().split("\n")
     assert all(
@@ -132,6 +134,22 @@ def test_a_tool_stands_beside_its_ranges(part: OptimisedPart) -> None:
     assert use.before.feed_per_tooth_mm == pytest.approx(0.03)  # F300 of 2 teeth at S5000
     assert use.before.cutting_speed_m_min == pytest.approx(94.2478)  # pi 6 mm 5000/min
     assert len(feeds_table(part, []).rows) == len(loads_table(part, []).rows) == 1
+
+
+def test_a_fast_return_move_does_not_hide_what_rose() -> None:
+    """A slot at F150, and a way back along its wall at the F500 that is the greatest allowed."""
+    head = PROGRAM[: PROGRAM.index("X6. F300.")]
+    text = f"{head}X35. F150.\nG0 Z2.\nY4.1\nG1 Z-1. F400.\nX-4. F500.\nG0 Z2.\nM30\n"
+    job = paper_job("time", settings=QUICK)
+    limits = replace(job.limits, load_N=600.0, speed_rpm=(5000.0, 5000.0))
+    found = optimise(
+        replace(job, limits=limits, program=parse_program(text.encode(), "O2023.nc"))
+    )  # fmt: skip
+    part = optimised_part(found, machine="mill", origin="simulated", control="identified")
+    use = part.tools[0]
+    assert use.before.feed_per_tooth_mm == pytest.approx(150 / (2 * 5000), rel=1e-4)
+    assert use.after.feed_per_tooth_mm == pytest.approx(500 / (2 * 5000), rel=1e-4)
+    assert use.before.peak_load_N == part.before.peak_load_N  # of all its blocks
 
 
 def test_the_path_is_as_long_as_the_moves_and_lies_in_the_blank(result: Result) -> None:

@@ -343,7 +343,7 @@ def test_a_row_at_the_ends_of_both_f_and_s_is_at_that_of_f():
 
 
 def test_a_row_at_the_drives_power_or_torque():
-    problem = problem_on(cut_on(SLOT), ROOMY, drive=replace(DRIVE, rated_power_kW=0.01))
+    problem = problem_on(cut_on(SLOT), ROOMY, drive=replace(DRIVE, rated_power_kW=0.5))
     row = problem.blocks.row[-1]
     for speed, name in ((2000.0, "spindle torque"), (6000.0, "spindle power")):
         speeds = np.full(len(problem), speed)

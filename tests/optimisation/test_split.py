@@ -1,5 +1,7 @@
 """Straight blocks in parts: where, and that the whole is proved to be the same way."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -7,14 +9,26 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
+from pipeline.optimisation.job import Job, MachineModels, part_job
+from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.proof.prove import Proof, prove
-from pipeline.optimisation.settings import Grouping
+from pipeline.optimisation.settings import (
+    Grouping,
+    OptimisationSettings,
+    Part,
+    Parts,
+    ReliabilitySettings,
+    SearchSettings,
+)
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.optimisation.text.rewrite import rewrite
 from pipeline.optimisation.text.split import split_at, split_blocks, splittable
+from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import CutJob, cut_program
+from pipeline.twin.cut_wear import ToolWear
 from tests.optimisation.modal_programs import any_answer, modal_program, seeds
+from tests.optimisation.test_part import supplies
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX
 
 SETUP = Setup()
@@ -33,7 +47,8 @@ def proof_of(before: str | bytes, after: str | bytes, *, splits: bool = True) ->
 
 def test_points_are_put_in_as_the_program_writes() -> None:
     program, moves = read("N1G20G90S3000M3\nN2G1Z-.1F9.\nN3X3.Y-1.2345F12.\nN4Y0.\n")
-    after = split_at(program, moves, {2: [1 / 3, 0.6], 3: [0.25]})
+    split = split_at(program, moves, {2: [1 / 3, 0.6], 3: [0.25]})
+    after = split.program.data
     assert after.decode("ascii") == (
         "N1G20G90S3000M3\nN2G1Z-.1F9.\nG1X1.Y-0.4115F12.\nG1X1.8Y-0.7407F12.\nN3X3.Y-1.2345F12.\n"
         "G1Y-0.9259\nN4Y0.\n"
@@ -42,6 +57,25 @@ def test_points_are_put_in_as_the_program_writes() -> None:
     assert proof.same and proof.points == 3
     assert proof.sha256 == proof_of(program.data, program.data).sha256
     assert not proof_of(program.data, after, splits=False).same
+    assert split.added == (3, 4, 6)
+    parts = interpret(split.program, SETUP)
+    kept = moves.line[split.whole_rows(parts)] == np.array([1, 1, 2, 3, 3, 3, 4, 4])[-len(parts) :]
+    assert kept.all()
+    fewer = split.without([3, 6])
+    assert fewer.added == (3,)
+    assert fewer.program.data == after.replace(b"G1X1.Y-0.4115F12.\n", b"").replace(
+        b"G1Y-0.9259\n", b""
+    )
+
+
+def test_points_with_nearly_the_same_feed_on_both_sides_are_none() -> None:
+    """F 100 104 108 | 300 | 290 400: what is joined counts from its least to its greatest F."""
+    program, moves = read("G21G90S3000M3\nF100.\nG1X60.\n")
+    split = split_at(program, moves, {len(moves) - 1: [0.1, 0.3, 0.5, 0.7, 0.9]})
+    parts = interpret(split.program, SETUP)
+    feeds = np.array([1.0, *([1.0] * (len(parts) - 7)), 100.0, 104.0, 108.0, 300.0, 290.0, 400.0])
+    assert split.alike(parts, feeds, 0.05) == [3, 6]
+    assert split.alike(parts, feeds, 0.0) == []
 
 
 @pytest.mark.parametrize("seed", seeds(6, 60))
@@ -50,7 +84,7 @@ def test_any_split_with_any_answer_is_proved(seed: int) -> None:
     program, moves = read(modal_program(rng))
     rows = splittable(program, moves)
     shares = {row: np.sort(rng.uniform(0.05, 0.95, rng.integers(0, 4))).tolist() for row in rows}
-    text = split_at(program, moves, shares)
+    text = split_at(program, moves, shares).program.data
     parts, pieces = read(text)
     assert np.count_nonzero(pieces.kind == Kind.FEED) <= np.count_nonzero(
         moves.kind == Kind.FEED
@@ -95,27 +129,101 @@ def test_half_of_the_last_decimal_is_let_pass_and_no_more() -> None:
     assert not proof_of(BEFORE, BEFORE.replace("G1 X30", "G1 X10.01 Y3.345\nG1 X30")).same
 
 
-def test_a_step_in_the_blank_is_where_the_block_is_split() -> None:
-    # a slot across takes 2 of the 4 mm away between x = 17 and 23, then a slot goes through it
-    text = (
-        "T1 M6\nG0 X20 Y-10 S6000 M3\nZ-2\nG1 Y50 F300\nG0 Z5\nX-10 Y20\nZ-4\nG1 X50 F300\n"
-        "G0 Z5\nM30\n"
-    )
+def split_text(text: str, *, in_air: bool = True, **grouping: float) -> list[str]:
+    """Lines that are put into a program of the tool of 6 mm."""
     program, moves = read(text)
     job = CutJob(stock=BLOCK, tools={1: SIX}, force_laws={1: LAW}, resolution=0.25e-3)
     cut = cut_program(planned_program(moves, CONTROL), job)
-    after = split_blocks(program, moves, cut, Grouping(split=True))
-    put_in = [line for line in after.decode("ascii").splitlines() if line not in text.splitlines()]
-    assert proof_of(text, after).same and put_in
-    way = [float(line.split()[1][1:]) for line in put_in if "X" in line]
-    # the cutter's front meets the slot, and the wall behind it, a radius before its centre does;
-    # stations are as fine as three cells of the blank
-    for edge in (17.0 - 3.0, 23.0 - 3.0):
-        assert min(abs(x - edge) for x in way) < 0.75
-    assert all(-1.5 <= x <= 20.75 for x in way)
-    # parts that take less than 5 s (25 mm) are none
-    coarse = split_blocks(program, moves, cut, Grouping(split=True, least_block_s=5.0))
-    assert coarse.decode("ascii") == text
+    every = np.ones(len(moves), dtype=np.bool_)
+    settings = Grouping(split=True, **grouping)
+    split = split_blocks(program, moves, cut, settings, every, every & in_air)
+    assert proof_of(text, split.program.data).same
+    return [split.program.line(number).text.decode("ascii") for number in split.added]
+
+
+STEP = (
+    "T1 M6\nG0 X17 Y-10 S6000 M3\nZ-2\nG1 Y50 F300\nG0 Z5\nX23 Y-10\nZ-2\nG1 Y50\nG0 Z5\nX-10 Y20\n"
+    "Z-4\nG1 X50 F300\nG0 Z5\nM30\n"
+)
+"""A slot across takes 2 of the 4 mm away between x = 14 and 26, then one goes through it."""
+
+
+def test_a_step_in_the_blank_is_where_the_block_is_split() -> None:
+    """The cutter's front meets the slot, and the wall behind it, a radius before its centre does.
+
+    Stations are as fine as three cells of the blank; until the next one that is lighter by a whole
+    step the cut counts as the heavier.
+    """
+    way = [float(line.split()[1][1:]) for line in split_text(STEP) if "X" in line]
+    assert way == pytest.approx([-3.0, 14.0 - 3.0 + 0.5, 26.0 - 3.0], abs=0.75)
+    # parts that take less than 5 s (25 mm) are none, the 12 mm of the step among them
+    assert split_text(STEP, least_block_s=5.0) == []
+
+
+def test_an_entry_is_no_part_and_air_only_where_it_may_be() -> None:
+    """What is shorter than the tool is wide, as where it enters a block, counts as the heavier."""
+    way = [float(line.split()[1][1:]) for line in split_text(STEP, in_air=False) if "X" in line]
+    assert way == pytest.approx([14.0 - 3.0 + 0.5, 26.0 - 3.0], abs=0.75)
+
+
+def job_on(text: str, *, split: bool, **limits: float) -> Job:
+    """A program of end mills in C45 with the limits that hold by default."""
+    grouping, search = Grouping(split=split), SearchSettings(generations=1, baseline=0)
+    settings = OptimisationSettings(
+        certainty=ReliabilitySettings(epsilon=0.5, draws=16), grouping=grouping, search=search
+    )
+    part = Part(
+        program="P.nc", stock="box:-4,104,-4,64,-20,0", tool_table="mine",
+        material="steel_medium_carbon", limits=CutLimit(**limits), resolution_mm=1.0,
+    )  # fmt: skip
+    known = supplies("tool/shop", "material/steel_medium_carbon").workshop(
+        part, Parts(programs=(part,)), ToolWear()
+    )
+    return part_job(
+        read(text)[0], part, models=MachineModels(control=CONTROL), workshop=known, setup=SETUP,
+        settings=settings,
+    )  # fmt: skip
+
+
+def rows_at(depth: int, length: int, tool: int = 5) -> str:
+    """Five slots beside each other from the edge, each a stroke."""
+    strokes = "".join(
+        f"G0 X-12 Y{y}\nG0 Z-{depth}\nG1 X{length} F500\nG0 Z10\n" for y in (4, 16, 28)
+    )
+    return f"T{tool} M6\nS4000 M3\nG0 X-12 Y4\nG0 Z10\n{strokes}"
+
+
+STAIRS = f"G21 G90\n{rows_at(2, 50)}{rows_at(4, 112)}M30\n"
+FINISHING = (
+    f"G21 G90\n{rows_at(4, 40)}(FINISH)\nG0 X-12 Y-8.8\nG0 Z-4\nG1 X112 F500\nG1 Y60\nG0 Z10\nM30\n"
+)
+CASES = {
+    "stairs at a load limit": (STAIRS, {"load_N": 500.0}, True),
+    "stairs by the table alone": (STAIRS, {}, False),
+    "a finishing contour": (FINISHING, {}, False),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_splitting_is_never_slower_and_each_point_earns_its_place(case: str) -> None:
+    text, limits, gains = CASES[case]
+    whole, split = (optimise(job_on(text, split=on, **limits)) for on in (False, True))
+    times = [float(one.answer.objectives[0]) for one in (whole, split)]
+    points = split.proof.points
+    assert whole.split is None and split.split is not None
+    assert (points > 0) is gains
+    if gains:
+        least = Grouping().least_gain * points * times[0]
+        assert times[1] < times[0] - least
+        assert f"long blocks are split at {points} points, which gains" in split.split
+        written = [f.split() for f in split.answer.text.decode().splitlines() if f.startswith("G1")]
+        for here, after in pairwise(written):
+            if here[1] not in ("X50", "X112"):
+                low, high = sorted((float(here[2][1:]), float(after[2][1:])))
+                assert high >= 1.05 * low
+    else:
+        assert times[1] == times[0] and split.answer.text == whole.answer.text
+        assert split.split == "splitting long blocks gains nothing: none is split"
 
 
 @pytest.mark.parametrize(("line", "splits"), [("/X20 Y5", False), ("/G91", False), ("/M8", True)])

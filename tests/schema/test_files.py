@@ -1,5 +1,6 @@
 """Files are written whole: a failure, a full disk or a signal leaves what was there."""
 
+import errno
 import os
 import resource
 import signal
@@ -14,6 +15,7 @@ from pathlib import Path
 import pyarrow as pa
 import pytest
 
+from pipeline.schema import files
 from pipeline.schema.files import NotWrittenError, replacing, together, written
 from pipeline.schema.store import write_bytes, write_table, write_text
 
@@ -62,6 +64,24 @@ def test_a_full_disk_leaves_the_old_file_and_names_it(path: Path) -> None:
         assert said.startswith(f"{path} cannot be written (") and "\n" not in said
         assert "(File too large)" in said
         assert alone(path, "old")
+
+
+def test_a_disk_that_becomes_read_only_is_one_sentence_and_nothing_at_the_exit(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuses(part: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS), str(part))
+
+    with monkeypatch.context() as patched, pytest.raises(NotWrittenError, match="Read-only"):
+        patched.setattr(Path, "replace", refuses)
+        patched.setattr(Path, "unlink", refuses)
+        with replacing(path) as part:
+            part.write_text("new")
+    assert not files._begun  # or Python's exit would print a traceback for it
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "unlink", refuses)
+        files._begun.add(path)
+        files._remove_begun()
 
 
 def test_an_error_of_another_file_is_not_said_to_be_of_this_one(path: Path) -> None:

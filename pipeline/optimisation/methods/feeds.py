@@ -87,8 +87,9 @@ def common_bounds(
 ) -> tuple[Floats, Floats]:
     """Interval of F that suits all rows of each group, without what axes and arcs cut off.
 
-    All of it still suits when a word rounds F down.  An interval too narrow for that is one F: as
-    programmed, or such as a word holds.
+    It reaches up to F as programmed where that is allowed: a lesser one, that changes nothing,
+    would be a word for nothing.  All of it still suits when a word rounds F down.  An interval too
+    narrow for that is one F: as programmed, or such as a word holds.
 
     Parameters
     ----------
@@ -112,7 +113,9 @@ def common_bounds(
     useful = groups.greatest(np.broadcast_to(path.cap / _scale(problem, spindle_speed), low.shape))
     wide = least * (1 + ROUNDED) <= most * (1 - SLACK)
     own = groups.common(path.moves.feed)
-    kept = np.where((least <= own) & (own <= most), own, rounded_down(np.maximum(most, TINY)))
+    allowed = (least <= own) & (own <= most)
+    useful = np.maximum(useful, np.where(allowed, own, 0.0))
+    kept = np.where(allowed, own, rounded_down(np.maximum(most, TINY)))
     least = np.where(wide, least * (1 + ROUNDED), np.where(kept >= least, kept, np.inf))
     most = np.where(wide, np.clip(useful, least, most * (1 - SLACK)), kept)
     return least, most

@@ -12,6 +12,8 @@ one tooth leaves the marks, and f is that of a turn.  Plunges and drills leave n
 and S come from the part's limits, the machine, the tools and the program.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -290,6 +292,15 @@ def ranges_of(
         highest = min(highest, drive.top_speed_rpm)
     low, high = (np.full(len(cuts), end) for end in _speeds(cut, cuts, limits, drive, highest))
     high = np.minimum(high, highest)
+    top = np.array([tool.top_speed_rpm or np.inf for tool in cut.tools] or [0.0])[cut.tool]
+    given = "the S of the program" if limits.speed_rpm is None else "limits.speed_rpm"
+    spans = [
+        ("the top speed of the spindle", np.zeros(len(cuts)), np.full(len(cuts), highest)),
+        ("the top speed of the tool", np.zeros(len(cuts)), top),
+        ("limits.cutting_speed_m_min" if practice or limits.cutting_speed_m_min else
+         "the cutting speed of the tool", surface_low, surface_high),
+        (given, low, high),
+    ]  # fmt: skip
     if practice is not None:
         free_feed = editable.block >= 0
         feed_high = np.where(free_feed, np.minimum(feed_high, practice.feed_high), feed_high)
@@ -301,6 +312,12 @@ def ranges_of(
             least = np.minimum(least, GIVES_WAY * allowed)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
+        spans += [
+            ("the cutting speed of the tool or its life", practice.surface_low,
+             practice.surface_high),
+            ("practice.change (no more than programmed without a tool life)", practice.speed_low,
+             practice.speed_high),
+        ]  # fmt: skip
         surface_low = np.maximum(surface_low, practice.surface_low)
         surface_high = np.minimum(surface_high, practice.surface_high)
         low, high = np.maximum(low, practice.speed_low), np.minimum(high, practice.speed_high)
@@ -317,7 +334,7 @@ def ranges_of(
         surface_high=surface_high,
         counted=cuts | unknown,
     )
-    _check(cut, cuts, ranges)
+    _check(cut, cuts, ranges, spans)
     return ranges
 
 
@@ -393,14 +410,19 @@ def _speeds(
     return min(least, drive.minimum_speed_rpm), drive.top_speed_rpm
 
 
-def _check(cut: Cut, cuts: Bools, ranges: Ranges) -> None:
+def _check(
+    cut: Cut, cuts: Bools, ranges: Ranges, spans: Sequence[tuple[str, Floats, Floats]]
+) -> None:
+    """Refuse an empty range of S; ``spans`` are what it is made of, by name, shape (M,) each."""
     empty = cuts & (ranges.speed_low > ranges.speed_high)
     if empty.any():
         row = int(np.argmax(empty))
         tool = cut.tools[cut.tool[row]]
+        lower = max(spans, key=lambda span: float(span[1][row]))[0]
+        upper = min(spans, key=lambda span: float(span[2][row]))[0]
         raise ValueError(
             f"{where(cut.plan.path.moves, row)}: no speed of the spindle keeps the limits of "
             f"T{cut.numbers[cut.tool[row]]}, {tool.diameter_mm:g} mm: it needs at least "
-            f"{ranges.speed_low[row]:.6g} and at most {ranges.speed_high[row]:.6g} rev/min: widen "
-            "cutting_speed_m_min or speed_rpm"
+            f"{ranges.speed_low[row]:.6g} rev/min by {lower}, and at most "
+            f"{ranges.speed_high[row]:.6g} by {upper}: widen one of the two"
         )

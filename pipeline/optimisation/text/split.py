@@ -1,6 +1,7 @@
 """Long straight blocks split where their engagement changes, by points put in on their path."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -11,7 +12,7 @@ from pipeline.gcode.program import Line, Program, Word
 from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns, cuts_at_feed
 from pipeline.optimisation.text.words import FeedText, ProgramWords, digits
-from pipeline.schema.arrays import Floats, Rows
+from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut import Cut
 
 SECONDS = 60.0
@@ -20,15 +21,66 @@ STANDING = frozenset("NFSTM")
 """Words that move no axis and leave the meaning of coordinates alone."""
 PLAIN_G = (1.0, 90.0)
 """G codes that a line may have that is split."""
+STEP = 1.2
+"""Ratio of the areas cut in two parts of a block from which on their engagement differs [1]."""
+AIR = 1e3
+"""Level of a part in air; of one in the cut the steps by which it is lighter than the heaviest."""
+TINY = 1e-9
+"""Of lengths [mm], and of areas as a share: rounding."""
 
 
-def split_blocks(program: Program, moves: Moves, cut: Cut, grouping: Grouping) -> bytes:
+@dataclass(frozen=True, kw_only=True)
+class SplitProgram:
+    """A program with points put in on its path, each a line of its own before the block's."""
+
+    program: Program = field(repr=False)
+    """Text."""
+    added: tuple[int, ...]
+    """Lines of the points, ascending; the first line is 1."""
+
+    def without(self, lines: Iterable[int]) -> "SplitProgram":
+        """The program without some of its points."""
+        out = set(lines)
+        texts = [one.text + one.end for one in self.program.lines if one.number not in out]
+        left = np.array([line for line in self.added if line not in out], dtype=np.intp)
+        left -= np.searchsorted(sorted(out), left)
+        program = Program(b"".join(texts), self.program.name)
+        return SplitProgram(program=program, added=tuple(left.tolist()))
+
+    def whole_rows(self, parts: Moves) -> Rows:
+        """Row of the program before that each row of this one is a part of; shape (M,)."""
+        points = self.points(parts)
+        return np.cumsum(~points) - ~points
+
+    def points(self, parts: Moves) -> Bools:
+        """Rows of this program that end at a point that was put in; shape (M,)."""
+        return (parts.file == 0) & np.isin(parts.line, self.added)
+
+    def alike(self, parts: Moves, feeds: Floats, gain: float) -> list[int]:
+        """Lines of the points on whose two sides F (M,) differs by less than a share ``gain``."""
+        points, alike = self.points(parts), []
+        least, most = np.inf, 0.0
+        for row in np.flatnonzero(points).tolist():
+            if row == 0 or not points[row - 1]:
+                least, most = np.inf, 0.0
+            least, most = min(least, feeds[row]), max(most, feeds[row])
+            after = feeds[row + 1]
+            if max(most, after) < (1 + gain) * min(least, after):
+                alike.append(int(parts.line[row]))
+            else:
+                least, most = np.inf, 0.0
+        return alike
+
+
+def split_blocks(
+    program: Program, moves: Moves, cut: Cut, grouping: Grouping, rows: Bools, in_air: Bools
+) -> SplitProgram:
     """The program with its long straight blocks split where their engagement changes.
 
-    A part is split off where the area that it cuts is less than the block's greatest by
-    ``grouping.split_gain``, as its feed may then rise by as much, and where it takes at least
-    ``grouping.least_block_s`` at the feed programmed.  Only lines that hold G1, G90, absolute X Y Z
-    and F are split.
+    A part takes at least ``grouping.least_block_s`` at the feed programmed, and is at least as long
+    as the tool is wide: where the tool enters or leaves a step its engagement changes over that
+    length, and the whole of it counts as the heavier side.  Only lines that hold G1, G90, absolute
+    X Y Z and F are split.
 
     Parameters
     ----------
@@ -39,15 +91,22 @@ def split_blocks(program: Program, moves: Moves, cut: Cut, grouping: Grouping) -
     cut : Cut
         Of these rows.
     grouping : Grouping
-        Gain that splits a block.
+        Least time of a part.
+    rows : ndarray of bool, shape (M,)
+        Rows that may be split.
+    in_air : ndarray of bool, shape (M,)
+        Of these, rows whose stretches in air are parts of their own.
     """
     length = moves.length
     per_turn = moves.feed_mode == FeedMode.PER_REVOLUTION
     least = grouping.least_block_s / SECONDS * moves.feed * np.where(per_turn, moves.speed, 1.0)
-    rows = splittable(program, moves)
+    diameter = np.array([tool.diameter for tool in cut.tools])[cut.tool] / METRE
+    least = np.maximum(least, diameter)
+    chosen = splittable(program, moves)
+    chosen = chosen[rows[chosen] & (length[chosen] >= 2 * least[chosen])]
     where = {
-        row: changes_along(cut.engagement, row, length[row], least[row], grouping.split_gain)
-        for row in rows[length[rows] >= 2 * least[rows]].tolist()
+        row: changes_along(cut.engagement, row, length[row], least[row], in_air=in_air[row])
+        for row in chosen.tolist()
     }
     return split_at(program, moves, where)
 
@@ -80,7 +139,7 @@ def _may_be_left_out(line: Line) -> bool:
 
 
 def changes_along(
-    engagement: Engagement, row: int, length: float, least: float, gain: float
+    engagement: Engagement, row: int, length: float, least: float, *, in_air: bool
 ) -> list[float]:
     """Where on a straight row its engagement changes enough, as shares of its length.
 
@@ -92,38 +151,49 @@ def changes_along(
         A straight row: one piece of the path.
     length, least : float
         Of the row, and of a part at least [mm].
-    gain : float
-        By how much the area of a light part has to be less [1].
+    in_air : bool
+        Whether stretches in air are parts of their own; else they belong to what is beside them.
     """
     here = np.flatnonzero((engagement.block == row) & engagement.feed)
     if not len(here) or len(np.unique(engagement.piece[here])) > 1:
         return []
     here = here[np.argsort(engagement.along[here], kind="stable")]
     area = engagement.volume[here] / np.maximum(engagement.length[here], 1e-12)
-    heavy = here[area * (1 + gain) > area.max()]
-    begin = engagement.along[heavy] / METRE
-    ends = begin + engagement.length[heavy] / METRE
-    bounds: list[list[float]] = []
-    for low, high in zip(begin.tolist(), ends.tolist(), strict=True):
-        if bounds and low - bounds[-1][1] < least:
-            bounds[-1][1] = max(high, bounds[-1][1])
-        else:
-            bounds.append([low, high])
-    cuts = [at for pair in bounds for at in pair]
-    return _kept_apart(cuts, length, least)
+    lighter = np.log(area.max() / np.maximum(area, TINY * area.max())) / np.log(STEP)
+    begin = engagement.along[here] / METRE
+    stretches = zip(begin, begin + engagement.length[here] / METRE, np.floor(lighter), strict=True)
+    parts = [[0.0, AIR]]
+    for low, high, level in stretches:
+        parts += [[low, AIR], [high, float(level)]]
+    parts.append([length, AIR])
+    return [end / length for end, _ in _joined(parts, least, in_air=in_air)[:-1]]
 
 
-def _kept_apart(cuts: list[float], length: float, least: float) -> list[float]:
-    """Those of some places that leave parts of at least ``least``, as shares of the length."""
-    kept, last = [], 0.0
-    for at in cuts:
-        if at - last >= least and length - at >= least:
-            kept.append(at / length)
-            last = at
-    return kept
+def _joined(parts: list[list[float]], least: float, *, in_air: bool) -> list[list[float]]:
+    """End and level of parts along a row, those that are too short with a heavier one beside them.
+
+    A level is the lower, the heavier; a part that is heavier than both beside it goes with the more
+    alike.
+    """
+    parts = [part for last, part in pairwise([[0.0, AIR], *parts]) if part[0] - last[0] > TINY]
+    while len(parts) > 1:
+        lengths = np.diff([0.0, *(end for end, _ in parts)])
+        levels = np.array([level for _, level in parts])
+        lighter = np.diff(levels)  # than the next
+        before = np.concatenate([[np.inf], np.where(lighter >= 0, lighter, AIR - lighter)])
+        after = np.concatenate([np.where(lighter <= 0, -lighter, AIR + lighter), [np.inf]])
+        lengths[np.minimum(before, after) == 0] = 0.0
+        if not in_air:
+            lengths[levels == AIR] = np.nextafter(least, 0.0)  # once an entry is joined to its cut
+        k = int(lengths.argmin())
+        if lengths[k] >= least:
+            break
+        first = k - 1 if before[k] <= after[k] else k
+        parts[first : first + 2] = [[parts[first + 1][0], float(levels[first : first + 2].min())]]
+    return parts
 
 
-def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -> bytes:
+def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -> SplitProgram:
     """A program with points put in before the lines of some rows.
 
     Parameters
@@ -137,7 +207,7 @@ def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -
     """
     words = ProgramWords(program)
     unit, decimals = FeedText.of(words, moves).unit, _decimals(program)
-    put: dict[int, bytes] = {}
+    put: dict[int, list[bytes]] = {}
     for row, shares in where.items():
         number = int(moves.line[row])
         line = program.line(number)
@@ -146,12 +216,16 @@ def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -
         _, blank, small = words.place(number)
         texts = [[b"G1", *axes, *([feed] if feed else [])] for axes in lines]
         ending = line.end or b"\n"
-        joined = b"".join(blank.join(text) + ending for text in texts)
-        put[number] = joined.lower() if small else joined
-    pieces = []
+        written = [blank.join(text) + ending for text in texts]
+        put[number] = [one.lower() for one in written] if small else written
+    pieces: list[bytes] = []
+    added: list[int] = []
     for line in program.lines:
-        pieces += [put.get(line.number, b""), line.text, line.end]
-    return b"".join(pieces)
+        points = put.get(line.number, [])
+        first = line.number + len(added)
+        added += range(first, first + len(points))
+        pieces += [*points, line.text, line.end]
+    return SplitProgram(program=Program(b"".join(pieces), program.name), added=tuple(added))
 
 
 def _points(
