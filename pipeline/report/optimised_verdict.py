@@ -163,9 +163,11 @@ def _words(part: OptimisedPart) -> list[str]:
         return []
     if not part.words.total:
         return ["Nothing to change: every F and S stays as it was."]
+    points = part.proof.points
+    lines = f", and {counted(points, 'line')} with a point of the path were put in" * bool(points)
     return [
-        f"Only F and S words changed: {counted(part.words.total, 'word')}. The moves are the same "
-        "to the last bit."
+        f"Only F and S words changed: {counted(part.words.total, 'word')}{lines}. The moves are "
+        "the same to the last bit."
     ]
 
 
