@@ -6,6 +6,7 @@ from pipeline.app.cut_lines import edge_lines, warning_lines
 from pipeline.app.lines import NONE, aligned, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
+from pipeline.schema.part_sheet import ToolUse
 from pipeline.twin.cut_axes import half_widths
 
 TOTALS = (
@@ -62,8 +63,8 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
 def _tools(part: OptimisedPart) -> Iterator[str]:
     """Feed per tooth and cutting speed of each tool, beside its ranges."""
     rows = [
-        ["tool", "", "f_z", "", "range", "v_c", "", "range", "binds"],
-        ["", "", "mm", "after", "", "m/min", "after", "", ""],
+        ["tool", "", "f_z", "", "range", "v_c", "", "range", "bending", "", "binds"],
+        ["", "", "mm", "after", "", "m/min", "after", "", "um", "after", ""],
     ]
     for use in part.tools:
         rows.append([
@@ -72,21 +73,23 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
             _range(use.feed_per_tooth_range_mm),
             rounded(use.before.cutting_speed_m_min), rounded(use.after.cutting_speed_m_min),
             _range(use.cutting_speed_range_m_min),
+            rounded(use.before.deflection_um), rounded(use.after.deflection_um),
             f"kept: {use.kept}" if use.kept else use.binds or "nothing",
         ])  # fmt: skip
     if part.tools:
         yield from (f"  {line}" for line in aligned(rows, words=2))
-    yield from _not_raised(part)
+    yield from _not_raised("F", [(use, use.no_more_feed) for use in part.tools])
+    yield from _not_raised("S", [(use, use.no_faster) for use in part.tools])
 
 
-def _not_raised(part: OptimisedPart) -> Iterator[str]:
-    """Why S is not raised, each reason with the tools and operations that it holds for."""
+def _not_raised(letter: str, uses: list[tuple[ToolUse, str | None]]) -> Iterator[str]:
+    """Why F or S is not raised, each reason with the tools and operations that it holds for."""
     alike: dict[str, list[str]] = {}
-    for use in part.tools:
-        if use.no_faster:
-            alike.setdefault(use.no_faster, []).append(f"T{use.tool} {use.operation}".strip())
+    for use, why in uses:
+        if why:
+            alike.setdefault(why, []).append(f"T{use.tool} {use.operation}".strip())
     for why, named in alike.items():
-        yield f"  S not raised: {', '.join(named)}: {why}"
+        yield f"  {letter} not raised: {', '.join(named)}: {why}"
 
 
 def _range(known: tuple[float, float] | None) -> str:

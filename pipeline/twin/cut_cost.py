@@ -54,7 +54,7 @@ def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material
             spent[rows] = np.nan
             unknown[tool] = f"{material.name} has no constants for {cut.tools[tool].material}"
             continue
-        v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
+        v_c = cutting_speed(blocks.cutting_diameter[mine], blocks.speed[mine])
         given = {name: values[rows] for name, values in conditions.items()}
         spent[rows] = wear(constants, blocks.seconds[mine], v_c, given)
         if warning := _beyond(constants, v_c):
