@@ -9,7 +9,9 @@ by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
 The greatest feed for each tooth of a catalogue stands for a chip.  It holds at the greatest width
 a_e of its row, and a narrower cut may have the feed whose thickest chip is the same,
 
-    f_z sin(phi) <= f_z,row sin(phi_row),   sin(phi) = sqrt(1 - (1 - 2 a_e / D)^2) for a_e < D / 2.
+    f_z sin(phi) <= f_z,row sin(phi_row),   sin(phi) = sqrt(1 - (1 - 2 a_e / D)^2) for a_e < D / 2;
+
+what is above the row's in the program was made so for its chip, and stays.
 
 Deeper or wider than the row, deeper than the flutes, or where the tip bends by more than
 :data:`BENDING` and :data:`TEETH` f_z, neither the feed for each tooth nor F rises.  S does not rise
@@ -369,7 +371,8 @@ class _Rows:
             for k, (span, unit, more, own) in enumerate(spans):
                 if span is not None:
                     bounds[2 * k, mine] = np.minimum(span[0] * unit, own) / SAME
-                    bounds[2 * k + 1, mine] = np.maximum(span[1] * unit * more, own) * SAME
+                    most = np.where(own > span[1] * unit * SAME, own, span[1] * unit * more)
+                    bounds[2 * k + 1, mine] = most * SAME
         bounds[0] = np.minimum(bounds[0], self.reached_f_z)
         again = self._again_in_air()
         bounds[0, again] = np.minimum(
