@@ -202,8 +202,9 @@ class _Rows:
             settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
             kept_speed=kept_speed, f_z_low=f_z_low, f_z_high=f_z_high,
             f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
-            f_z_own=np.where(
-                self.cuts & (self._rules("feed", "no_more") | stays), self.own_f_z * SAME, np.inf
+            f_z_own=np.minimum(
+                np.where(self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf),
+                np.where(stays, self.reached_f_z * SAME, np.inf),  # as loaded, also at less S
             ),
             f_z_bent=f_z_bent, not_raised=not_raised, thicker=thicker,
             feed_low=low * self.own_feed,
@@ -355,7 +356,7 @@ class _Rows:
             )
             held.append(NotRaised("deflection", why, rows))
         by_bending = inverse(self.cut, self.cut.table.values[0], most * stiff)
-        return held, np.where(self.cuts, np.maximum(by_bending, self.own_f_z * SAME), np.inf)
+        return held, np.where(self.cuts, np.maximum(by_bending, self.reached_f_z * SAME), np.inf)
 
     def _of_ranges(self, ranges: tuple[OperationRange, ...], thicker: Floats) -> tuple[Floats, ...]:
         """Least and greatest f_z [m], least and greatest S [rev/min] by ranges; shape (M,) each."""

@@ -60,7 +60,7 @@ def of_conf(path: str, wanted: type) -> object:
 
 
 def optimised(
-    text: str, tool: Tool, material: str, *, group: int | None = None,
+    text: str, tool: Tool, material: str, *, group: int | None = None, long: int | None = None,
     limits: CutLimit | None = None, dynamics: TipDynamics | None = None,
 ) -> Result:  # fmt: skip
     """A program optimised with nothing given but what stands here."""
@@ -69,7 +69,7 @@ def optimised(
     assert isinstance(law, Material) and isinstance(catalogue, CuttingCatalogue)
     law = replace(law, group=group or law.group)
     part = Part(
-        program="P.nc", stock=f"box:0,{length(tool)},0,60,-30,0", tool_table="one",
+        program="P.nc", stock=f"box:0,{long or length(tool)},0,60,-30,0", tool_table="one",
         material=material, resolution_mm=0.5, limits=limits or CutLimit(),
     )  # fmt: skip
     workshop = Workshop(
@@ -192,21 +192,27 @@ def test_the_chip_is_the_measure_of_the_feed(width: float) -> None:
     assert 0.9 * table < f_z <= 1.02 * table
 
 
-def test_an_adaptive_program_is_as_fast_as_with_its_chip_given_by_hand() -> None:
-    text = trochoid(12, 1600.0)
-    found = optimised(text, TEN, C45)
+LOOPS = pytest.mark.parametrize("loops", [12, pytest.param(375, marks=pytest.mark.proof)])
+"""Of eight arcs each: 96, and 3,000."""
+
+
+@LOOPS
+def test_an_adaptive_program_is_as_fast_as_with_its_chip_given_by_hand(loops: int) -> None:
+    text, long = trochoid(loops, 1600.0), max(60, loops)
+    found = optimised(text, TEN, C45, long=long)
     own = replace(TEN, feed_per_tooth_mm=(0.0, 1.0))
     chip = CutLimit(chip_um=(0.0, 110.0 * float(immersion(0.4))))
-    by_hand = optimised(text, own, C45, limits=chip)
+    by_hand = optimised(text, own, C45, limits=chip, long=long)
     times = [page(one).after.time_s for one in (found, by_hand)]
     assert times[0] == pytest.approx(times[1], rel=0.03)
     assert times[0] is not None and times[0] < 0.95 * (page(found).before.time_s or 0.0)
 
 
-def test_a_program_whose_chips_were_thinned_already_stays() -> None:
+@LOOPS
+def test_a_program_whose_chips_were_thinned_already_stays(loops: int) -> None:
     """0.11 mm at 0.4 D is as thick a chip as 0.18 mm at the loops' 0.1 D."""
     feed = 0.11 / float(immersion(0.1)) * 4 * 5000
-    result = optimised(trochoid(12, round(feed, -1)), TEN, C45)
+    result = optimised(trochoid(loops, round(feed, -1)), TEN, C45, long=max(60, loops))
     assert result.answer.text == result.job.program.data
 
 
