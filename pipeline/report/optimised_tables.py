@@ -37,6 +37,7 @@ NAMES = {
     "change from the program": "greatest change from the program",
     "feed per tooth": "range of the feed per tooth",
     "cutting speed": "range of the cutting speed",
+    "deflection": "bending of the tip",
 }
 """Limits whose own name says too little beside the others."""
 KEPT = "kept as programmed"

@@ -12,6 +12,7 @@ from math import pi
 import pytest
 import yaml
 
+from pipeline.app.optimise_lines import optimise_lines
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -155,6 +156,9 @@ def test_a_cut_beyond_its_row_its_flutes_or_its_stiffness_stays_as_programmed(na
     (use,) = [one for one in said.tools if one.no_more_feed]
     assert re.search(cut.why, use.no_more_feed or "")
     assert cut.limit in [one.limit for one in said.binding]
+    printed = "\n".join(optimise_lines(said))
+    assert f"F not raised: T1 {use.operation}: {use.no_more_feed}" in printed
+    assert re.search(r"bending .*binds", printed)
 
 
 @pytest.mark.parametrize("name", HELD)
