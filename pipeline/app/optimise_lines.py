@@ -89,7 +89,7 @@ def _not_raised(letter: str, uses: list[tuple[ToolUse, str | None]]) -> Iterator
         if why:
             alike.setdefault(why, []).append(f"T{use.tool} {use.operation}".strip())
     for why, named in alike.items():
-        yield f"  {letter} not raised: {', '.join(named)}: {why}"
+        yield f"  {letter} not raised: {', '.join(dict.fromkeys(named))}: {why}"
 
 
 def _range(known: tuple[float, float] | None) -> str:

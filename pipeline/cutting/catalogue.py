@@ -187,7 +187,7 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     def holds_at(self, width: float) -> bool:
         """Whether the row is for that a_e over D, beginning with its least one [1]."""
         low, high = self.radial_over_diameter or (0.0, 1.0)
-        return low <= width < high or (low == 0.0 and width == 0.0) or width == high == 1.0
+        return low <= width < high or width == high == 1.0
 
     def axial_depth_mm(self, diameter_mm: float) -> float | None:
         """Greatest a_p of a tool of that diameter [mm]; None where none is given."""
