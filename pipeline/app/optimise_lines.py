@@ -73,7 +73,7 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
             _range(use.feed_per_tooth_range_mm),
             rounded(use.before.cutting_speed_m_min), rounded(use.after.cutting_speed_m_min),
             _range(use.cutting_speed_range_m_min),
-            rounded(use.before.deflection_um), rounded(use.after.deflection_um),
+            *(_bending(side.deflection_um) for side in (use.before, use.after)),
             f"kept: {use.kept}" if use.kept else use.binds or "nothing",
         ])  # fmt: skip
     if part.tools:
@@ -90,6 +90,11 @@ def _not_raised(letter: str, uses: list[tuple[ToolUse, str | None]]) -> Iterator
             alike.setdefault(why, []).append(f"T{use.tool} {use.operation}".strip())
     for why, named in alike.items():
         yield f"  {letter} not raised: {', '.join(dict.fromkeys(named))}: {why}"
+
+
+def _bending(value: float | None) -> str:
+    """Deflection [um]; that of teeth in balance is what rounding leaves."""
+    return rounded(value if value is None else round(value, 3))
 
 
 def _range(known: tuple[float, float] | None) -> str:

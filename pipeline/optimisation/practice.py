@@ -305,7 +305,8 @@ class _Rows:
         """Feed for each tooth over that of the range for a chip as thick, 1 or more; (M,)."""
         out = np.ones(len(self.cuts))
         for one in ranges:
-            if one.range.radial_over_diameter is not None:
+            free = RULES.get(one.operation, Rule()).feed == "free"
+            if free and one.range.radial_over_diameter is not None:
                 chip = immersion(one.range.radial_over_diameter[1])
                 out[one.rows] = np.maximum(chip / self.thinned[one.rows], 1.0)
         return out

@@ -146,7 +146,7 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _bending(use: ToolUse) -> str:
-    return _change(figure, use.before.deflection_um, use.after.deflection_um)
+    return _change(force, use.before.deflection_um, use.after.deflection_um)
 
 
 def _rise(use: ToolUse) -> str:
