@@ -6,6 +6,7 @@ from pipeline.app.cut_lines import edge_lines, warning_lines
 from pipeline.app.lines import NONE, aligned, between, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
+from pipeline.schema.part_sheet import ToolUse
 from pipeline.twin.cut_axes import half_widths
 
 TOTALS = (
@@ -67,8 +68,8 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
 def _tools(part: OptimisedPart) -> Iterator[str]:
     """Feed per tooth and cutting speed of each tool, beside its ranges."""
     rows = [
-        ["tool", "", "f_z", "", "range", "v_c", "", "range", "binds"],
-        ["", "", "mm", "after", "", "m/min", "after", "", ""],
+        ["tool", "", "f_z", "", "range", "v_c", "", "range", "bending", "", "binds"],
+        ["", "", "mm", "after", "", "m/min", "after", "", "um", "after", ""],
     ]
     for use in part.tools:
         rows.append([
@@ -77,21 +78,28 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
             _range(use.feed_per_tooth_range_mm),
             rounded(use.before.cutting_speed_m_min), rounded(use.after.cutting_speed_m_min),
             _range(use.cutting_speed_range_m_min),
+            *(_bending(side.deflection_um) for side in (use.before, use.after)),
             f"kept: {use.kept}" if use.kept else use.binds or "nothing",
         ])  # fmt: skip
     if part.tools:
         yield from (f"  {line}" for line in aligned(rows, words=2))
-    yield from _not_raised(part)
+    yield from _not_raised("F", [(use, use.no_more_feed) for use in part.tools])
+    yield from _not_raised("S", [(use, use.no_faster) for use in part.tools])
 
 
-def _not_raised(part: OptimisedPart) -> Iterator[str]:
-    """Why S is not raised, each reason with the tools and operations that it holds for."""
+def _not_raised(letter: str, uses: list[tuple[ToolUse, str | None]]) -> Iterator[str]:
+    """Why F or S is not raised, each reason with the tools and operations that it holds for."""
     alike: dict[str, list[str]] = {}
-    for use in part.tools:
-        if use.no_faster:
-            alike.setdefault(use.no_faster, []).append(f"T{use.tool} {use.operation}".strip())
+    for use, why in uses:
+        if why:
+            alike.setdefault(why, []).append(f"T{use.tool} {use.operation}".strip())
     for why, named in alike.items():
-        yield f"  S not raised: {', '.join(named)}: {why}"
+        yield f"  {letter} not raised: {', '.join(dict.fromkeys(named))}: {why}"
+
+
+def _bending(value: float | None) -> str:
+    """Deflection [um]; that of teeth in balance is what rounding leaves."""
+    return rounded(value if value is None else round(value, 3))
 
 
 def _range(known: tuple[float, float] | None) -> str:

@@ -47,6 +47,8 @@ _BY_OPERATION: dict[Operation, ToolType] = {
     "centre_drilling": "spot_drill", "countersinking": "countersink",
     "counterboring": "counterbore",
 }  # fmt: skip
+Span = tuple[float, float]
+"""Least and greatest value."""
 SOLID = 32.0
 """Greatest diameter of a solid carbide end mill in makers' ranges [mm]; greater mills that are not
 ball-nosed hold inserts."""
@@ -77,13 +79,22 @@ def tool_type(tool: Tool, operation: Operation) -> ToolType:
 class CuttingRange:
     """Range of cutting data for one tool in one material and operation."""
 
-    feed_per_tooth_mm: tuple[float, float] | None
+    feed_per_tooth_mm: Span | None
     """Least and greatest f_z [mm]; of a drill for each lip.  The least is 0 where the source has an
     upper value only.  None where the source has none."""
-    cutting_speed_m_min: tuple[float, float] | None
+    cutting_speed_m_min: Span | None
     """Least and greatest v_c at the full diameter [m/min]; None where the source has none."""
+    axial_depth_mm: float | None = None
+    """Greatest a_p that they are for [mm]; None where the source has none."""
+    radial_over_diameter: Span | None = None
+    """Least and greatest a_e over D that they are for [1]; None where the source has none."""
     sources: tuple[str, ...]
     """Whose tables they are."""
+
+    @property
+    def makers(self) -> str:
+        """The sources by their first words."""
+        return ", ".join(dict.fromkeys(source.partition(",")[0] for source in self.sources))
 
     @property
     def source(self) -> str:
@@ -118,6 +129,11 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     """What ``feed_mm`` is for."""
     cutting_speed_m_min: Annotated[tuple[float, ...], Range(least=0.0, most=10_000.0)] | None = None
     """Least and greatest v_c [m/min]."""
+    axial_over_diameter: Annotated[float, Range(above=0.0, most=100.0)] | None = None
+    axial_mm: Annotated[float, Range(above=0.0, most=1000.0)] | None = None
+    """Greatest a_p that the values hold for, over D [1], or as it is [mm]; None if not given."""
+    radial_over_diameter: Annotated[tuple[float, ...], Range(least=0.0, most=1.0)] | None = None
+    """Least and greatest a_e over D that the values hold for [1]; None where none is given."""
     sources: tuple[str, ...]
     """Names among the sources of the catalogue."""
 
@@ -134,7 +150,8 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
         if self.feed_mm and len(self.feed_mm) != len(edges) - 1:
             self._refuse("feed_mm", self.feed_mm, f"{len(edges) - 1} pairs, one for each span")
         speeds = () if self.cutting_speed_m_min is None else (self.cutting_speed_m_min,)
-        for span in (*self.feed_mm, *speeds):
+        widths = () if self.radial_over_diameter is None else (self.radial_over_diameter,)
+        for span in (*self.feed_mm, *speeds, *widths):
             if len(span) != 2 or not span[0] < span[1]:
                 self._refuse("a range", span, "a least and a greater value")
         if not self.feed_mm and not speeds:
@@ -167,11 +184,24 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
             return None
         return min(sum(edge <= diameter_mm for edge in edges), len(edges) - 1) - 1
 
+    def holds_at(self, width: float) -> bool:
+        """Whether the row is for that a_e over D, beginning with its least one [1]."""
+        low, high = self.radial_over_diameter or (0.0, 1.0)
+        return low <= width < high or width == high == 1.0
+
+    def axial_depth_mm(self, diameter_mm: float) -> float | None:
+        """Greatest a_p of a tool of that diameter [mm]; None where none is given."""
+        over, deep = self.axial_over_diameter, self.axial_mm
+        known = [deep] if over is None else [deep, over * diameter_mm]
+        return min((one for one in known if one is not None), default=None)
+
     def overlaps(self, other: "CatalogueRow") -> bool:
         """Whether some tool, material and operation belongs to both rows.
 
-        Rows that touch in a diameter do not overlap: the tool belongs to the one that begins there.
+        Rows that touch in a diameter or a width do not overlap: the tool belongs to the one that
+        begins there.
         """
+        mine, others = (one.radial_over_diameter or (0.0, 1.0) for one in (self, other))
         return (
             bool(set(self.tools) & set(other.tools))
             and bool(set(self.operations) & set(other.operations))
@@ -179,6 +209,7 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
             and max(self.groups[0], other.groups[0]) <= min(self.groups[1], other.groups[1])
             and max(self.diameter_mm[0], other.diameter_mm[0])
             < min(self.diameter_mm[-1], other.diameter_mm[-1])
+            and max(mine[0], others[0]) < min(mine[1], others[1])
         )
 
 
@@ -242,7 +273,9 @@ class CuttingCatalogue:
                         f"catalogue: {row.words} overlaps {other.words}: make one of both"
                     )
 
-    def lookup(self, tool: Tool, material: Material, operation: Operation) -> CuttingRange | None:
+    def lookup(
+        self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
+    ) -> CuttingRange | None:  # fmt: skip
         """Range of feed per tooth and cutting speed; None outside of the catalogue.
 
         Parameters
@@ -253,8 +286,10 @@ class CuttingCatalogue:
             Of the workpiece; its group counts.
         operation : Operation
             What the tool does.
+        width : float
+            a_e over D that the row is for [1]; by default the narrowest.
         """
-        found = self._row(tool, material, operation)
+        found = self._row(tool, material, operation, width)
         if found is None:
             return None
         row, span = found
@@ -269,6 +304,10 @@ class CuttingCatalogue:
                 None
                 if row.cutting_speed_m_min is None
                 else _scaled(row.cutting_speed_m_min, by_speed)
+            ),
+            axial_depth_mm=row.axial_depth_mm(tool.diameter_mm),
+            radial_over_diameter=(
+                None if row.radial_over_diameter is None else _scaled(row.radial_over_diameter, 1.0)
             ),
             sources=tuple(self.sources[name] for name in dict.fromkeys(names)),
         )
@@ -301,13 +340,14 @@ class CuttingCatalogue:
         )
 
     def _row(
-        self, tool: Tool, material: Material, operation: Operation
+        self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
     ) -> tuple[CatalogueRow, int] | None:
         """The row of a tool and its span of diameter; of rows that touch there, the upper one."""
         found = [
             (row, span)
             for row in self.rows
             if row.fits(tool, material, operation)
+            and row.holds_at(width)
             and (span := row.span(tool.diameter_mm)) is not None
         ]
         return max(found, key=lambda one: one[0].diameter_mm[0], default=None)

@@ -6,7 +6,7 @@ cutting speed each have the first that knows them.
 
 from collections.abc import Sequence
 
-from pipeline.cutting.catalogue import CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.catalogue import CuttingCatalogue, CuttingRange, Operation, Span
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool
 
@@ -15,8 +15,6 @@ LIKE: dict[Operation, tuple[Operation, ...]] = {
     for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
 }
 """Operations whose values hold where the catalogue has none for one, the first that it has."""
-
-Span = tuple[float, float]
 
 
 def tool_range(
@@ -39,11 +37,15 @@ def tool_range(
     if v_c is None and cutting_speed_m_min is not None:
         v_c = _pair(cutting_speed_m_min)
         sources.append("limits")
+    axial = radial = None
     if listed is not None and (f_z is None or v_c is None):
+        if f_z is None:  # the depth and width are those of the row whose feed it is
+            axial, radial = listed.axial_depth_mm, listed.radial_over_diameter
         f_z, v_c = f_z or listed.feed_per_tooth_mm, v_c or listed.cutting_speed_m_min
         sources += listed.sources
     return CuttingRange(
-        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, sources=tuple(sources)
+        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, axial_depth_mm=axial,
+        radial_over_diameter=radial, sources=tuple(sources),
     )  # fmt: skip
 
 
@@ -70,8 +72,8 @@ def listed_range(
     found = [
         one for name in operations if (one := _listed(catalogue, tool, material, name)) is not None
     ]
-    if not found:
-        return None
+    if len(found) < 2:
+        return found[0] if found else None
     return CuttingRange(
         feed_per_tooth_mm=_widest([one.feed_per_tooth_mm for one in found]),
         cutting_speed_m_min=_widest([one.cutting_speed_m_min for one in found]),

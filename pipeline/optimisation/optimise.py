@@ -237,7 +237,7 @@ class _Course:
             return None, editable_blocks(self.program, self.moves)
         practice = practice_of(
             self.program, self.moves, self.before, limits=job.limits, catalogue=job.catalogue,
-            material=job.basis.material, whole=self.text.whole,
+            material=job.basis.material, dynamics=job.basis.dynamics, whole=self.text.whole,
         )  # fmt: skip
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed

@@ -63,9 +63,7 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
     practice = problem.practice
     if practice is not None:
         for one in practice.ranges:
-            mine = problem.cuts & (moves.tool == one.tool)
-            mine &= practice.operation == OPERATIONS.index(one.operation)
-            yield one.tool, one.range, one.kept, mine
+            yield one.tool, one.range, one.kept, one.rows
         return
     for number in dict.fromkeys(moves.tool[problem.cuts].tolist()):
         known = tool_range(result.job.cut.tools[number])
@@ -105,11 +103,12 @@ def tool_uses(
             operation=_operation(result, int(rows[0])),
             before=_totals(before, tool, mine, shown),
             after=_totals(after, tool, *(_written(result, one) for one in (mine, shown))),
-            feed_per_tooth_range_mm=known.feed_per_tooth_mm,
+            feed_per_tooth_range_mm=_range_there(result, known, rows, f_z[1]),
             cutting_speed_range_m_min=known.cutting_speed_m_min,
             range_source=known.source, kept=kept and (why or kept),
             binds=longest_binding(reasons.binds, after.time, rows[~reasons.kept[rows]]),
             no_faster=None if kept else reasons.why_no_faster(rows),
+            no_more_feed=None if kept else reasons.why_no_more_feed(rows),
             rise=_rise(result.moves.line, *f_z, rows),
         ))  # fmt: skip
     return tuple(uses)
@@ -139,6 +138,17 @@ def _totals(side: Side, tool: int, rows: Bools, shown: Bools) -> ToolTotals:
     found = side.of.found
     feed = tool_totals(found, tool, shown).feed_per_tooth_mm
     return replace(tool_totals(found, tool, rows), feed_per_tooth_mm=feed)
+
+
+def _range_there(
+    result: "Result", known: CuttingRange, rows: Rows, f_z: Floats
+) -> tuple[float, float] | None:
+    """Range of the feed for each tooth where it is greatest: more for a thinner chip [mm]."""
+    practice, span = result.problem.practice, known.feed_per_tooth_mm
+    if practice is None or span is None:
+        return span
+    thicker = float(practice.thicker[rows[np.argmax(np.nan_to_num(f_z[rows]))]])
+    return span[0], figure(span[1] * thicker) or span[1]
 
 
 def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -> FeedRise | None:

@@ -5,6 +5,17 @@ range of the tool table, or else of the catalogue of cutting data; where neither
 material or the operation, F and S stay as programmed.  A value that lies outside of its range in
 the program may stay where it is and goes no farther out.  F, S and the feed for each tooth change
 by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
+
+The greatest feed for each tooth of a catalogue stands for a chip.  It holds at the greatest width
+a_e of its row, and a narrower cut may have the feed whose thickest chip is the same,
+
+    f_z sin(phi) <= f_z,row sin(phi_row),   sin(phi) = sqrt(1 - (1 - 2 a_e / D)^2) for a_e < D / 2;
+
+what is above the row's in the program was made so for its chip, and stays.
+
+Deeper or wider than the row, deeper than the flutes, or where the tip bends by more than
+:data:`BENDING` and :data:`TEETH` f_z, neither the feed for each tooth nor F rises.  S does not rise
+where the stability of the tool, or its life, is not known.
 """
 
 from collections.abc import Iterator
@@ -12,24 +23,38 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, Operation
+from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, fastest
+from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_cuts import long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
-from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
+from pipeline.optimisation.problem.arrays import (
+    NotRaised,
+    OperationRange,
+    Practice,
+    feeds_per_minute,
+)
+from pipeline.optimisation.problem.limits import inverse, stiffness
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, cut_blocks
+from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
 
-MM = 1e-3
+MM, UM = 1e-3, 1e-6
+BENDING, TEETH = 50 * UM, 3.0
+"""Deflection of the tip up to which its load may rise: [m], and over the feed for each tooth."""
+NARROWEST = 0.01
+"""Least a_e over D whose chip counts as thin [1]."""
+DEEPER = 1.01
+"""Factor by which a depth may pass that of a row and count as it."""
 SAME = 1 + 1e-9
 """Factor by which a value may pass the programmed one and count as it: rounding."""
 
@@ -72,7 +97,7 @@ RULES: dict[Operation, Rule] = {
 
 def practice_of(
     program: Program, moves: Moves, cut: Cut, *, limits: CutLimit, catalogue: CuttingCatalogue,
-    material: Material, whole: NDArray[np.int8] | None = None,
+    material: Material, dynamics: TipDynamics | None = None, whole: NDArray[np.int8] | None = None,
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
@@ -88,6 +113,8 @@ def practice_of(
         Where the tool table gives no range.
     material : Material
         Of the blank.
+    dynamics : TipDynamics, optional
+        Of the tools' tips.
     whole : ndarray of int8, shape (M,), optional
         Operations of the blocks that the rows are parts of, where blocks were split.
 
@@ -96,11 +123,43 @@ def practice_of(
     ValueError
         When something to be kept is not in the program.
     """
-    blocks = cut_blocks(cut)
+    arcs = station_arcs(cut.engagement, cut.tools)
+    blocks = cut_blocks(cut, arcs)
     found = operations(program, moves, cut, blocks)
     if whole is not None:
         found = found.of_parts(whole)
-    return _Rows(program, moves, cut, blocks, found, limits).practice(catalogue, material)
+    rows = _Rows(program, moves, cut, blocks, found, limits=limits, thinned=thinning(cut, arcs))
+    return rows.practice(catalogue, material, dynamics)
+
+
+def unknown_stability(cut: Cut, dynamics: TipDynamics | None) -> Bools:
+    """Rows that cut with a tool whose stability is not known; a drill has no lobes; shape (M,)."""
+    tips = [None] * len(cut.tools) if dynamics is None else dynamics.of(cut.numbers)
+    unknown = [
+        tip is None and tool.kind != "drill" for tip, tool in zip(tips, cut.tools, strict=True)
+    ]
+    return np.array([*unknown, False])[cut.tool]
+
+
+def immersion(width: ArrayLike) -> Floats:
+    """Sine of the angle at which teeth enter at a_e over D, 1 from a half on [1].
+
+    Examples
+    --------
+    >>> immersion([0.1, 0.5, 0.9]).round(3).tolist()
+    [0.6, 1.0, 1.0]
+    """
+    sine: Floats = np.sqrt(1 - (1 - 2 * np.minimum(width, 0.5)) ** 2)
+    return sine
+
+
+def thinning(cut: Cut, arcs: StationArcs) -> Floats:
+    """Thickest chip across the feed over the feed for each tooth; 1 of plunges; shape (M,)."""
+    across = (arcs.entry <= np.pi / 2) & (np.pi / 2 <= arcs.exit)
+    sine = np.where(across, 1.0, np.maximum(np.sin(arcs.entry), np.sin(arcs.exit)))
+    out = np.zeros(cut.engagement.blocks)
+    np.maximum.at(out, cut.engagement.block, sine)
+    return np.clip(out, immersion(NARROWEST), 1.0)
 
 
 class _Rows:
@@ -108,8 +167,9 @@ class _Rows:
 
     def __init__(
         self, program: Program, moves: Moves, cut: Cut, blocks: CutBlocks, found: Operations,
-        limits: CutLimit,
+        *, limits: CutLimit, thinned: Floats,
     ) -> None:  # fmt: skip
+        self.thinned = thinned
         self.program, self.moves, self.cut, self.blocks = program, moves, cut, blocks
         self.found, self.limits, self.settings = found, limits, limits.practice
         self.fed = found.code >= 0
@@ -119,27 +179,42 @@ class _Rows:
         # of F as it is written: a block that is too short to reach it has no other range
         self.own_f_z = cut.feed_per_tooth_at(self.own_feed * METRE_PER_SECOND, self.own_speed)
         self.reached_f_z = cut.commanded_feed_per_tooth()
+        self.axial, self.radial, self.diameter = np.zeros((3, len(moves)))
+        self.axial[blocks.row], self.radial[blocks.row] = blocks.axial_depth, blocks.radial_depth
+        self.diameter[blocks.row] = blocks.cutting_diameter
 
-    def practice(self, catalogue: CuttingCatalogue, material: Material) -> Practice:
+    def practice(
+        self, catalogue: CuttingCatalogue, material: Material, dynamics: TipDynamics | None
+    ) -> Practice:
         ranges = tuple(self._ranges(catalogue, material))
         kept_feed, kept_speed = self._kept(ranges)
-        f_z_low, f_z_high, surface_low, surface_high = self._of_ranges(ranges)
+        thicker = self._thicker(ranges)
+        f_z_low, f_z_high, surface_low, surface_high = self._of_ranges(ranges, thicker)
         low, high = self._change()
         life = self._by_life(material, high)
+        unstable = unknown_stability(self.cut, dynamics) & (self.limits.speed_rpm is None)
+        unknown = np.isnan(life) | unstable
         speed_high = np.where(
-            self._rules("speed", "no_more") | np.isnan(life), self.own_speed, high * self.own_speed
+            self._rules("speed", "no_more") | unknown, self.own_speed, high * self.own_speed
         )
+        bent, f_z_bent = self._bent()
+        not_raised = (*(one for one in self._beyond(ranges) if one.rows.any()), *bent)
+        stays = np.logical_or.reduce([one.rows for one in not_raised] or [~self.fed & self.fed])
         held = np.logical_or.reduce([rows for _, rows in kept_feed]) | ~self.fed
         one_feed = self.found.of(*(name for name, rule in RULES.items() if rule.one_feed))
         return Practice(
             settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
             kept_speed=kept_speed, f_z_low=f_z_low, f_z_high=f_z_high,
             f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
-            f_z_own=np.where(
-                self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf
+            f_z_own=np.minimum(
+                np.where(self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf),
+                np.where(stays, self.reached_f_z * SAME, np.inf),  # as loaded, also at less S
             ),
-            feed_low=low * self.own_feed, feed_high=self._greatest_feed(high),
-            speed_low=low * self.own_speed, speed_high=speed_high, surface_low=surface_low,
+            f_z_bent=f_z_bent, not_raised=not_raised, thicker=thicker,
+            feed_low=low * self.own_feed,
+            feed_high=np.where(stays, self.own_feed * SAME, self._greatest_feed(high)),
+            speed_low=low * self.own_speed, speed_high=speed_high, unstable=unstable,
+            surface_low=surface_low,
             surface_high=np.minimum(surface_high, np.where(np.isnan(life), np.inf, life)),
             unit=FeedText.of(ProgramWords(self.program), self.moves).unit,
             passes=passes(self.found, self.moves, one_feed & self.cuts & ~held),
@@ -184,7 +259,7 @@ class _Rows:
                 "a_e": np.maximum(blocks.radial_depth[mine], 1e-9),
             }
             v_c = fastest(constants, self.settings.tool_life_min * MINUTE, conditions)
-            by_speed = v_c / cutting_speed(tool.diameter, 1.0) * 60.0
+            by_speed = v_c / cutting_speed(blocks.cutting_diameter[mine], 1.0) * 60.0
             out[rows] = np.maximum(by_speed, self.own_speed[rows])
         return out
 
@@ -193,36 +268,115 @@ class _Rows:
         for index, tool in enumerate(self.cut.tools):
             mine = self.cuts & (self.cut.tool == index)
             for code in np.unique(self.found.code[mine]).tolist():
-                operation = OPERATIONS[code]
-                listed = listed_range(catalogue, material, tool, (operation,))
-                known = tool_range(
-                    tool, listed, cutting_speed_m_min=self.limits.cutting_speed_m_min
-                )
+                operation, there = OPERATIONS[code], mine & (self.found.code == code)
                 kept, rule = "", RULES.get(operation, Rule())
-                if rule.feed == "keep":
-                    kept = f"{words(operation)} keeps F and S"
-                elif known.feed_per_tooth_mm is None and rule.feed != "no_more":
-                    kept = catalogue.why_not(tool, material, operation)
-                yield OperationRange(
-                    tool=self.cut.numbers[index], operation=operation, range=known, kept=kept
-                )
+                for listed, rows in self._by_width(catalogue, material, tool, operation, there):
+                    known = tool_range(
+                        tool, listed, cutting_speed_m_min=self.limits.cutting_speed_m_min
+                    )
+                    if rule.feed == "keep":
+                        kept = f"{words(operation)} keeps F and S"
+                    elif known.feed_per_tooth_mm is None and rule.feed != "no_more":
+                        kept = catalogue.why_not(tool, material, operation)
+                    yield OperationRange(
+                        tool=self.cut.numbers[index], operation=operation, range=known, kept=kept,
+                        rows=rows,
+                    )  # fmt: skip
 
-    def _of_ranges(self, ranges: tuple[OperationRange, ...]) -> tuple[Floats, ...]:
+    def _by_width(
+        self, catalogue: CuttingCatalogue, material: Material, tool: Tool, operation: Operation,
+        rows: Bools,
+    ) -> Iterator[tuple[CuttingRange | None, Bools]]:  # fmt: skip
+        """Ranges of the catalogue for rows of a tool, the narrowest cuts first."""
+        listed, end = listed_range(catalogue, material, tool, (operation,)), 0.0
+        while rows.any():
+            if listed is not None and listed.radial_over_diameter is not None:
+                end = listed.radial_over_diameter[1]
+            wider = catalogue.lookup(tool, material, operation, end) if end else None
+            inside = rows if wider in (None, listed) else rows & ~self._wider(end, tool)
+            if inside.any():
+                yield listed, inside
+            listed, rows = wider, rows & ~inside
+
+    def _wider(self, share: float, tool: Tool) -> Bools:
+        """Rows that are wider than a share of the diameter of a tool; shape (M,)."""
+        rows: Bools = self.radial > share * tool.diameter + self.cut.engagement.resolution
+        return rows
+
+    def _thicker(self, ranges: tuple[OperationRange, ...]) -> Floats:
+        """Feed for each tooth over that of the range for a chip as thick, 1 or more; (M,)."""
+        out = np.ones(len(self.cuts))
+        for one in ranges:
+            free = RULES.get(one.operation, Rule()).feed == "free"
+            if free and one.range.radial_over_diameter is not None:
+                chip = immersion(one.range.radial_over_diameter[1])
+                out[one.rows] = np.maximum(chip / self.thinned[one.rows], 1.0)
+        return out
+
+    def _beyond(self, ranges: tuple[OperationRange, ...]) -> Iterator[NotRaised]:
+        """Rows that cut deeper or wider than the range of their feed, or deeper than the flutes.
+
+        What takes no more for each tooth than programmed is not held to the depth of a range.
+        """
+        tools = dict(zip(self.cut.numbers, self.cut.tools, strict=True))
+        for one in ranges:
+            tool, known = tools[one.tool], one.range
+            named = f"the row for {words(one.operation)} ({known.makers}) ends at"
+            free = one.rows & (not one.kept and RULES.get(one.operation, Rule()).feed == "free")
+            if known.axial_depth_mm is not None:
+                rows = free & (self.axial > DEEPER * known.axial_depth_mm * MM)
+                deep = _times(self.axial[rows].max(initial=0.0) / MM, tool, "deep")
+                end = known.axial_depth_mm / tool.diameter_mm
+                why = f"{deep}, {named} {end:.2g} D ({known.axial_depth_mm:.3g} mm)"
+                yield NotRaised("depth of the table", why, rows)
+            if known.radial_over_diameter is not None:
+                end = known.radial_over_diameter[1]
+                rows = free & self._wider(end, tool)
+                wide = _times(self.radial[rows].max(initial=0.0) / MM, tool, "wide")
+                yield NotRaised("width of the table", f"{wide}, {named} {end:g} D", rows)
+            if tool.flute_length_mm is not None and tool.kind != "drill":
+                rows = one.rows & (self.axial > DEEPER * tool.flute_length_mm * MM)
+                deep = f"{self.axial[rows].max(initial=0.0) / MM:.3g} mm deep"
+                why = f"{deep}, and its flutes are {tool.flute_length_mm:g} mm long"
+                yield NotRaised("length of the flutes", why, rows)
+
+    def _bent(self) -> tuple[list[NotRaised], Floats]:
+        """Rows whose tip bends too much for more, and the greatest f_z by the bending [m]; (M,).
+
+        A limit of the deflection that somebody gives stands for it.
+        """
+        if self.limits.deflection_um is not None:
+            return [], np.full(len(self.cuts), np.inf)
+        most, held = np.maximum(BENDING, TEETH * self.reached_f_z), []
+        stiff = np.array([*(stiffness(tool) for tool in self.cut.tools), np.inf])[self.cut.tool]
+        bends = np.where(self.cuts, self.cut.table.peaks(self.reached_f_z), 0.0) / stiff
+        for one in np.unique(self.cut.tool[self.cuts & (bends > most)]).tolist():
+            rows = self.cuts & (bends > most) & (self.cut.tool == one)
+            row = int(np.argmax(np.where(rows, bends / most, 0.0)))
+            why = (
+                f"its tip bends {bends[row] / UM:.4g} um as programmed, more than "
+                f"{BENDING / UM:g} um and {TEETH:g} f_z = {most[row] / UM:.3g} um"
+            )
+            held.append(NotRaised("deflection", why, rows))
+        by_bending = inverse(self.cut, self.cut.table.values[0], most * stiff)
+        return held, np.where(self.cuts, np.maximum(by_bending, self.reached_f_z * SAME), np.inf)
+
+    def _of_ranges(self, ranges: tuple[OperationRange, ...], thicker: Floats) -> tuple[Floats, ...]:
         """Least and greatest f_z [m], least and greatest S [rev/min] by ranges; shape (M,) each."""
         many = len(self.cuts)
         bounds = np.stack([np.zeros(many), np.full(many, np.inf)] * 2)
-        diameter = dict(zip(self.cut.numbers, self.cut.tools, strict=True))
         for one in ranges:
-            mine = self._of(one)
+            mine = one.rows
+            turns, same = 1 / (np.pi * self.diameter[mine]), np.ones(int(mine.sum()))
             spans = (
-                (one.range.feed_per_tooth_mm, MM, self.own_f_z),
-                (one.range.cutting_speed_m_min, 1 / (np.pi * diameter[one.tool].diameter),
-                 self.own_speed),
-            )  # fmt: skip
-            for k, (span, unit, own) in enumerate(spans):
+                (one.range.feed_per_tooth_mm, MM * same, thicker[mine], self.own_f_z[mine]),
+                (one.range.cutting_speed_m_min, turns, same, self.own_speed[mine]),
+            )
+            for k, (span, unit, more, own) in enumerate(spans):
                 if span is not None:
-                    bounds[2 * k, mine] = np.minimum(span[0] * unit, own[mine]) / SAME
-                    bounds[2 * k + 1, mine] = np.maximum(span[1] * unit, own[mine]) * SAME
+                    bounds[2 * k, mine] = np.minimum(span[0] * unit, own) / SAME
+                    most = np.where(own > span[1] * unit * SAME, own, span[1] * unit * more)
+                    bounds[2 * k + 1, mine] = most * SAME
         bounds[0] = np.minimum(bounds[0], self.reached_f_z)
         again = self._again_in_air()
         bounds[0, again] = np.minimum(
@@ -237,11 +391,6 @@ class _Rows:
         air[line[self.fed & ~self.cuts]] = True
         rows: Bools = self.cuts & air[line]
         return rows
-
-    def _of(self, one: OperationRange) -> Bools:
-        """Rows that cut with the tool and in the operation of a range; shape (M,)."""
-        mine: Bools = self.cuts & (self.moves.tool == one.tool) & self.found.of(one.operation)
-        return mine
 
     def _kept(
         self, ranges: tuple[OperationRange, ...]
@@ -267,10 +416,10 @@ class _Rows:
                 speed.append((f"{words(operation)} keeps it", rows))
         for one in ranges:
             if one.kept and RULES.get(one.operation, Rule()).feed != "keep":
-                feed.append((f"T{one.tool}: {one.kept}", self._of(one)))
+                feed.append((f"T{one.tool}: {one.kept}", one.rows))
             if one.kept or one.range.cutting_speed_m_min is None:
                 why = one.kept or "no range of its cutting speed is known"
-                speed.append((f"T{one.tool}: {why}", self._of(one)))
+                speed.append((f"T{one.tool}: {why}", one.rows))
         runs = np.cumsum(np.diff(self.moves.tool, prepend=-2) != 0)
         whole = ((why, np.isin(runs, runs[rows])) for why, rows in speed)
         nothing = np.zeros(len(self.fed), dtype=np.bool_)
@@ -316,6 +465,11 @@ class _Rows:
                 "that stands there"
             )
         return rows
+
+
+def _times(length_mm: float, tool: Tool, what: str) -> str:
+    """A depth or width beside the diameter of the tool."""
+    return f"{length_mm:.3g} mm {what} is {length_mm / tool.diameter_mm:.2g} D"
 
 
 def words(operation: Operation) -> str:

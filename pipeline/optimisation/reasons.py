@@ -13,8 +13,11 @@ import numpy as np
 from pipeline.cutting.catalogue import OPERATIONS
 from pipeline.gcode.program import Program, parse_program
 from pipeline.optimisation.problem.arrays import (
+    AS_PROGRAMMED,
+    BEYOND,
     CHANGE,
     CONSTRAINTS,
+    DEFLECTION,
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.feasible import AT, binding_constraints
@@ -24,11 +27,11 @@ from pipeline.schema.arrays import Bools, Floats, Rows
 if TYPE_CHECKING:
     from pipeline.optimisation.full_twin import Result
 
-KEPT, LEAVES, NO_LIFE, NO_MORE = (
+KEPT, LEAVES, NO_LIFE, NO_STABILITY, NO_MORE = (
     "kept as programmed", "F no faster where it leaves the cut", "tool life not known",
-    "S no more than programmed",
+    "stability not known", "S no more than programmed",
 )  # fmt: skip
-BINDS = (*CONSTRAINTS, KEPT, LEAVES, NO_LIFE, NO_MORE)
+BINDS = (*CONSTRAINTS, KEPT, LEAVES, NO_LIFE, NO_STABILITY, NO_MORE, *BEYOND)
 """What may hold a row: a constraint, or why its F or S is no more than programmed."""
 ROUNDED = 1 + 1e-6
 """Factor by which a bound may lie above what is programmed and be that."""
@@ -82,9 +85,15 @@ class RowReasons:
         turns = self.spindle_speed >= AT * practice.speed_high
         stays = practice.speed_high <= self.own_speed * ROUNDED
         changed = thick | (fast & ~leaves) | (turns & ~stays)
-        other = np.where(self._unknown_life, BINDS.index(NO_LIFE), BINDS.index(NO_MORE))
+        other = np.where(practice.unstable, BINDS.index(NO_STABILITY), BINDS.index(NO_MORE))
+        other = np.where(self._unknown_life, BINDS.index(NO_LIFE), other)
         other = np.where(leaves, BINDS.index(LEAVES), other)
-        return np.where((which == CHANGE) & ~changed, other, which)
+        held = ((which == CHANGE) & ~changed) | (which == AS_PROGRAMMED)
+        which = np.where((which == CHANGE) & ~changed, other, which)
+        for one in practice.not_raised:
+            named = DEFLECTION if one.limit == CONSTRAINTS[DEFLECTION] else BINDS.index(one.limit)
+            which = np.where(one.rows & held, named, which)
+        return which
 
     @cached_property
     def _unknown_life(self) -> Bools:
@@ -139,9 +148,14 @@ class RowReasons:
             why = self.why_kept("S", rows).removeprefix(f"T{number}: ")
             return why or "no S word of it may be changed"
         practice, ranges = self.problem.practice, self.problem.ranges
+        unknown = []
         if practice is not None and self._unknown_life[free].all():
             tool = self.problem.cut.tools[self.problem.cut.tool[free[0]]]
-            return f"tool life of {tool.material} in this material is not known"
+            unknown.append(f"tool life of {tool.material} in this material is not known")
+        if practice is not None and practice.unstable[free].all():
+            unknown.append("its stability is not known and no range of S is given")
+        if unknown:
+            return "; ".join(unknown)
         if practice is not None and (practice.speed_high[free] <= self._own(free)).all():
             operation = OPERATIONS[practice.operation[free[0]]].replace("_", " ")
             return f"{operation} takes no more than programmed"
@@ -152,6 +166,12 @@ class RowReasons:
             return "S is at the spindle’s top speed, or at the end of its range"
         least = 100 * self.result.job.settings.grouping.least_speed_gain
         return f"no higher one that keeps its limits saves {least:g} % of the part"
+
+    def why_no_more_feed(self, rows: Rows) -> str | None:
+        """Why rows that cut have no more feed for each tooth than programmed, by their cut."""
+        practice = self.problem.practice
+        found = () if practice is None else practice.not_raised
+        return "; ".join(dict.fromkeys(one.why for one in found if one.rows[rows].any())) or None
 
     def _own(self, rows: Rows) -> Floats:
         own: Floats = self.own_speed[rows] * ROUNDED

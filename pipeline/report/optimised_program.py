@@ -122,6 +122,7 @@ def _word(value: float | None) -> str:
 def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Feed per tooth and cutting speed of each tool before and after, beside its ranges."""
     held = any(use.no_faster for use in part.tools)
+    cut = any(use.no_more_feed for use in part.tools)
     return tabulated("Feed and speed by tool, before → after", part.tools, (
         Column("Tool", _name),
         *_operations(part),
@@ -131,14 +132,21 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         Column("cutting speed vc",
                _within("cutting_speed_m_min", "cutting_speed_range_m_min"), "m/min"),
         Column("its range", lambda use: _span(use.cutting_speed_range_m_min), "m/min"),
+        Column("bending", _bending, "µm"),
+        *([Column("why F is not raised", _no_more_feed)] if cut else []),
         *([Column("why S is not raised", _no_faster)] if held else []),
         Column("ranges from", lambda use: _source_number(part, use)),
         Column("what binds", lambda use: "kept as programmed" if use.kept else
                limit_name(use.binds) if use.binds else NONE),
     ), sources, note="fz is the greatest of the tool’s blocks at the feed that the control "
-        "reaches; its largest rise is that of F / (N S) as commanded, with the line. vc = π D S at "
-        "the full diameter. What ends outside of its range is marked: × above, ▲ below.",
+        "reaches; its largest rise is that of F / (N S) as commanded, with the line. vc = π D S is "
+        "at the greatest diameter that cuts, bending that of the tip at the peak load. What ends "
+        "outside of its range is marked: × above, ▲ below.",
     )  # fmt: skip
+
+
+def _bending(use: ToolUse) -> str:
+    return _change(force, use.before.deflection_um, use.after.deflection_um)
 
 
 def _rise(use: ToolUse) -> str:
@@ -150,6 +158,10 @@ def _rise(use: ToolUse) -> str:
 
 def _no_faster(use: ToolUse) -> str:
     return use.kept or use.no_faster or NONE
+
+
+def _no_more_feed(use: ToolUse) -> str:
+    return use.no_more_feed or NONE
 
 
 def _named_sources(part: OptimisedPart) -> list[str]:

@@ -37,12 +37,13 @@ NAMES = {
     "change from the program": "greatest change from the program",
     "feed per tooth": "range of the feed per tooth",
     "cutting speed": "range of the cutting speed",
+    "deflection": "bending of the tip",
 }
 """Limits whose own name says too little beside the others."""
 KEPT = "kept as programmed"
 MOST_SPANS = 6  # stretches of lines that a row names
 LEAST = 5e-3  # share: a smaller change is rounding
-NO_FORCE = 1e-3  # newton: what is less is rounding
+NO_FORCE = 1e-3  # N, um: what is less is rounding
 
 
 def limit_name(name: str | None) -> str:
@@ -56,7 +57,7 @@ def figure(value: float | None, digits: int = 3) -> str:
 
 
 def force(value: float | None) -> str:
-    """A load as it stands in a table: that of teeth in balance is what rounding leaves."""
+    """A load, or its bending, as it stands in a table: that of teeth in balance is rounding."""
     return figure(0.0 if value is not None and abs(value) < NO_FORCE else value)
 
 

@@ -49,6 +49,9 @@ class ToolUse:
     """Limit that holds its blocks back for the longest; None where none does."""
     no_faster: str | None = None
     """Why its S is nowhere above that programmed; None where it is somewhere, or all is kept."""
+    no_more_feed: str | None = None
+    """Why some of its blocks have no more feed than programmed, by their depth, width or bending;
+    None where none is held so."""
     rise: FeedRise | None = None
     """Where its feed per tooth rose most; None where it did not."""
 

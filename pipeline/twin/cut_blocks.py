@@ -25,6 +25,8 @@ class StationArcs:
     """Width of that arc across the feed [m]."""
     thickness: Floats
     """Thickness of the thickest chip, over the feed for each tooth [1]."""
+    diameter: Floats
+    """Greatest diameter at which an edge cuts [m]."""
 
 
 def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs:
@@ -48,6 +50,7 @@ def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs
         exit=np.where(whole, 2 * np.pi, np.nan_to_num(leave)),
         radial=radial,
         thickness=_thickness(engagement, tools, ahead, plunge),
+        diameter=_diameter(engagement, tools, ahead, plunge),
     )
 
 
@@ -56,18 +59,40 @@ def _thickness(
     plunge: Bools,
 ) -> Floats:  # fmt: skip
     """sin(phi) sin(kappa) at its greatest; of a drill the sine of half its point."""
-    corner = np.array([tool.corner_radius for tool in tools])[engagement.tool]
-    deep = np.divide(
-        engagement.upper, corner[:, None], out=np.ones(engagement.upper.shape),
-        where=corner[:, None] > 0,
-    )  # fmt: skip
-    steep = np.sqrt(1 - (1 - np.clip(deep, 0.0, 1.0)) ** 2)
+    steep = _steepness(engagement, tools)
     chip = np.where(ahead, np.sin(engagement.angles) * steep, 0.0).max(axis=1, initial=0.0)
+    chip *= np.array([np.sin(tool.cutting_edge_angle) for tool in tools])[engagement.tool]
     point = np.array([
         np.sin(tool.point_angle / 2) if tool.kind == "drill" else 1.0 for tool in tools
     ])[engagement.tool]  # fmt: skip
     thickest: Floats = np.where(plunge, point, chip)
     return thickest
+
+
+def _steepness(engagement: Engagement, tools: tuple[Tool, ...]) -> Floats:
+    """sin(kappa) of the highest engaged point of the end's corner; shape (N, F)."""
+    corner = np.array([tool.corner_radius for tool in tools])[engagement.tool, None]
+    deep = np.divide(
+        engagement.upper, corner, out=np.ones(engagement.upper.shape), where=corner > 0
+    )
+    steep: Floats = np.sqrt(1 - (1 - np.clip(deep, 0.0, 1.0)) ** 2)
+    return steep
+
+
+def _diameter(
+    engagement: Engagement, tools: tuple[Tool, ...], ahead: Bools, plunge: Bools
+) -> Floats:
+    """D less what the corner is drawn in at the highest point that cuts; D in plunges [m].
+
+    Of a ball that cuts a_p deep from its tip on it is 2 sqrt(a_p (D - a_p)).
+    """
+    corner, radius = (
+        np.array([getattr(tool, name) for tool in tools])[engagement.tool]
+        for name in ("corner_radius", "radius")
+    )
+    steep = np.where(ahead, _steepness(engagement, tools), 0.0).max(axis=1, initial=0.0)
+    whole = plunge | ~ahead.any(axis=1)
+    return 2 * (radius - corner * np.where(whole, 0.0, 1 - steep))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,6 +113,8 @@ class CutBlocks:
     axial_depth: Floats
     radial_depth: Floats
     """At the deepest and widest station [m]."""
+    cutting_diameter: Floats
+    """Greatest diameter at which an edge cuts: D, of a corner what its depth reaches [m]."""
     entry: Floats
     exit: Floats
     """Of the station with the greatest mean load [rad]."""
@@ -144,6 +171,7 @@ def cut_blocks(cut: Cut, arcs: StationArcs | None = None) -> CutBlocks:
         thickness=cut.feed_per_tooth[row] * _greatest(cut, arcs.thickness)[row],
         axial_depth=_greatest(cut, engagement.axial_depth)[row],
         radial_depth=_greatest(cut, arcs.radial)[row],
+        cutting_diameter=_greatest(cut, arcs.diameter)[row],
         entry=arcs.entry[worst],
         exit=arcs.exit[worst],
         peak=loads.peak[row],

@@ -57,7 +57,7 @@ def tool_life(cut: Cut, blocks: CutBlocks, arcs: StationArcs, material: Material
             spent[rows] = ends[:, rows] = np.nan
             unknown[tool] = material.no_life(cut.tools[tool])
             continue
-        v_c = cutting_speed(cut.tools[tool].diameter, blocks.speed[mine])
+        v_c = cutting_speed(blocks.cutting_diameter[mine], blocks.speed[mine])
         given = {name: values[rows] for name, values in conditions.items()}
         spent[rows] = wear(constants, blocks.seconds[mine], v_c, given)
         ends[:, rows] = wear_ends(constants, blocks.seconds[mine], v_c, given)

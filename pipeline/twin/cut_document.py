@@ -11,6 +11,7 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
+from pipeline.cutting.tool import LEAD_ANGLE
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,
@@ -310,10 +311,17 @@ def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
         if (given := basis.coefficients[cut.numbers[tool]]).sharp is not None
         for caution in [given.land.caution if given.land else ""]
     )
+    lead = [
+        f"T{cut.numbers[tool]} is a face mill without cutting_edge_angle_deg in the tool table: "
+        f"its chip is that of the usual {LEAD_ANGLE:g} degrees."
+        for tool in np.unique(found.blocks.tool).tolist()
+        if cut.tools[tool].role == "face_mill" and cut.tools[tool].cutting_edge_angle_deg is None
+    ]
     return (
         FEEDS,
         *(f"{notice[:1].upper()}{notice[1:]}." for notice in cut.plan.path.moves.notices),
         *worn,
+        *lead,
         *(f"Forces: {caution}." for caution in cautions if caution),
         *([f"Blank: {cut.blank.notice}."] if cut.blank.notice else []),
         *(f"T{cut.numbers[tool]} {why}." for tool, why in found.life.beyond.items()),

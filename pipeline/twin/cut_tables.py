@@ -80,11 +80,10 @@ def _quantities(found: CutResults) -> dict[str, Floats]:
     b, limits = found.blocks, found.limits
     turning = np.where(b.spindle_speed > 0, 1.0, np.nan)  # without turning there is no chip
     energy = found.energy
-    diameter = np.array([tool.diameter for tool in found.cut.tools])
     return {
         "feed_per_tooth_mm": turning * b.feed_per_tooth * MM,
         "chip_thickness_mm": turning * b.thickness * MM,
-        "cutting_speed_m_min": turning * np.pi * diameter[b.tool] * b.spindle_speed,
+        "cutting_speed_m_min": turning * np.pi * b.cutting_diameter * b.spindle_speed,
         "axial_depth_mm": b.axial_depth * MM,
         "radial_depth_mm": b.radial_depth * MM,
         "peak_load_N": turning * b.peak,

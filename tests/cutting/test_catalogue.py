@@ -75,6 +75,25 @@ def test_feeds_do_not_fall_with_the_diameter() -> None:
             assert tops == sorted(tops), row.words
 
 
+def test_each_row_of_a_mill_says_how_deep_and_wide_it_is_for() -> None:
+    for row in CATALOGUE.rows:
+        if {"end_mill", "face_mill"} & set(row.tools) and row.operations != ("plunging",):
+            assert row.radial_over_diameter is not None, row.words
+            finishes = row.operations == ("finishing", "ball_finishing")
+            assert finishes or row.axial_depth_mm(10.0) is not None, row.words
+
+
+def test_a_face_mill_has_less_feed_over_its_whole_width() -> None:
+    """Mitsubishi p. 1293: 0.008 in. up to 0.75 D, 0.006 in. beyond, below 5 mm."""
+    ends = []
+    for width in (0.0, 0.74, 0.75, 1.0):
+        listed = CATALOGUE.lookup(FACE, C45, "face_milling", width)
+        assert listed is not None and listed.feed_per_tooth_mm is not None
+        assert listed.axial_depth_mm == 5.0
+        ends.append(listed.feed_per_tooth_mm[1])
+    assert ends == [0.203, 0.203, 0.152, 0.152]
+
+
 @pytest.mark.parametrize("material", sorted(MATERIALS))
 @pytest.mark.parametrize("diameter", [1.0, 2.0, 3.0, 6.0, 8.0, 12.7, 16.0, 20.0, 25.0])
 def test_a_slot_never_has_more_feed_than_a_shoulder(material: str, diameter: float) -> None:

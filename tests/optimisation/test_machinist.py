@@ -155,8 +155,8 @@ def test_f_and_s_are_round_numbers(order: Order) -> None:
 
 @ORDERS
 def test_there_is_still_something_to_gain(order: Order) -> None:
-    """Limits that leave all as it was would keep every rule above."""
-    document = optimised(order).document
+    """Limits that leave all as it was would keep every rule above; S is asked for."""
+    document = optimised(order, "--speed", "100", "12000").document
     assert document["gain"]["time_percent"] < -5.0 and document["after"]["beyond"] == 0
 
 

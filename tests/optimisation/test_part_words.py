@@ -64,7 +64,10 @@ def test_what_is_kept_says_why_and_binds_nothing(document: dict) -> None:
 def test_why_s_is_not_raised_stands_beside_the_tool(project: Path, document: dict) -> None:
     mill = document["tools"][0]
     assert mill["after"]["cutting_speed_m_min"] == mill["before"]["cutting_speed_m_min"]
-    assert mill["no_faster"] == "tool life of carbide in this material is not known"
+    assert mill["no_faster"] == (
+        "tool life of carbide in this material is not known; "
+        "its stability is not known and no range of S is given"
+    )
     assert "S not raised: T1" in (project / "said.txt").read_text()
     assert "why S is not raised" in words(project / "o.html")
 

@@ -31,6 +31,9 @@ nothing else bounds.  The last two: the range of the tool, and the greatest chan
     CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
 ) = range(len(CONSTRAINTS))  # fmt: skip
 
+BEYOND = ("depth of the table", "width of the table", "length of the flutes")
+"""What a cut may be beyond, so that its feed is no more than programmed; beside the deflection."""
+
 F_Z_CONSTRAINTS = (
     LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
 )  # fmt: skip
@@ -96,6 +99,20 @@ class OperationRange:
     """With its source; None in it where nothing is known."""
     kept: str = ""
     """Why F and S stay as programmed; empty where they may change."""
+    rows: Bools = field(repr=False, compare=False)
+    """Rows that it holds for; shape (M,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class NotRaised:
+    """Rows whose feed for each tooth and F rise no further than programmed, and why."""
+
+    limit: str
+    """What their cut is beyond, a noun."""
+    why: str
+    """In words, with the values."""
+    rows: Bools = field(repr=False)
+    """Shape (M,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -118,13 +135,21 @@ class Practice:
     f_z_change: Floats = field(repr=False)
     """Greatest feed for each tooth by the change from the program [m]."""
     f_z_own: Floats = field(repr=False)
-    """That programmed, where the operation allows no more [m]."""
+    """That programmed, where the operation or ``not_raised`` allows no more [m]."""
+    f_z_bent: Floats = field(repr=False)
+    """Feed for each tooth by the bending of the tip, no less than programmed [m]."""
+    not_raised: tuple[NotRaised, ...] = field(repr=False)
+    """Rows that cut deeper or wider than is known to be safe for more."""
+    thicker: Floats = field(repr=False)
+    """Greatest feed for each tooth of the range over that of its source: a thin chip [1]."""
     feed_low: Floats = field(repr=False)
     feed_high: Floats = field(repr=False)
     """F by the change from the program [mm/min]."""
     speed_low: Floats = field(repr=False)
     speed_high: Floats = field(repr=False)
     """S by the change from the program, and where no tool life is known [rev/min]."""
+    unstable: Bools = field(repr=False)
+    """Rows whose stability is not known and for which nobody asked for a range of S."""
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
     """S by the range of the cutting speed and by the least tool life [rev/min]."""
@@ -136,7 +161,8 @@ class Practice:
     @property
     def greatest_f_z(self) -> Floats:
         """Feed for each tooth that no row can pass [m]; shape (M,)."""
-        return np.minimum(np.minimum(self.f_z_high, self.f_z_change), self.f_z_own)
+        every = (self.f_z_high, self.f_z_change, self.f_z_own, self.f_z_bent)
+        return np.minimum.reduce(every)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -76,8 +76,10 @@ def bounds_of(
         load[:] = inverse(cut, cut.table.values[0], limits.load_N * (1 - margins.load))
     if limits.deflection_um is not None:
         give = limits.deflection_um * UM * (1 - margins.deflection)
-        stiffness = np.array([_stiffness(tool) for tool in cut.tools])
-        deflection[:] = inverse(cut, cut.table.values[0], give * stiffness[cut.tool])
+        stiff = np.array([stiffness(tool) for tool in cut.tools])
+        deflection[:] = inverse(cut, cut.table.values[0], give * stiff[cut.tool])
+    elif practice is not None:
+        deflection[:] = practice.f_z_bent
     if limits.roughness_um is not None:
         height = limits.roughness_um * UM * (1 - margins.roughness)
         marked = np.array([feed_for_marks(tool, height) for tool in cut.tools])
@@ -193,7 +195,7 @@ def feed_for_marks(tool: Tool, height: float) -> float:
     return float(np.sqrt(8 * radius * height)) / teeth
 
 
-def _stiffness(tool: Tool) -> float:
+def stiffness(tool: Tool) -> float:
     """Stiffness of the tip [N/m]; infinite without a stickout and of a drill: its lips balance."""
     known = tool.stickout is not None and tool.kind != "drill"
     return tip_stiffness(tool) if known else float("inf")
