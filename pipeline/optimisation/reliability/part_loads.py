@@ -24,7 +24,7 @@ import scipy
 from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
-from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
+from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
@@ -343,8 +343,8 @@ def _fill(
 
     ring = engagement.rings.of(station)
     turn = edge_turn(tool, lower, upper, slope=slope, ring=ring)
-    expected[:] = drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
-    out[:] = drawn_peaks(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
+    expected[:] = drawn_loads(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
+    out[:] = drawn_loads(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
     reach = float(np.abs(drawn.depth).max(initial=0.0))
     if reach == 0.0 or tool.kind == "drill" or abs(slope) > STEEP or not (expected > 0).all():
         return
@@ -353,7 +353,7 @@ def _fill(
         edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope, ring=ring)
         for depth in depths.tolist()
     )
-    shifted = np.stack([drawn_peaks(t, nominal, offset, f_z, m_c=law.m_c)[:, 0] for t in turns])
+    shifted = np.stack([drawn_loads(t, nominal, offset, f_z, m_c=law.m_c)[:, 0] for t in turns])
     for k in range(len(f_z)):
         out[k] *= np.interp(drawn.depth, depths, shifted[:, k] / expected[k])
 
