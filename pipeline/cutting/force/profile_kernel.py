@@ -167,6 +167,11 @@ def _cut_corner(tip, p, shape, motion, middle, out):  # type: ignore[no-untyped-
         _point(tip, CORNER, p, shape, motion, middle, False, out)
 
 
+STEEP = 0.5
+"""Slope |dz / ds| from which on a corner with runout has twice the elements [1]: near its tip teeth
+miss their chips along part of it, and their forces across the axis balance but for that."""
+BALANCED = 1e-9
+"""Load across the axis over the torque below which it is rounding of teeth that balance [1/m]."""
 FINEST = 4
 """How many times more angles of the tip arcs below 30 degrees have than those above 60."""
 PEAK, MEAN, RMS, AXIAL, TORQUE, PEAK_TORQUE, FORCE = range(7)
@@ -197,8 +202,10 @@ def station_loads(  # type: ignore[no-untyped-def]
     last = feeds.shape[0] - 1
     unit = feeds[last] ** exponent / last**2
     cut, edge = forces[last + 1], forces[last + 2]
+    corner = many[CORNER]
     for station in range(lower.shape[0]):
         low, high, row = lower[station], upper[station], out[station]
+        many[CORNER] = corner * (2 if runout > 0.0 and abs(slope[station]) > STEEP else 1)
         n = _divided(low, high, slope[station], shape, many, elements, pairs)
         row[:] = 0.0
         if n == 0:
@@ -322,6 +329,8 @@ def _reduce(cut, edge, u, share, rows, out):  # type: ignore[no-untyped-def]
     for q in range(FORCE, FORCE + 3):
         out[q + 3] = sqrt(max(out[q + 3] - out[q] * out[q], 0.0))
     out[PEAK], out[MEAN], out[RMS] = sqrt(peak), mean / rows, sqrt(total / rows)
+    if out[PEAK] < BALANCED * peak_torque:
+        out[PEAK], out[MEAN], out[RMS] = 0.0, 0.0, 0.0
     out[AXIAL], out[TORQUE], out[PEAK_TORQUE] = axial, torque / rows, peak_torque
 
 

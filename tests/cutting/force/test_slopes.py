@@ -83,7 +83,7 @@ def errors(law: ForceLaw, kind: Kind, flutes: int, runout: float, down: float) -
         (BENT, "bull_nose", 2, 0.0, -20.0),
         (LINEAR, "ball", 3, 0.0, -30.0),
         (LINEAR, "ball", 2, 10.0, 20.0),
-        (LINEAR, "ball", 2, 5.0, 90.0),
+        (LINEAR, "ball", 3, 10.0, 90.0),
         (BENT, "drill", 2, 10.0, 90.0),
         (LINEAR, "drill", 3, 10.0, 45.0),
     ],
@@ -101,4 +101,4 @@ def test_all_slopes_have_the_forces_of_their_discs(kind: Kind, law: ForceLaw) ->
     for flutes, runout, down in product(range(2, 7), (0.0, 3.0, 10.0), downs):
         found = errors(law, kind, flutes, runout, float(down))
         # upwards a corner cuts with little of its length, and the chip of a tooth ends within
-        assert (found < (BARS if down >= 0 else 0.03)).all(), (flutes, runout, down, found)
+        assert (found < (BARS if down >= 0 else 0.04)).all(), (flutes, runout, down, found)
