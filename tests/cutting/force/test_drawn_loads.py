@@ -51,6 +51,22 @@ def test_a_draw_is_the_peak_of_its_waveform(seed: int, flutes: int, helix: float
     assert abs(np.median(found / true) - 1) < 0.05
 
 
+def test_a_mean_is_that_of_its_waveform():
+    tool = Tool(kind="ball", diameter_mm=10.0, flutes=3, helix_deg=30.0, runout_um=8.0)
+    profile = arc(0.4, 2.6, 3e-3)
+    offset, law = np.array([[8e-6, 0.0]]), ForceLaw(**dict(zip(COEFFICIENTS, MEAN, strict=True)))
+    turn = edge_turn(tool, *profile, slope=-0.2)
+    forces = profile_waveform(
+        law, tool, f_z=4e-5, lower=profile[0], upper=profile[1], slope=-0.2,
+        angles=np.arange(720) * np.pi / 360,
+    )  # fmt: skip
+    mean = np.hypot(forces[:, 0], forces[:, 1]).mean()
+    # pieces of the corner where a tooth begins to miss its chip
+    assert drawn_loads(turn, MEAN[None], offset, [4e-5], mean=True)[0, 0] == pytest.approx(
+        mean, rel=0.01
+    )
+
+
 def test_a_slot_without_runout_is_the_closed_form():
     """K_tc a_p f_z sqrt(1 + K_rc^2 / K_tc^2) and as much of edge, when a tooth is across."""
     tool = Tool(kind="flat", diameter_mm=6.0, flutes=2)
