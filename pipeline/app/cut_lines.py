@@ -70,11 +70,12 @@ def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
 def force_lines(forces: Sequence[ForceInterval]) -> Iterator[str]:
     """Peak and mean force of each tool with its 90 % interval, and what was not learnt."""
     for one in forces:
+        runout = f"; runout {one.runout}" if one.runout else ""
         yield (
             f"  force of T{one.tool}: peak {rounded(one.peak_load_N)} N "
             f"({rounded(one.peak_load_low_N)} to {rounded(one.peak_load_high_N)}, 90 %), mean "
             f"{rounded(one.mean_load_N)} N ({rounded(one.mean_load_low_N)} to "
-            f"{rounded(one.mean_load_high_N)})"
+            f"{rounded(one.mean_load_high_N)}){runout}"
         )
         if one.outside:
             yield f"    outside of what was learnt: {'; '.join(one.outside)}"

@@ -169,7 +169,7 @@ class ToolEdge:
 
 @dataclass(frozen=True, kw_only=True)
 class ForceInterval:
-    """Greatest force of a tool with its 90 % interval."""
+    """Greatest force of a tool in draws of all that is uncertain: median and 90 % interval."""
 
     tool: int
     name: str
@@ -179,11 +179,13 @@ class ForceInterval:
     peak_load_N: float | None
     peak_load_low_N: float | None
     peak_load_high_N: float | None
-    """Load in the plane where its peak over a turn is greatest, and the ends [N]."""
+    """Median of the load in the plane where its peak over a turn is greatest, and the ends [N]."""
     mean_load_N: float | None
     mean_load_low_N: float | None
     mean_load_high_N: float | None
     """Where its mean over a turn is greatest, and the ends [N]."""
+    runout: str = ""
+    """Runout of the draws and its spread; other loads of a tool have that of the tool table."""
     outside: tuple[str, ...] = ()
     """Conditions of its cuts outside of those that identified coefficients were learnt at."""
 

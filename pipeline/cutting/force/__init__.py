@@ -6,7 +6,7 @@ tool, F_z as on the workpiece (Altintas, *Manufacturing Automation*, 2nd ed. 201
 
 __all__ = [
     "chip_law",
-    "drawn_peaks",
+    "drawn_loads",
     "force_law",
     "load_table",
     "mean_force",

@@ -313,14 +313,14 @@ def _station_values(
     power = 1.0 - law.m_c
     feeds = f_z_max * np.linspace(0.0, 1.0, nodes) ** (2 / power)
     many = np.array([LIP, CORNER, 1])
-    bins, shape = lower.shape[1], edge_shape(tool)
+    bins, shape, most = lower.shape[1], edge_shape(tool), LIP + 2 * CORNER + 1
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
     out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
         lower, upper, ring, inner, outer, slope, shape, np.concatenate([law.cutting, law.edge]),
         power, feeds, tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
-        np.empty((many.sum(), 7)), np.empty((many.sum(), 2, 5)), np.empty(3), bin_middles(bins),
-        piece_buffer(many.sum(), shape, float(upper.max()), bins),
+        np.empty((most, 7)), np.empty((most, 2, 5)), np.empty(3), bin_middles(bins),
+        piece_buffer(most, shape, float(upper.max()), bins),
         np.empty((nodes + 2, FINEST * angles, 4)), out,
     )  # fmt: skip
     if chisel_length(tool):

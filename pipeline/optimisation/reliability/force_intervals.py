@@ -3,15 +3,16 @@
 The draws are those of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`): coefficients
 over the feeds, speeds and depths that the tool cuts with, wear of its edge, runout, axial depth,
 and the error of the model itself.  The loads of the station with the greatest peak, and of that
-with the greatest mean, are computed in each draw; the ends are quantiles of draw over expectation.
+with the greatest mean, are computed in each draw.  The ends are quantiles of the draws, and the
+load between them is their median: it has the runout of the draws, other loads that of the tool
+table.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.cutting.force.waveform import profile_basis
-from pipeline.optimisation.reliability.part_loads import ToolDraws, draws_of, station_loads
+from pipeline.optimisation.reliability.part_loads import draws_of, station_loads
 from pipeline.optimisation.reliability.uncertainty import CutRange, Uncertainty
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CuttingModel
@@ -22,12 +23,12 @@ from pipeline.twin.cut_tables import figure
 
 DRAWS = 256
 """Draws of each tool: a 5 % quantile errs by a tenth of the half width."""
-ENDS = (0.05, 0.95)
-"""Ends of a 90 % interval [1]."""
+LEVELS = (0.05, 0.5, 0.95)
+"""Ends of a 90 % interval and its median [1]."""
 HEAVY = 0.5
 """Share of a tool's greatest peak load from which a cut counts as heavy [1]."""
-ANGLES = 72
-"""Angles of a turn at which a mean is taken."""
+DIGITS = 6
+"""Decimals of a load [N]: forces of teeth that balance leave less."""
 
 
 def cut_ranges(cut: Cut) -> dict[int, CutRange]:
@@ -60,7 +61,7 @@ def force_intervals(
     cut: Cut, uncertain: Uncertainty, coefficients: Mapping[int, ToolCoefficients],
     model: CuttingModel | None, seed: int,
 ) -> tuple[ForceInterval, ...]:  # fmt: skip
-    """Peak and mean load in the plane of each tool that cuts, with 90 % intervals.
+    """Peak and mean load in the plane of each tool that cuts: medians and 90 % intervals.
 
     Parameters
     ----------
@@ -81,17 +82,18 @@ def force_intervals(
         if number not in ranges or number not in draws.tools:
             continue
         peak_at, mean_at = _stations(cut, cut.numbers.index(number))
-        peak, mean = cut.station_loads.peak[peak_at], cut.station_loads.mean[mean_at]
-        expected, drawn = station_loads(cut, peak_at, draws.tools[number])
-        peaks = peak * drawn / max(expected, 1e-9) * draws.model
-        means = mean * _mean_ratio(cut, mean_at, draws.tools[number]) * draws.model
-        given = coefficients[number]
-        (low, high), (mean_low, mean_high) = (np.quantile(one, ENDS) for one in (peaks, means))
+        drawn, given = draws.tools[number], coefficients[number]
+        (low, peak, high), (mean_low, mean, mean_high) = (
+            np.quantile(one * draws.model, LEVELS).round(DIGITS) for one in (
+                station_loads(cut, peak_at, drawn), station_loads(cut, mean_at, drawn, mean=True)
+            )
+        )  # fmt: skip
         rows.append(ForceInterval(
             tool=number, name=cut.tools[cut.numbers.index(number)].name, source=given.source,
             peak_load_N=figure(peak), peak_load_low_N=figure(low), peak_load_high_N=figure(high),
             mean_load_N=figure(mean), mean_load_low_N=figure(mean_low),
             mean_load_high_N=figure(mean_high),
+            runout=uncertain.tools[number].runout_words,
             outside=not_learnt(ranges[number], model) if given.kind == "identified" else (),
         ))  # fmt: skip
     return tuple(rows)
@@ -103,23 +105,6 @@ def _stations(cut: Cut, index: int) -> tuple[int, int]:
     mine = np.flatnonzero(engagement.feed & (engagement.tool == index))
     loads = cut.station_loads
     return int(mine[np.argmax(loads.peak[mine])]), int(mine[np.argmax(loads.mean[mine])])
-
-
-def _mean_ratio(cut: Cut, station: int, drawn: ToolDraws) -> Floats:
-    """Mean load of a station in each draw over the nominal one; shape (D,)."""
-    engagement = cut.engagement
-    place = int(engagement.tool[station])
-    law = cut.force_laws[place]
-    angles = (np.arange(ANGLES) + 0.5) * (2 * np.pi / ANGLES)
-    table = profile_basis(
-        cut.tools[place], f_z=float(cut.feed_per_tooth[engagement.block[station]]),
-        lower=engagement.lower[station], upper=engagement.upper[station], angles=angles,
-        m_c=law.m_c, slope=float(engagement.slope[station]), ring=engagement.rings.of(station),
-    )[:, :2]  # fmt: skip
-    nominal = np.concatenate([law.cutting, law.edge])
-    expected = np.linalg.norm(table @ nominal, axis=1).mean()
-    loads = np.linalg.norm(np.einsum("tkc,dc->dtk", table, drawn.coefficients), axis=2)
-    return np.asarray(loads.mean(axis=1) / max(float(expected), 1e-9))
 
 
 ALIKE = 0.01

@@ -16,6 +16,7 @@ computed in each draw, over the feed for each tooth; candidates of the part foll
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from math import ceil, log2
 from typing import NamedTuple
 
@@ -24,7 +25,7 @@ import scipy
 from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
-from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
+from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
@@ -321,18 +322,23 @@ def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Resp
     return Responses(f_z=f_z, expected=expected, values=values)
 
 
-def station_loads(cut: Cut, station: int, drawn: ToolDraws) -> tuple[float, Floats]:
-    """Peak load of a station at the feed of the plan: nominal, and in D draws of its tool [N]."""
+def station_loads(cut: Cut, station: int, drawn: ToolDraws, *, mean: bool = False) -> Floats:
+    """Peak, or mean, of a station's load at the feed of the plan in D draws of its tool [N].
+
+    That of the load table, and by how much the load changes in a draw; shape (D,).
+    """
     f_z = cut.feed_per_tooth[[cut.engagement.block[station]]]
     expected, values = np.zeros(1), np.zeros((1, len(drawn.depth)))
-    _fill(cut, station, f_z, drawn, expected, values)
-    return float(expected[0]), values[0]
+    _fill(cut, station, f_z, drawn, expected, values, mean=mean)
+    loads = cut.station_loads.mean if mean else cut.station_loads.peak
+    return np.maximum(loads[station] + values[0] - expected[0], 0.0)
 
 
 def _fill(
-    cut: Cut, station: int, f_z: Floats, drawn: ToolDraws, expected: Floats, out: Floats
-) -> None:
-    """Fill ``expected`` of shape (K,) and ``out`` of shape (K, D) for one station."""
+    cut: Cut, station: int, f_z: Floats, drawn: ToolDraws, expected: Floats, out: Floats, *,
+    mean: bool = False,
+) -> None:  # fmt: skip
+    """Fill ``expected`` of shape (K,) and ``out`` of shape (K, D) for one station: peak or mean."""
     engagement = cut.engagement
     tool, law = cut.tools[engagement.tool[station]], cut.force_laws[engagement.tool[station]]
     slope = float(engagement.slope[station])
@@ -343,8 +349,9 @@ def _fill(
 
     ring = engagement.rings.of(station)
     turn = edge_turn(tool, lower, upper, slope=slope, ring=ring)
-    expected[:] = drawn_peaks(turn, nominal, offset, f_z, m_c=law.m_c)[:, 0]
-    out[:] = drawn_peaks(turn, drawn.coefficients, drawn.offsets, f_z, m_c=law.m_c)
+    loads = partial(drawn_loads, f_z=f_z, m_c=law.m_c, mean=mean)
+    expected[:] = loads(turn, nominal, offset)[:, 0]
+    out[:] = loads(turn, drawn.coefficients, drawn.offsets)
     reach = float(np.abs(drawn.depth).max(initial=0.0))
     if reach == 0.0 or tool.kind == "drill" or abs(slope) > STEEP or not (expected > 0).all():
         return
@@ -353,7 +360,7 @@ def _fill(
         edge_turn(tool, *deeper(lower, upper, depth, slope), slope=slope, ring=ring)
         for depth in depths.tolist()
     )
-    shifted = np.stack([drawn_peaks(t, nominal, offset, f_z, m_c=law.m_c)[:, 0] for t in turns])
+    shifted = np.stack([loads(one, nominal, offset)[:, 0] for one in turns])
     for k in range(len(f_z)):
         out[k] *= np.interp(drawn.depth, depths, shifted[:, k] / expected[k])
 

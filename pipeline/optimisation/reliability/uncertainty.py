@@ -74,6 +74,12 @@ class ToolUncertainty:
     described: tuple[UncertainQuantity, ...] = ()
     """In words."""
 
+    @property
+    def runout_words(self) -> str:
+        """Value and spread of its runout; "" of a single tooth."""
+        of = (one for one in self.described if one.what == "runout")
+        return "".join(f"{one.value}, {one.spread}" for one in of)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Uncertainty:

@@ -102,7 +102,8 @@ def intervals_table(cut: ProgramCut, sources: list[Source]) -> Table:
         sources=sources,
         note="90 % intervals: coefficients and law of the chip, wear of the edge, runout, "
         "axial depth and the errors of the model on recordings left out, drawn as for the load "
-        "limit of an optimisation. Wider where feed, speed or depth were not learnt.",
+        "limit of an optimisation; predicted is the median. Tables of loads have the runout of the "
+        "tool table alone. Wider where feed, speed or depth were not learnt.",
     )  # fmt: skip
 
 

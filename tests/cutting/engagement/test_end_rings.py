@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.engagement.end_rings import EndRings, whole_ends
 from pipeline.cutting.engagement.engagement import Engagement, engage
-from pipeline.cutting.force.drawn_peaks import drawn_peaks, edge_turn
+from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, load_table
 from pipeline.cutting.force.waveform import profile_waveform
@@ -207,7 +207,7 @@ def test_all_models_of_the_force_take_the_ring() -> None:
     assert np.hypot(*forces[:, :2].T).max() == pytest.approx(load.peak, rel=1e-3)
     law = np.concatenate([LAW.cutting, LAW.edge])[None]
     turn = edge_turn(tool, *profile.values(), slope=-1.0, ring=ring)
-    drawn = drawn_peaks(turn, law, np.zeros((1, 2)), [F_Z])[0, 0]
+    drawn = drawn_loads(turn, law, np.zeros((1, 2)), [F_Z])[0, 0]
     assert drawn == pytest.approx(load.peak, rel=0.02)
 
 

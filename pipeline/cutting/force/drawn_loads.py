@@ -82,9 +82,10 @@ def _angles(tool: Tool, there: Bools) -> int:
     return tool.flutes * ceil(finer * ANGLES / tool.flutes)
 
 
-def drawn_peaks(
-    turn: EdgeTurn, coefficients: ArrayLike, offsets: ArrayLike, f_z: ArrayLike, *, m_c: float = 0.0
-) -> Floats:
+def drawn_loads(
+    turn: EdgeTurn, coefficients: ArrayLike, offsets: ArrayLike, f_z: ArrayLike, *,
+    m_c: float = 0.0, mean: bool = False,
+) -> Floats:  # fmt: skip
     """Peak across the axis over a turn of the spindle [N] in D draws, at K feeds.
 
     Parameters
@@ -100,6 +101,8 @@ def drawn_peaks(
         Feeds for each tooth, above 0 and rising [m].
     m_c : float
         Exponent of the chip's thickness [1].
+    mean : bool
+        Means over the turn instead of peaks.
 
     Returns
     -------
@@ -110,21 +113,21 @@ def drawn_peaks(
     ValueError
         When the shapes do not go together.
     """
-    from pipeline.cutting.force.profile_kernel import drawn_peaks as fill
+    from pipeline.cutting.force.profile_kernel import drawn_loads as fill
 
     law = np.ascontiguousarray(coefficients, dtype=np.float64)
     throw = np.ascontiguousarray(offsets, dtype=np.float64)
     feeds = np.ascontiguousarray(f_z, dtype=np.float64)
     if law.shape != (len(throw), 6) or throw.shape != (len(law), 2) or feeds.ndim != 1:
         raise ValueError(
-            f"drawn peaks: coefficients have shape {law.shape}, offsets {throw.shape}, f_z "
+            f"drawn loads: coefficients have shape {law.shape}, offsets {throw.shape}, f_z "
             f"{feeds.shape}: give (D, 6), (D, 2) and (K,)"
         )
     teeth, angles = turn.tool.flutes, len(turn.first) - 1
     place = np.exp(2j * np.pi * np.arange(teeth) / teeth)
     out = np.zeros((len(feeds), len(law)))
     fill(turn.pieces, turn.first, teeth, law, throw, feeds, _powers(feeds, teeth, m_c),
-         place.view(np.float64).reshape(teeth, 2), np.empty((teeth, teeth, 2)),
+         place.view(np.float64).reshape(teeth, 2), mean, np.empty((teeth, teeth, 2)),
          np.empty((len(feeds), angles, 2)), out)  # fmt: skip
     return out
 
