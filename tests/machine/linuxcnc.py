@@ -32,18 +32,23 @@ HEAD = "G21 G90 G17 G94\n"
 
 @dataclass(frozen=True)
 class Machine:
-    """Limits of X, Y and Z [mm/s], [mm/s^2], of the path [mm/s], and whether arcs may blend."""
+    """Limits of X, Y and Z [mm/s], [mm/s^2], of the path [mm/s], whether arcs may blend, and the
+    greatest feed override [1].
+    """
 
     speed: tuple[float, float, float]
     acceleration: tuple[float, float, float]
     path_speed: float
     arcs: bool = True
+    feed_scale: float = 1.0
 
 
 UNLIKE = Machine((200, 100, 60), (1500, 1000, 500), 180)
 """A machine of unlike axes."""
 PARABOLIC = Machine((120, 80, 40), (800, 1200, 400), 100, arcs=False)
 """One that blends by parabolas alone."""
+OVERRIDDEN = Machine((150, 150, 150), (2000, 2000, 2000), 150, feed_scale=1.5)
+"""One that makes its blends for an override of 150 %."""
 
 
 def _circles(radius, feed):
@@ -92,6 +97,7 @@ PROGRAMS = {
     "zigzag flat": _zigzag(4, 0.5, 20, 6000, "G64"),
     "zigzag P0.01": _zigzag(3, 3, 20, 3000, "G64 P0.01"),
     "zigzag P0.1": _zigzag(3, 3, 20, 3000, "G64 P0.1"),
+    "zigzag slow": _zigzag(5, 5, 10, 1200, "G64"),
     "zigzag G61": _zigzag(3, 3, 12, 3000, "G61"),
     "spiral": _spiral("G64"),
     "spiral P0.02": _spiral("G64 P0.02"),
@@ -105,6 +111,7 @@ PROGRAMS = {
     "pecks": HEAD + "G64\nF600\nG0 Z5\n"
     + "".join(f"G83 X{15 * k} Y{5 * k} Z-6 R1 Q2\n" for k in range(4)) + "G80\nM2\n",
 }  # fmt: skip
+WITH_OVERRIDE = ("zigzag slow", "pocket P0.05", "lines and arcs")
 BY_PARABOLAS = (
     "zigzag 90", "zigzag flat", "circle 5", "helix", "lines and arcs", "zigzag P0.1", "spiral",
     "pecks",
@@ -112,8 +119,9 @@ BY_PARABOLAS = (
 
 
 def programs_of(machine: Machine) -> dict[str, str]:
-    """Programs that a machine is asked about: all, or by parabolas some of them."""
-    return {name: PROGRAMS[name] for name in (PROGRAMS if machine.arcs else BY_PARABOLAS)}
+    """Programs that a machine is asked about."""
+    names = {UNLIKE: tuple(PROGRAMS), PARABOLIC: BY_PARABOLAS, OVERRIDDEN: WITH_OVERRIDE}
+    return {name: PROGRAMS[name] for name in names[machine]}
 
 
 _DRIVER = """#!/usr/bin/python3
@@ -232,7 +240,9 @@ def planned_times(machine: Machine, programs: Mapping[str, str]) -> dict[str, fl
     """Time that LinuxCNC takes for programs that stand still only where they must [s]."""
     with _folder() as folder:
         files = {f"{number:03d}.ngc": text for number, text in enumerate(programs.values())}
-        files |= {"machine.ini": _INI + _sections(machine), "machine.hal": _HAL}
+        shown = f"[DISPLAY]\nMAX_FEED_OVERRIDE = {machine.feed_scale}"
+        settings = _INI.replace("[DISPLAY]", shown) + _sections(machine)
+        files |= {"machine.ini": settings, "machine.hal": _HAL}
         files |= {"driver.py": _DRIVER, "tools.tbl": "", "variables.var": "5220\t1\n"}
         for name, text in files.items():
             (folder / name).write_text(text)
@@ -256,5 +266,5 @@ def planned_times(machine: Machine, programs: Mapping[str, str]) -> dict[str, fl
 
 
 if __name__ == "__main__":
-    for asked in (UNLIKE, PARABOLIC):
+    for asked in (UNLIKE, PARABOLIC, OVERRIDDEN):
         json.dump(planned_times(asked, programs_of(asked)), sys.stdout, indent=1)

@@ -17,6 +17,7 @@ from tests.gcode.following import follow
 from tests.machine.linuxcnc import (
     CYCLE,
     MILLTASK,
+    OVERRIDDEN,
     PARABOLIC,
     PROGRAMS,
     UNLIKE,
@@ -25,12 +26,15 @@ from tests.machine.linuxcnc import (
 )
 from tests.machine.programs import Writer, row_times
 
-CLOSE = 0.01
-"""Greatest share by which a time may differ [1]: 1 % where 3 % is asked for."""
+CLOSE = 0.006
+"""Greatest share by which a time may differ [1]: two to four cycles of a short program."""
+RUNS = 3
+"""Tries of a program: where other work holds up the interpreter, the planner waits for it."""
 TIMES = {
     "lines": 0.773, "rapids": 2.36, "circle 0.5": 0.698, "circle 1": 0.986, "circle 5": 2.2,
     "circle 20": 5.497, "zigzag 90": 1.576, "zigzag sharp": 2.097, "zigzag flat": 0.935,
-    "zigzag P0.01": 2.461, "zigzag P0.1": 2.416, "zigzag G61": 1.501, "spiral": 6.139,
+    "zigzag P0.01": 2.461, "zigzag P0.1": 2.416, "zigzag slow": 3.461, "zigzag G61": 1.501,
+    "spiral": 6.139,
     "spiral P0.02": 6.148, "helix": 3.974, "pocket P0.05": 4.237, "slots": 5.041,
     "lines and arcs": 2.89, "zigzag in space": 1.19, "pecks": 9.57,
 }  # fmt: skip
@@ -38,7 +42,8 @@ TIMES_BY_PARABOLAS = {
     "zigzag 90": 1.777, "zigzag flat": 2.102, "circle 5": 3.204, "helix": 5.235,
     "lines and arcs": 4.6, "zigzag P0.1": 2.855, "spiral": 15.099, "pecks": 10.513,
 }  # fmt: skip
-"""Times of the planner itself on ``UNLIKE`` and on ``PARABOLIC`` [s]."""
+TIMES_WITH_OVERRIDE = {"zigzag slow": 3.438, "pocket P0.05": 3.404, "lines and arcs": 2.07}
+"""Times of the planner itself on ``UNLIKE``, ``PARABOLIC`` and ``OVERRIDDEN`` [s]."""
 
 
 def control(machine=UNLIKE, **changes):
@@ -50,9 +55,12 @@ def control(machine=UNLIKE, **changes):
         for letter, v, a in zip("XYZ", machine.speed, machine.acceleration, strict=True)
     }  # fmt: skip
     settings = {
-        "corner": "blend", "blend": BlendParameters(arcs=machine.arcs), "rapid_stop": "change",
-        "path_speed": 60.0 * machine.path_speed, "interpolation_period": CYCLE,
-    }  # fmt: skip
+        "corner": "blend",
+        "blend": BlendParameters(arcs=machine.arcs, feed_scale=machine.feed_scale),
+        "rapid_stop": "change",
+        "path_speed": 60.0 * machine.path_speed,
+        "interpolation_period": CYCLE,
+    }
     return ControlParameters(axes=axes, **settings | changes)
 
 
@@ -60,24 +68,28 @@ def planned(text, machine=UNLIKE, **changes):
     return plan(limited_path(follow(text, dialect="linuxcnc"), control(machine, **changes)))
 
 
-@pytest.mark.parametrize("name", TIMES)
-def test_time_is_that_of_the_planner(name):
-    assert planned(PROGRAMS[name]).total == pytest.approx(TIMES[name], rel=CLOSE)
-
-
-@pytest.mark.parametrize("name", TIMES_BY_PARABOLAS)
-def test_time_by_parabolas_is_that_of_the_planner(name):
-    time = planned(PROGRAMS[name], PARABOLIC).total
-    assert time == pytest.approx(TIMES_BY_PARABOLAS[name], rel=CLOSE)
+@pytest.mark.parametrize(
+    ("machine", "times"),
+    [(UNLIKE, TIMES), (PARABOLIC, TIMES_BY_PARABOLAS), (OVERRIDDEN, TIMES_WITH_OVERRIDE)],
+)
+def test_times_are_those_of_the_planner(machine, times):
+    found = {name: planned(text, machine).total for name, text in programs_of(machine).items()}
+    assert found == pytest.approx(times, rel=CLOSE)
 
 
 @pytest.mark.proof
 @pytest.mark.skipif(not MILLTASK.exists(), reason=f"{MILLTASK} is not installed")
-@pytest.mark.parametrize("machine", [UNLIKE, PARABOLIC])
+@pytest.mark.parametrize("machine", [UNLIKE, PARABOLIC, OVERRIDDEN])
 def test_the_planner_itself_takes_that_time(machine):
-    programs = programs_of(machine)
-    found = planned_times(machine, programs)
+    programs = late = programs_of(machine)
     times = {name: planned(text, machine).total for name, text in programs.items()}
+    found: dict[str, float] = {}
+    for _ in range(RUNS):
+        again = planned_times(machine, late)
+        found |= {name: min(time, found.get(name, time)) for name, time in again.items()}
+        late = {n: programs[n] for n in times if times[n] != pytest.approx(found[n], rel=0.03)}
+        if not late:
+            break
     assert times == pytest.approx(found, rel=0.03)
 
 
@@ -148,6 +160,25 @@ def test_a_population_takes_the_times_of_its_individuals():
     for one, time in zip(feeds, times, strict=True):
         assert plan(path, feeds=one).time == pytest.approx(time)
     assert times.sum(axis=1)[1] > times.sum(axis=1)[0] >= times.sum(axis=1)[2]
+
+
+def test_segments_of_any_size_have_a_time_and_a_speed():
+    rng = np.random.default_rng(3)
+    for arcs in (True, False):
+        writer = Writer()
+        for _ in range(400):
+            writer.set(tolerance=float(rng.choice([0.0, 0.02])), feed=float(rng.choice([9, 9e4])))
+            size = float(rng.choice([1e-4, 0.01, 1.0, 50.0]))
+            if rng.random() < 0.5:
+                writer.by(size * rng.normal(size=3))
+            else:
+                centre = writer.at[:2] + size * rng.normal(size=2)
+                writer.arc(centre, rng.uniform(0.1, 9) * rng.choice([-1, 1]), rise=size / 3)
+        drawn = plan(limited_path(writer.moves, control(blend=BlendParameters(arcs=arcs))))
+        moving = drawn.path.moving
+        assert (drawn.time[moving] > 0).all()
+        assert (drawn.v_peak[moving] > 0).all()
+        assert (drawn.v_out <= 0.2).all()  # of the fastest axis
 
 
 def test_programs_that_hardly_move():

@@ -44,7 +44,8 @@ and under G64; one unless the next segment goes straight on; and a blend."""
 SIZE, TOP, SLOPE, OUT, TIME, ASKED, KEPT, OVERLAP = range(8)
 """Rows of the work array of :func:`plan_segments`.  Of pieces, a segment and the arc after it:
 length [m], speed on top [m/s], acceleration [m/s^2], speed at the end [m/s], time [s]; of segments
-the commanded speed [m/s], shares of their acceleration [1], the time they share with the next [s].
+the commanded speed and that of the greatest override [m/s], two shares of their acceleration [1],
+the time they share with the next [s].
 """
 GREATEST_CHAIN = 100
 """Most lines that a tolerance joins to one."""
@@ -232,18 +233,21 @@ def _apart(points, a, b, p):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def plan_segments(table, asked, ramps, cycle, arcs, share, ratio, work, v_out, v_peak, time):  # type: ignore[no-untyped-def]
+def plan_segments(  # type: ignore[no-untyped-def]
+    table, asked, cap, ramps, cycle, arcs, share, ratio, scale, work, v_out, v_peak, time
+):
     """Fill the speed at the end of each segment, the greatest in it [m/s], and its time [s].
 
-    ``asked`` is the commanded speed [m/s], ``ramps`` where a short piece goes straight to the speed
-    at its end, ``cycle`` the interpolation period [s]; then those of ``BlendParameters``.  ``work``
-    has shape (8, 2 S), its columns two a segment.
+    ``asked`` is the commanded speed and ``cap`` its limit [m/s], ``ramps`` where a short piece goes
+    straight to the speed at its end, ``cycle`` the interpolation period [s]; then those of
+    ``BlendParameters``.  ``work`` has shape (8, 2 S), its columns two a segment.
     """
     many = table.shape[1]
     rest = sqrt(1.0 - share * share)
     for s in range(many):
         length = table[LENGTH, s]
-        work[ASKED, s] = min(asked[s], length / cycle)
+        work[ASKED, s] = min(asked[s], min(cap[s], length / cycle))
+        work[ASKED, many + s] = min(scale * asked[s], min(cap[s], length / cycle))
         work[KEPT, s], work[KEPT, many + s], work[OVERLAP, s] = 1.0, 1.0, 0.0
         work[SIZE, 2 * s], work[SIZE, 2 * s + 1] = length, 0.0
         work[OUT, 2 * s], work[OUT, 2 * s + 1] = 0.0, inf
@@ -267,18 +271,19 @@ def plan_segments(table, asked, ramps, cycle, arcs, share, ratio, work, v_out, v
             work[OUT, before] = min(work[OUT, before], sqrt(a * work[SIZE, 2 * s]))
     _along(work, ramps, cycle)
     for s in range(many):
-        v_out[s], v_peak[s] = work[OUT, 2 * s], max(work[TOP, 2 * s], work[OUT, 2 * s])
-        time[s] = work[TIME, 2 * s] + 0.5 * (work[TIME, 2 * s + 1] - work[OVERLAP, s])
+        v_out[s], v_peak[s] = work[OUT, 2 * s], max(work[TOP, 2 * s], work[TOP, 2 * s + 1])
+        own, arc, shared = work[TIME, 2 * s], work[TIME, 2 * s + 1], work[OVERLAP, s]
         if s > 0:
-            time[s] += 0.5 * (work[TIME, 2 * s - 1] - work[OVERLAP, s - 1])
-            v_peak[s] = max(v_peak[s], v_out[s - 1])
+            v_peak[s] = max(v_peak[s], work[TOP, 2 * s - 1])
+            arc, shared = arc + work[TIME, 2 * s - 1], shared + work[OVERLAP, s - 1]
+        time[s] = max(own - 0.5 * shared, min(own, cycle)) + 0.5 * arc
 
 
 @compiled
 def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: ignore[no-untyped-def]
     """Choose how the corner after segment s is passed."""
     many, n, kink = table.shape[1], s + 1, table[KINK, s]
-    v_1, v_2 = work[ASKED, s], work[ASKED, n]
+    v_1, v_2 = work[ASKED, many + s], work[ASKED, many + n]
     cost = kink * (min(v_1, v_2) / cycle + table[RATE, n])
     if arcs and cost < ratio:
         _keep_kink(s, min(v_1, v_2), 1.0 - cost, work)
@@ -297,8 +302,8 @@ def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: igno
     b_1, b_2 = _parabola(table, s, a_1 * (1.0 - ratio), a_2 * (1.0 - ratio), v_1, v_2, 0.5)
     if not arcs or 0.25 * cos(0.5 * table[TURN, s]) * (b_1 + b_2) >= max(v_kink, v_arc):
         work[KEPT, many + s], work[KEPT, many + n] = 0.5, halved
-        v_1 = min(v_1, sqrt(0.5 * share * table[RATE, s] * table[RADIUS, s]))
-        v_2 = min(v_2, sqrt(halved * share * table[RATE, n] * table[RADIUS, n]))
+        v_1 = min(work[ASKED, s], sqrt(0.5 * share * table[RATE, s] * table[RADIUS, s]))
+        v_2 = min(work[ASKED, n], sqrt(halved * share * table[RATE, n] * table[RADIUS, n]))
         work[OVERLAP, s] = _parabola(table, s, a_1, a_2, v_1, v_2, 1.0)[0] / a_1
     elif v_kink >= v_arc:
         _keep_kink(s, v_kink, 1.0 - ratio, work)
@@ -306,7 +311,8 @@ def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: igno
         work[OUT, 2 * s] = inf
         work[SIZE, 2 * s] -= trim_1
         work[SIZE, 2 * n] -= trim_2
-        work[TOP, 2 * s + 1], work[SLOPE, 2 * s + 1] = v_arc, table[ARC_RATE, s] * rest
+        work[TOP, 2 * s + 1] = min(v_arc, max(work[ASKED, s], work[ASKED, n]))
+        work[SLOPE, 2 * s + 1] = table[ARC_RATE, s] * rest
         if table[BEND_1, s] == 0.0 and work[SIZE, 2 * s] < GAP_CYCLES * cycle * v_arc:
             size += max(work[SIZE, 2 * s], 0.0)
             work[SIZE, 2 * s] = 0.0

@@ -144,6 +144,8 @@ class BlendParameters(Ranged, section="blend"):
     kink_ratio: Annotated[float, Range(above=0.0, most=0.7071)] = 0.1
     """Share of an axis' acceleration that the change of direction within a cycle may take where
     segments join nearly straight ([TRAJ] ARC_BLEND_KINK_RATIO) [1]."""
+    feed_scale: Positive = 1.0
+    """Greatest feed override that blends are made for ([DISPLAY] MAX_FEED_OVERRIDE) [1]."""
     arc_share: Annotated[float, Range(above=0.0, below=1.0)] = 0.75**0.5
     """Share of ``cutting_acceleration`` that arcs take towards their centre; along them what is
     left of it, and ``arc_acceleration`` is not used [1]."""
@@ -237,7 +239,7 @@ class ControlParameters(Ranged):
         and no acceleration.
         """
         axis = self.axes[letter]
-        curve = axis.arc_acceleration
+        curve = 0.0 if self.corner == "blend" else axis.arc_acceleration
         cutting = axis.cutting_acceleration + curve + _spread(axis, self.cutting_filter)
         rapid = axis.rapid_acceleration
         if self.rapid_stop != "always":

@@ -116,10 +116,10 @@ def _blended(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> R
     control, last = path.control, segments.last
     v_out, v_peak, time = np.zeros((3, len(last)))
     plan_segments(
-        segments.table, np.minimum(_commanded(path, last, feed, spindle), path.cap[last]),
+        segments.table, _commanded(path, last, feed, spindle), path.cap[last],
         path.motion[last] != Motion.RAPID,
         control.interpolation_period, control.blend.arcs, control.blend.arc_share,
-        control.blend.kink_ratio,
+        control.blend.kink_ratio, control.blend.feed_scale,
         np.zeros((OVERLAP + 1, 2 * len(last))), v_out, v_peak, time,
     )  # fmt: skip
     rows = np.flatnonzero(path.moving)
