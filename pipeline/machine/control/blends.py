@@ -28,9 +28,8 @@ from pipeline.machine.control.path import Binding, Halt, Motion, Path, Segments
 from pipeline.machine.spindle import halts
 from pipeline.schema.arrays import Floats, Rows
 
-LENGTH, CAP, RATE, RADIUS, END, TURN, BEND_1, BEND_2, THETA, KINK, REACH, ARC_SPEED, ARC_RATE, P = (
-    range(14)
-)
+LENGTH, CAP, RATE, RADIUS, END, TURN, BEND_1, BEND_2, THETA, KINK, REACH = range(11)
+ARC_SPEED, ARC_RATE, TOLERANCE = range(11, 14)
 """Rows of ``Segments.table``.  Of a segment its length [m], greatest speed [m/s], acceleration,
 of arcs along the path and across together [m/s^2], radius of curvature, infinite of lines [m], and
 end; of the corner there its turn [rad], curvature of the segments before and after it, positive
@@ -87,8 +86,8 @@ def segments_of(path: Path) -> Segments:
     course = _straight(path, first, last)
     linear = np.linalg.norm(course.step[:, :3], axis=1)
     least = (np.abs(course.step) / course.limits).max(axis=2)
-    table = np.zeros((P + 1, len(last)))
-    table[RADIUS], table[P] = np.inf, path.moves.tolerance[last] * METRE
+    table = np.zeros((TOLERANCE + 1, len(last)))
+    table[RADIUS], table[TOLERANCE] = np.inf, path.moves.tolerance[last] * METRE
     for plane in (17, 18, 19):
         _bend(path, last, course, least, table, plane)
     table[LENGTH] = np.where(first == last, path.length[last], linear)
@@ -161,7 +160,7 @@ def _join(path: Path, table: Floats, course: _Course) -> None:
     corner[ARC_SPEED], corner[ARC_RATE] = (limits / within).min(axis=2)
     corner[TURN], corner[THETA] = np.pi - 2 * theta, theta
     tolerance = NOMINAL_TOLERANCE * table[LENGTH]
-    tolerance = np.where(table[P] > 0, np.minimum(table[P], tolerance), tolerance)
+    tolerance = np.where(table[TOLERANCE] > 0, np.minimum(table[TOLERANCE], tolerance), tolerance)
     corner[REACH] = np.minimum(tolerance[:-1], tolerance[1:])
     reach = SPAN * np.minimum(table[LENGTH, :-1], table[LENGTH, 1:])
     arcs = np.isfinite(table[RADIUS])
@@ -377,8 +376,8 @@ def _parabola(table, s, a_1, a_2, v_1, v_2, part):  # type: ignore[no-untyped-de
     time = min(time, max(v_1 / a_1, v_2 / a_2))
     v_1, v_2 = min(v_1, time * a_1), min(v_2, time * a_2)
     bend = sin(0.5 * table[TURN, s])
-    if table[P, s] > 0.0 and bend > STRAIGHT:
-        most = 2.0 * sqrt(a_1 * table[P, s] / bend)
+    if table[TOLERANCE, s] > 0.0 and bend > STRAIGHT:
+        most = 2.0 * sqrt(a_1 * table[TOLERANCE, s] / bend)
         v_1, v_2 = min(v_1, most), min(v_2, most)
     return v_1, v_2
 
