@@ -55,6 +55,7 @@ class PathMode(IntEnum):
 
     CONTINUOUS = 0  # G64: corners as the control rounds them, within ``tolerance`` if > 0
     EXACT_STOP = 1  # G61, G9: standing still at the end
+    EXACT_PATH = 2  # G61 of LinuxCNC: through the end, standing still unless it goes straight on
 
 
 @dataclass(frozen=True, kw_only=True)

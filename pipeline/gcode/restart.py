@@ -69,7 +69,7 @@ def _words(run: Run) -> Iterator[tuple[str, str]]:
     feed = state.feed if state.feed_mode == FeedMode.INVERSE_TIME else state.feed / state.unit
     yield "feed", f"G{state.feed_mode} F{feed:g}"
     yield "coolant", _coolant(run)
-    yield "path", "G61" if state.path_mode == PathMode.EXACT_STOP else "G64"
+    yield "path", "G64" if state.path_mode == PathMode.CONTINUOUS else "G61"
     if run.cycle.code != CANCELLED:
         words = " ".join(
             f"{letter}{value / (state.unit if letter in LENGTHS else 1.0):g}"

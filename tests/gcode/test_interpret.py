@@ -15,7 +15,7 @@ from pipeline.gcode.modal import INTS, State
 from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
-from tests.gcode.following import follow, kinds, points, refusal
+from tests.gcode.following import MOVING, follow, kinds, points, refusal
 
 
 def test_an_empty_program_has_no_moves():
@@ -114,6 +114,13 @@ def test_path_modes():
         PathMode.CONTINUOUS, PathMode.CONTINUOUS,
     ]  # fmt: skip
     assert moves.tolerance.tolist() == [0, 0, 0, 0, 0, 0.02]
+
+
+def test_linuxcnc_runs_through_straight_joints_under_g61_and_drills_so():
+    moves = follow("F9 G61 G1 X1\nG61.1 X2\nG64 X3\nG81 X4 Z-1 R1\nG80\nG1 X5", dialect="linuxcnc")
+    modes = moves.path_mode[np.isin(moves.kind, MOVING)].tolist()
+    exact, stop, on = PathMode.EXACT_PATH, PathMode.EXACT_STOP, PathMode.CONTINUOUS
+    assert modes == [exact, stop, on, exact, exact, exact, exact, on]
 
 
 def test_look_ahead_codes_move_nothing():

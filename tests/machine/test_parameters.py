@@ -43,7 +43,7 @@ def test_limits_in_si():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"corner": "round"}, r"corner = 'round' must be one of \('jump', 'tolerance'\)"),
+        ({"corner": "round"}, r"corner = 'round' must be one of \('jump', 'tolerance', 'blend'\)"),
         ({"profile": "s_curve"}, r"profile = 's_curve' needs axes\.X\.jerk: give it"),
         ({"rapid_filter": (0.01, -1)}, "rapid_filter = -1 s must be finite"),
         ({"settle_time": float("nan")}, "settle_time = nan s must be finite and at least 0"),
@@ -51,6 +51,10 @@ def test_limits_in_si():
         ({"tolerance": 0}, "tolerance = 0 must be finite and positive"),
         ({"limits": {"corner_jump": -1}}, "corner_jump = -1 must be finite and at least 0"),
         ({"limits": {"jerk": 0}}, "jerk = 0 must be finite and positive"),
+        (
+            {"corner": "blend", "cutting_filter": (0.01, 0.0)},
+            r"corner = 'blend' .* cutting_filter is \(0.01, 0.0\): leave it out",
+        ),
         ({"letters": ""}, r"axes = \[\]: name some of"),
     ],
 )

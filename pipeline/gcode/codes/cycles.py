@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from pipeline.gcode.codes.motion import TAPPING, check_feed, programmed, seconds
 from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import INCREMENT, FeedMode, Kind
+from pipeline.gcode.moves import INCREMENT, FeedMode, Kind, PathMode
 from pipeline.gcode.offsets import IN_PLANE
 from pipeline.gcode.run import AXES, Block, Cycle, Run
 from pipeline.gcode.statements import Number, WordItem
@@ -287,13 +287,16 @@ def drill(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     check_feed(run, block, code, item or block.any_item())
     letters = (LETTERS[first], LETTERS[second], *other)
     given = {letter: block.words.pop(letter) for letter in letters if letter in block.words}
-    if state.dialect == LINUXCNC:
+    mode = state.path_mode, state.tolerance
+    if state.dialect == LINUXCNC:  # which drills in exact path mode, whatever is in force
+        state.path_mode, state.tolerance = PathMode.EXACT_PATH, 0.0
         _rise_to_r(run, block.line, normal)
     for _ in range(repeats):
         block.words.update(given)
         point = programmed(run, block)
         point[normal] = run.point[normal]
         _drill_one(run, Hole(run=run, line=block.line, point=point), code)
+    state.path_mode, state.tolerance = mode
 
 
 def _check_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> None:

@@ -290,6 +290,8 @@ def _retract(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 def _path_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.state.path_mode = PathMode.EXACT_STOP if code in (610, 611) else PathMode.CONTINUOUS
+    if code == 610 and run.state.dialect == LINUXCNC:
+        run.state.path_mode = PathMode.EXACT_PATH
     run.state.tolerance = 0.0
     if code == 640:
         run.state.tolerance = (block.take("P") or 0.0) * run.state.unit

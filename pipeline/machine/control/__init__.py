@@ -2,7 +2,8 @@
 
 A program under one control becomes a ``path`` with limits of speed, acceleration and jerk
 (``parameters``, ``limits``, ``corners``); ``planner`` plans its rows with trapezoids
-(``look_ahead``) or with bounded jerk (``s_curve``), adds the times of auxiliary functions
+(``look_ahead``), with bounded jerk (``s_curve``) or with corners that the control blends
+(``blends``), adds the times of auxiliary functions
 (``commands``), and ``interpolate`` gives positions before and after the filters.  ``bounded`` keeps
 a command that is not the control's own within speed and acceleration.  Positions in machine
 coordinates of X Y Z A B C; metre, radian and second, feeds and spindle speeds in the program's

@@ -24,6 +24,7 @@ from pipeline.machine.control.planner import Plan
 from pipeline.machine.control.s_curve import peak_speed, profile_duration, profile_state
 from pipeline.schema.arrays import Floats
 
+_TINY = 1e-12
 VALUE, INTEGRAL = 0, 1
 """Quantities that a filter remembers of each sample."""
 _STILL, _INDEPENDENT = int(Motion.STILL), int(Motion.INDEPENDENT)
@@ -139,12 +140,32 @@ def _sampled(plan: Plan) -> tuple[object, ...]:
     path, motion = plan.path, plan.motion
     moves = path.moves
     begin = np.concatenate([[0.0], np.cumsum(plan.time)[:-1]])
+    v_out, v_peak, acceleration = _trapezoids(plan)
     return (
         moves.origin, moves.end, moves.centre, moves.angle, moves.plane,
-        path.motion, path.form, path.length, path.acceleration, path.control.limits, plan.feed,
-        begin, motion.time, motion.v_out, motion.v_peak,
+        path.motion, path.form, path.length, acceleration, path.control.limits, plan.feed,
+        begin, motion.time, v_out, v_peak,
         motion.profile, motion.profiles, *_profile_places(plan, begin),
     )  # fmt: skip
+
+
+def _trapezoids(plan: Plan) -> tuple[Floats, Floats, Floats]:
+    """Speeds at the end and on top of each row [m/s], and acceleration [m/s^2].
+
+    Blends cut corners: there the programmed path is passed in the time that they take, without a
+    steady speed or at one speed where the row's own speeds leave no trapezoid.
+    """
+    path, v_out, top = plan.path, plan.v_out, plan.v_peak
+    if path.segments is None:
+        return v_out, top, path.acceleration
+    v_in, time = np.append(0.0, v_out[:-1])[: len(path)], np.where(path.moving, plan.motion.time, 1)
+    mean = np.where(path.moving, path.length, 1.0) / time
+    sharp = mean + np.sqrt(((v_in - mean) ** 2 + (v_out - mean) ** 2) / 2)
+    top = np.minimum(top, sharp)
+    change = (top - v_in) ** 2 + (top - v_out) ** 2
+    ramps = (top > mean) & (top >= np.maximum(v_in, v_out)) & (change > 0)
+    top, change = np.where(ramps, top, mean), np.where(ramps, change, np.inf)
+    return v_out, top, change / (2 * top * np.maximum(time - path.length / top, _TINY))
 
 
 def _profile_places(plan: Plan, begin: Floats) -> tuple[Floats, Floats]:

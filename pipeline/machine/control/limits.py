@@ -33,7 +33,7 @@ BEFORE = 5
 """First row of ``frames`` that belongs to the row before."""
 _RAPID_KIND, _ARC_KIND = int(Kind.RAPID), int(Kind.ARC)
 _PROBE, _THREAD = int(Kind.PROBE), int(Kind.THREAD)
-_EXACT = int(PathMode.EXACT_STOP)
+_EXACT, _EXACT_PATH = int(PathMode.EXACT_STOP), int(PathMode.EXACT_PATH)
 _INVERSE, _PER_REVOLUTION = int(FeedMode.INVERSE_TIME), int(FeedMode.PER_REVOLUTION)
 _STILL, _RAPID, _CUTTING = int(Motion.STILL), int(Motion.RAPID), int(Motion.CUTTING)
 _PER_TURN, _INDEPENDENT = int(Motion.PER_TURN), int(Motion.INDEPENDENT)
@@ -48,7 +48,7 @@ _BY_CORNER, _BY_STOP = int(Binding.CORNER), int(Binding.EXACT_STOP)
 @compiled
 def limit(  # type: ignore[no-untyped-def]
     kind, origin, end, centre, angle, plane, feed_mode, path_mode, tolerance, halt,
-    limits, drain, same_filters, settle, rapid_stop, independent, s_curve,
+    limits, most, drain, same_filters, settle, rapid_stop, independent, s_curve, blends,
     frames, motion, form, length, factor, cap, acceleration, jerk, corner, pause,
     reason, end_reason, turn, bend,
 ):  # fmt: skip
@@ -56,7 +56,8 @@ def limit(  # type: ignore[no-untyped-def]
 
     The arguments before ``frames`` are columns of ``Moves`` (``tolerance`` with the control's own
     filled in, infinite for none [mm]), ``halt`` of :class:`pipeline.machine.control.path.Halt`,
-    ``ControlParameters.limits``, ``drain``, how long the filters take to run empty in rapids and in
+    ``ControlParameters.limits``, ``most``, the greatest speed and acceleration of X, Y and Z
+    together [m/s], [m/s^2], ``drain``, how long the filters take to run empty in rapids and in
     cutting, shape (2,) [s], and the control's settings.  ``frames`` of shape :data:`FRAMES` is a
     work array.  ``turn`` and ``bend``, where not empty, take the change of direction of X, Y,
     Z at the end of each row that goes on [1], and the curvature [1/m].
@@ -73,12 +74,15 @@ def limit(  # type: ignore[no-untyped-def]
             continue
         motion[k] = _motion(kind[k], feed_mode[k], independent)
         group = _group(motion[k])
-        _bound_block(k, group, limits, s_curve, frames, cap, acceleration, jerk, reason)
+        _bound_block(
+            k, group, limits, most, form[k], s_curve, frames, cap, acceleration, jerk, reason
+        )
         factor[k] = _feed_factor(motion[k], form[k], feed_mode[k], length[k], cap[k])
         if last >= 0:
             checked = (
                 stopping
                 or path_mode[last] == _EXACT
+                or (path_mode[last] == _EXACT_PATH and not blends)
                 or _in_position(last, k, kind, motion, rapid_stop)
             )
             standing = checked or _stands(last, k, motion, form, tolerance, same_filters)
@@ -87,7 +91,8 @@ def limit(  # type: ignore[no-untyped-def]
                 pause[last] = drain[_group(motion[last])] + (settle if checked else 0.0)
             else:
                 corner[last], end_reason[last] = inf, _BY_CORNER
-                _join(last, k, limits, frames, length, cap, corner, reason)
+                if not blends:
+                    _join(last, k, limits, frames, length, cap, corner, reason)
             if turn.shape[0] > 0:
                 turn[last] = 0.0 if standing else _turn(frames)
         if bend.shape[0] > 0:
@@ -133,9 +138,11 @@ def _feed_factor(motion, form, feed_mode, length, cap):  # type: ignore[no-untyp
 
 
 @compiled
-def _bound_block(k, group, limits, s_curve, frames, cap, acceleration, jerk, reason):  # type: ignore[no-untyped-def]
+def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleration, jerk, reason):  # type: ignore[no-untyped-def]
     """Speed, acceleration and jerk of a block by itself."""
     speed, a = inf, inf
+    if form != ROTARY:
+        speed, a = most[0], most[1]
     reason[k] = _BY_AXIS
     for i in range(6):
         if frames[STEEPEST, i] > 0.0:

@@ -129,6 +129,29 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
 
 
 @dataclass(frozen=True, kw_only=True)
+class BlendParameters(Ranged, section="blend"):
+    """Corners that the control blends, as LinuxCNC does; used with ``corner = "blend"``.
+
+    Raises
+    ------
+    ValueError
+        When a value is out of its range.
+    """
+
+    arcs: bool = True
+    """Whether corners may be passed by arcs and by kinks ([TRAJ] ARC_BLEND_ENABLE), or by parabolas
+    alone."""
+    kink_ratio: Annotated[float, Range(above=0.0, most=0.7071)] = 0.1
+    """Share of an axis' acceleration that the change of direction within a cycle may take where
+    segments join nearly straight ([TRAJ] ARC_BLEND_KINK_RATIO) [1]."""
+    feed_scale: Positive = 1.0
+    """Greatest feed override that blends are made for ([DISPLAY] MAX_FEED_OVERRIDE) [1]."""
+    arc_share: Annotated[float, Range(above=0.0, below=1.0)] = 0.75**0.5
+    """Share of ``cutting_acceleration`` that arcs take towards their centre; along them what is
+    left of it, and ``arc_acceleration`` is not used [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class ControlParameters(Ranged):
     """A control and the machine that it moves.
 
@@ -141,9 +164,16 @@ class ControlParameters(Ranged):
 
     axes: dict[str, AxisParameters]
     """By the letters X Y Z A B C; a program that moves another axis is refused."""
-    corner: Literal["jump", "tolerance"] = "jump"
-    """Whether corners are rounded as the filters happen to (Fanuc), or so that the filtered path
-    stays within ``tolerance``.  A tolerance in the program (G64 P) is kept in both."""
+    corner: Literal["jump", "tolerance", "blend"] = "jump"
+    """Whether corners are rounded as the filters happen to (Fanuc), so that the filtered path
+    stays within ``tolerance``, or by arcs and parabolas of the control's own (LinuxCNC).  A
+    tolerance in the program (G64 P) is kept in all."""
+    blend: BlendParameters = field(default_factory=BlendParameters)
+    """Settings of ``corner = "blend"``."""
+    path_speed: _Unbounded = np.inf
+    """Greatest speed of X, Y and Z together ([TRAJ] MAX_LINEAR_VELOCITY of LinuxCNC) [mm/min]."""
+    path_acceleration: _Unbounded = np.inf
+    """Greatest acceleration of X, Y and Z together along the path [mm/s^2]."""
     tolerance: Positive = 0.01
     """The control's own [mm]; used with ``corner = "tolerance"``."""
     rapid_filter: tuple[_Seconds, _Seconds] = (0.0, 0.0)
@@ -171,7 +201,22 @@ class ControlParameters(Ranged):
             for letter, axis in self.axes.items():
                 if axis.jerk is None:
                     raise ValueError(f"profile = 's_curve' needs axes.{letter}.jerk: give it")
+        if self.corner == "blend":
+            self._check_blend()
         self._check_filtered_acceleration()
+
+    def _check_blend(self) -> None:
+        for name, is_plain in (
+            ("profile", self.profile == "trapezoid"),
+            ("rapid_mode", self.rapid_mode == "linear"),
+            ("rapid_filter", not any(self.rapid_filter)),
+            ("cutting_filter", not any(self.cutting_filter)),
+        ):
+            if not is_plain:
+                raise ValueError(
+                    f"corner = 'blend' blends trapezoids without filters, {name} is "
+                    f"{getattr(self, name)!r}: leave it out"
+                )
 
     def _check_filtered_acceleration(self) -> None:
         for letter, axis in self.axes.items():
@@ -194,7 +239,7 @@ class ControlParameters(Ranged):
         and no acceleration.
         """
         axis = self.axes[letter]
-        curve = axis.arc_acceleration
+        curve = 0.0 if self.corner == "blend" else axis.arc_acceleration
         cutting = axis.cutting_acceleration + curve + _spread(axis, self.cutting_filter)
         rapid = axis.rapid_acceleration
         if self.rapid_stop != "always":
@@ -221,7 +266,15 @@ class ControlParameters(Ranged):
                 value = getattr(axis, row.name.lower())
                 if value is not None:
                     table[row, column] = value * (per_minute if row in _PER_MINUTE else unit)
+        if self.corner == "blend":
+            share = self.blend.arc_share
+            table[Limit.ARC_ACCELERATION] = share * table[Limit.CUTTING_ACCELERATION]
         return table
+
+    @property
+    def path_limits(self) -> Floats:
+        """Greatest speed and acceleration of X, Y and Z together [m/s], [m/s^2]; shape (2,)."""
+        return np.array([self.path_speed * METRE_PER_SECOND, self.path_acceleration * METRE])
 
     @property
     def filters(self) -> Floats:

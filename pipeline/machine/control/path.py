@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from pipeline.gcode.moves import Moves
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 Codes = npt.NDArray[np.uint8]
 """One of the following codes for each row."""
@@ -51,6 +51,18 @@ class Halt(IntEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Segments:
+    """S segments of a path whose corners are blended: rows, or lines that are taken for one."""
+
+    first: Rows = field(repr=False)
+    last: Rows = field(repr=False)
+    """Rows that a segment begins and ends with."""
+    table: Floats = field(repr=False)
+    """Segments and the corners after them, shape (14, S); rows as in
+    :mod:`pipeline.machine.control.blends`."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Path:
     """Path of M rows; every array has one entry a row, zero where the row does not move."""
 
@@ -79,6 +91,8 @@ class Path:
     reason: Codes = field(repr=False)
     end_reason: Codes = field(repr=False)
     """:class:`Binding` of ``cap`` and of ``corner``."""
+    segments: Segments | None = field(default=None, repr=False)
+    """Segments of a control that blends its corners; ``corner`` is then 0 or infinite."""
 
     def __len__(self) -> int:
         return len(self.motion)

@@ -7,7 +7,7 @@ gives the times for any feeds, spindle speeds and overrides.
     plan(path).total
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,12 +46,15 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
     limit(
         moves.kind, moves.origin, moves.end, moves.centre, moves.angle, moves.plane,
         moves.feed_mode, moves.path_mode, tolerance, halts(moves, control.auxiliary),
-        control.limits, filters.sum(axis=1), bool((filters[0] == filters[1]).all()),
+        control.limits, control.path_limits, filters.sum(axis=1),
+        bool((filters[0] == filters[1]).all()),
         control.settle_time, _STOPS.index(control.rapid_stop),
-        control.rapid_mode == "independent", s_curve, np.zeros(FRAMES),
+        control.rapid_mode == "independent", s_curve, control.corner == "blend", np.zeros(FRAMES),
         path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
         path.corner, path.pause, path.reason, path.end_reason, turn, bend,
     )  # fmt: skip
+    if control.corner == "blend":
+        return _blended(path)
     if rounds:
         keep_tolerance(
             tolerance, _rounding(control), filters.sum(axis=1), path.form, path.length, turn, bend,
@@ -59,6 +62,18 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
             path.pause, path.reason, path.end_reason,
         )  # fmt: skip
     return path
+
+
+def _blended(path: Path) -> Path:
+    """With the segments of a control that blends its corners, and the caps of their arcs."""
+    from pipeline.machine.control.blends import CAP, segments_of
+    from pipeline.machine.control.geometry import ROTARY
+
+    segments = segments_of(path)
+    rotary = path.form[segments.last] == ROTARY
+    most = np.where(rotary, np.inf, path.control.path_limits[0])
+    path.cap[segments.last] = np.minimum(segments.table[CAP], most)
+    return replace(path, segments=segments)
 
 
 def _neighbours(moving: Bools) -> tuple[npt.NDArray[np.int32], ...]:
@@ -83,6 +98,8 @@ def _empty(moves: Moves, control: ControlParameters) -> Path:
 
 
 def _tolerance(moves: Moves, control: ControlParameters) -> Floats:
+    if control.corner == "blend":
+        return np.full(len(moves), np.inf)
     own = control.tolerance if control.corner == "tolerance" else np.inf
     return np.where(moves.tolerance > 0, moves.tolerance, own)
 

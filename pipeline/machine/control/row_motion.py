@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.gcode.moves import METRE, RADIAN
 from pipeline.machine.control.parameters import Limit
-from pipeline.machine.control.path import Motion, Path
+from pipeline.machine.control.path import Motion, Path, Segments
 from pipeline.schema.arrays import Floats
 
 UNITS = np.array([METRE] * 3 + [RADIAN] * 3)
@@ -37,6 +37,8 @@ class RowMotion:
 
 def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
     """Motion under one individual's commands, both of shape (1, M)."""
+    if path.segments is not None:
+        return _blended(path, path.segments, feed, spindle)
     if path.control.profile == "s_curve":
         motion = _jerk_limited(path, feed, spindle)
     else:
@@ -47,7 +49,7 @@ def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
 
 def motion_times(path: Path, feed: Floats, spindle: Floats) -> Floats:
     """Duration of the rows' motion [s]; shape (P, M), from commands (P, M) and (1 or P, M)."""
-    if path.control.profile == "s_curve":
+    if path.control.profile == "s_curve" or path.segments is not None:
         own = np.broadcast_to(spindle, feed.shape)
         rows = [row_motion(path, feed[[p]], own[[p]]).time for p in range(len(feed))]
         return np.array(rows).reshape(feed.shape)
@@ -81,8 +83,7 @@ def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
     from pipeline.machine.control.s_curve import COLUMNS, plan_profiles
 
     rows = np.flatnonzero(path.moving & (path.motion != Motion.INDEPENDENT))
-    speed = feed[0, rows] * path.factor[rows]
-    speed *= np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
+    speed = _commanded(path, rows, feed, spindle)
     v_out, v_peak, time = (np.zeros(len(rows)) for _ in range(3))
     profile = np.zeros(len(rows), np.int32)
     profiles = np.zeros((len(rows), COLUMNS))
@@ -99,6 +100,37 @@ def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
         profile=_placed(len(path), rows, of.astype(np.int32), -1),
         profiles=np.ascontiguousarray(profiles[first, :6]),
     )
+
+
+def _commanded(path: Path, rows: npt.NDArray[np.intp], feed: Floats, spindle: Floats) -> Floats:
+    """Speed along the path that is commanded in rows [m/s]."""
+    turning = np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
+    speed: Floats = feed[0, rows] * path.factor[rows] * turning
+    return speed
+
+
+def _blended(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> RowMotion:
+    """By segments with blends between them; a row takes its share of the segment's length."""
+    from pipeline.machine.control.blends import OVERLAP, plan_segments
+
+    control, last = path.control, segments.last
+    v_out, v_peak, time = np.zeros((3, len(last)))
+    plan_segments(
+        segments.table, _commanded(path, last, feed, spindle), path.cap[last],
+        path.motion[last] != Motion.RAPID,
+        control.interpolation_period, control.blend.arcs, control.blend.arc_share,
+        control.blend.kink_ratio, control.blend.feed_scale,
+        np.zeros((OVERLAP + 1, 2 * len(last))), v_out, v_peak, time,
+    )  # fmt: skip
+    rows = np.flatnonzero(path.moving)
+    of = np.searchsorted(segments.last, rows)
+    sizes = np.bincount(of, path.length[rows])[of]
+    return RowMotion(
+        v_out=_carried(len(path), rows, np.where(rows == last[of], v_out[of], v_peak[of])),
+        v_peak=_placed(len(path), rows, v_peak[of], 0.0),
+        time=_placed(len(path), rows, time[of] * path.length[rows] / sizes, 0.0),
+        profile=np.zeros(0, np.int32), profiles=np.zeros((0, 6)),
+    )  # fmt: skip
 
 
 def _placed(many: int, rows: npt.NDArray[np.intp], values: np.ndarray, other: float) -> np.ndarray:
