@@ -195,7 +195,7 @@ class _Course:
             material=job.basis.material,
         )  # fmt: skip
         editable = editable_blocks(
-            self.program, self.moves, practice.kept_feed, practice.kept_speed
+            self.program, self.moves, practice.kept_feed, practice.kept_speed, practice.no_more
         )
         return practice, speeds_between_cuts(editable, self.moves.kind)
 

@@ -19,7 +19,7 @@ from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_spee
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import LEAD, length_in_air
+from pipeline.optimisation.operation_cuts import LEAD, drills_on_one_side, length_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import OperationRange, Practice, feeds_per_minute
 from pipeline.optimisation.text.words import FeedText, ProgramWords
@@ -109,6 +109,7 @@ class _Rows:
         self.found, self.limits, self.settings = found, limits, limits.practice
         self.fed = found.code >= 0
         self.cuts = cut.tool >= 0
+        self.one_sided = drills_on_one_side(cut) & found.of("drilling", "deep_drilling")
         self.own_speed = cut.plan.spindle_speed
         self.own_feed = feeds_per_minute(cut, moves.feed, self.own_speed)
         # of F as it is written: a block that is too short to reach it has no other range
@@ -128,8 +129,8 @@ class _Rows:
         one_feed = self.found.of(*(name for name, rule in RULES.items() if rule.one_feed))
         return Practice(
             settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
-            kept_speed=kept_speed, f_z_low=f_z_low, f_z_high=f_z_high,
-            f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
+            kept_speed=kept_speed, no_more=tuple(self._no_more()), f_z_low=f_z_low,
+            f_z_high=f_z_high, f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
             f_z_own=np.where(
                 self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf
             ),
@@ -141,8 +142,15 @@ class _Rows:
         )  # fmt: skip
 
     def _rules(self, of: str, word: str) -> Bools:
-        """Rows whose operation has a rule; shape (M,)."""
-        return self.found.of(*(name for name, rule in RULES.items() if getattr(rule, of) == word))
+        """Rows whose operation has a rule, or whose drill cuts on one side; shape (M,)."""
+        rows = self.found.of(*(name for name, rule in RULES.items() if getattr(rule, of) == word))
+        return rows | self.one_sided if word == "no_more" else rows
+
+    def _no_more(self) -> Iterator[tuple[str, Bools]]:
+        """Rows whose F and S rise no more for another reason than their operation."""
+        for number in np.unique(self.moves.tool[self.one_sided]).tolist():
+            why = f"T{number} drills on one side only, no more than programmed"
+            yield why, self.one_sided & (self.moves.tool == number)
 
     def _change(self) -> tuple[Floats, Floats]:
         """Least and greatest factor of what is programmed; shape (M,) each."""
