@@ -246,7 +246,8 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
         given = words.option.removeprefix("--").replace("-", "_")
         default = typer.Option(
             None, words.option, help=words.help, rich_help_panel="Limits",
-            metavar={float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
+            metavar="VALUE|T5=VALUE" if words.by_tool
+            else {float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
         )  # fmt: skip
         fields[given] = name
         options.append(

@@ -6,12 +6,13 @@ again, and checked by the whole twin: speeds that the control reaches, loads by 
 servo.  Rows whose loads the table took too low get less feed, and the search begins again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
 
 import numpy as np
 
+from pipeline.cutting.tool import tool_limits
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, parse_program
@@ -65,6 +66,9 @@ ROUNDS = 4
 AXIS_ROUNDS = 8
 """The same where limits of the axes were given: commands fall by less than feeds do."""
 
+GivenUp = Mapping[int, str]
+"""Tools that cannot keep their limits, by number, and why."""
+NOTHING: GivenUp = {}
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 """Wear over the criterion, in the order in which it is tried [1]."""
 
@@ -117,18 +121,28 @@ def optimise_worn(
     ValueError, Interrupted
         As :func:`~pipeline.optimisation.optimise.optimise`.
     """
-    wear = workshop.wear
-    lowered = wear.rule == "criterion" and not (wear.asked or wear.given)
-    for share in SHARES[:-1] if lowered else ():
-        at = job(workshop=replace(workshop, wear=replace(wear, share=share)))
-        if all(one.sharp is None for one in at.basis.coefficients.values()):
-            return optimise(at, progress)
-        try:
-            return optimise(at, progress)
-        except LimitsError:
-            continue
-    last = replace(wear, share=SHARES[-1]) if lowered else wear
-    return optimise(job(workshop=replace(workshop, wear=last)), progress)
+    wear, found = workshop.wear, progress or _alone
+    if wear.rule != "criterion" or wear.asked or wear.given:
+        return optimise(job(workshop=workshop), progress)
+
+    def worn(share: float) -> Job:
+        return job(workshop=replace(workshop, wear=replace(wear, share=share)))
+
+    if all(one.sharp is None for one in worn(SHARES[0]).basis.coefficients.values()):
+        return optimise(worn(SHARES[0]), progress)
+    sharp: Result | None = None
+    while True:  # again without the tools that cannot keep their limits even when they are sharp
+        for share in SHARES[:-1]:
+            try:
+                given_up = NOTHING if sharp is None else sharp.given_up
+                return _Course(worn(share), found, given_up)._result()
+            except LimitsError:
+                continue
+        if sharp is not None:
+            return sharp
+        sharp = optimise(worn(SHARES[-1]), progress)
+        if not sharp.given_up:
+            return sharp
 
 
 def _alone(what: str, share: float) -> bool:
@@ -138,7 +152,7 @@ def _alone(what: str, share: float) -> bool:
 class _Course:
     """An optimisation under way."""
 
-    def __init__(self, job: Job, progress: Progress) -> None:
+    def __init__(self, job: Job, progress: Progress, given_up: GivenUp = NOTHING) -> None:
         self.job, self._progress = job, progress
         self.interrupted = False
         if job.settings.compensated and job.models.residual is None:
@@ -149,11 +163,16 @@ class _Course:
         self.evaluated = self.tightened = 0
         self.program, self.moves, self.before = _as_programmed(job)
         check_known(self.before, job.limits, job.basis.drive)
+        check_axes_known(job.models.drives, job.limits)
+        self.given_up = dict(given_up)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Practice and certain feeds of the tools that are to keep their limits."""
         self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
         self.editable = self._passes_joined()
-        check_axes_known(job.models.drives, job.limits)
         self.feed_cap = np.full(len(self.moves), np.inf)
 
     def ends(self, what: str, share: float) -> bool:
@@ -162,6 +181,26 @@ class _Course:
         return self.interrupted
 
     def result(self) -> Result:
+        """The best program; tools that cannot keep their limits stay as programmed.
+
+        Raises
+        ------
+        LimitsError
+            When that is no single tool, or every one that cuts.
+        """
+        while True:
+            try:
+                return self._result()
+            except LimitsError as error:
+                cut, tool = self.before, error.tool
+                used = np.unique(cut.tool[cut.tool >= 0]).tolist()
+                left = {cut.numbers[k] for k in used if cut.tools[k].load_known} - {*self.given_up}
+                if self.practice is None or tool is None or tool not in left or len(left) == 1:
+                    raise
+                self.given_up[tool] = str(error)
+                self._begin()
+
+    def _result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job = self.job
         asked = problem_of(
@@ -173,7 +212,7 @@ class _Course:
         if not outcome.answer.kept:
             if self.interrupted:
                 raise Interrupted
-            raise LimitsError(outcome.answer.why_not)
+            raise LimitsError(outcome.answer.why_not, self._overloaded(outcome.answer))
         self.ends("comparing", 0.8)
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)
@@ -183,7 +222,23 @@ class _Course:
             methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
             nominal=DIRECT if nominal else None, risk=self._risk(answer),
             tightened=self.tightened, evaluated=self.evaluated, interrupted=self.interrupted,
+            given_up=self.given_up,
         )  # fmt: skip
+
+    def _overloaded(self, answer: Full) -> int | None:
+        """Number of the tool whose load passes its limit by most in the whole twin, if one does."""
+        capped = np.isfinite(answer.f_z_cap)
+        if not capped.any():
+            return None
+        peak = answer.verified.row_peak[answer.rows]
+        return int(self.moves.tool[np.argmax(np.where(capped, peak, -1.0))])
+
+    @property
+    def _limits_N(self) -> Floats:
+        """Load limit of each tool of the cut [N], infinite where none holds; shape (T,)."""
+        numbers = self.before.numbers
+        outside = [index for index, number in enumerate(numbers) if number in self.given_up]
+        return tool_limits(self.before.tools, "load_N", self.job.limits.load_N, outside)
 
     def _practice(self) -> tuple[Practice | None, Editable]:
         """Limits by tool and operation, and what may change with them."""
@@ -192,7 +247,7 @@ class _Course:
             return None, editable_blocks(self.program, self.moves)
         practice = practice_of(
             self.program, self.moves, self.before, limits=job.limits, catalogue=job.catalogue,
-            material=job.basis.material,
+            material=job.basis.material, given_up=self.given_up,
         )  # fmt: skip
         editable = editable_blocks(
             self.program, self.moves, practice.kept_feed, practice.kept_speed, practice.no_more
@@ -235,8 +290,8 @@ class _Course:
         return problem
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
-        limit, settings = self.job.limits.load_N, self.job.settings.certainty
-        if limit is None:
+        limits_N, settings = self._limits_N, self.job.settings.certainty
+        if not np.isfinite(limits_N).any():
             return None, None
         if self.ends("drawing what is uncertain", 0.05):
             raise Interrupted
@@ -248,7 +303,7 @@ class _Course:
         margin = self.job.limits.margins.load
         most = None if self.practice is None else self.practice.greatest_f_z
         feeds = chance_constrained_feeds(
-            self.before, limit, margin, uncertain, settings, greatest=most
+            self.before, limits_N, margin, uncertain, settings, greatest=most
         )  # fmt: skip
         return uncertain, feeds
 
@@ -327,11 +382,11 @@ class _Course:
         return proof
 
     def _risk(self, answer: Full) -> Exceedance | None:
-        limit, settings = self.job.limits.load_N, self.job.settings.certainty
-        if limit is None or self.uncertain is None:
+        settings = self.job.settings.certainty
+        if self.uncertain is None:
             return None
         return exceedance(
-            answer.cut, answer.cut.feed_per_tooth, limit, self.uncertain, settings,
+            answer.cut, answer.cut.feed_per_tooth, self._limits_N, self.uncertain, settings,
             seed=settings.seed + 1,
         )  # fmt: skip
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
+from pipeline.cutting.tool import own_limits
 from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -111,6 +112,7 @@ def tool_uses(
             binds=longest_binding(reasons.binds, after.time, rows[~reasons.kept[rows]]),
             no_faster=None if kept else reasons.why_no_faster(rows),
             rise=_rise(result.moves.line, *f_z, rows),
+            limits=own_limits(result.job.cut.tools[tool]),
         ))  # fmt: skip
     return tuple(uses)
 

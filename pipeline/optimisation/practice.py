@@ -7,7 +7,7 @@ the program may stay where it is and goes no farther out.  F, S and the feed for
 by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,7 +71,7 @@ RULES: dict[Operation, Rule] = {
 
 def practice_of(
     program: Program, moves: Moves, cut: Cut, *, limits: CutLimit, catalogue: CuttingCatalogue,
-    material: Material,
+    material: Material, given_up: Mapping[int, str] | None = None,
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
@@ -87,6 +87,8 @@ def practice_of(
         Where the tool table gives no range.
     material : Material
         Of the blank.
+    given_up : mapping of int to str, optional
+        Tools that cannot keep their limits, by number, and why: they stay as programmed.
 
     Raises
     ------
@@ -95,7 +97,9 @@ def practice_of(
     """
     blocks = cut_blocks(cut)
     found = operations(program, moves, cut, blocks)
-    return _Rows(program, moves, cut, blocks, found, limits).practice(catalogue, material)
+    given = tuple(given_up or ())
+    rows = _Rows(program, moves, cut, blocks, found, limits, given_up=given)
+    return rows.practice(catalogue, material)
 
 
 class _Rows:
@@ -103,8 +107,9 @@ class _Rows:
 
     def __init__(
         self, program: Program, moves: Moves, cut: Cut, blocks: CutBlocks, found: Operations,
-        limits: CutLimit,
+        limits: CutLimit, *, given_up: tuple[int, ...] = (),
     ) -> None:  # fmt: skip
+        self.given_up = given_up
         self.program, self.moves, self.cut, self.blocks = program, moves, cut, blocks
         self.found, self.limits, self.settings = found, limits, limits.practice
         self.fed = found.code >= 0
@@ -130,6 +135,7 @@ class _Rows:
         return Practice(
             settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
             kept_speed=kept_speed, no_more=tuple(self._no_more()), f_z_low=f_z_low,
+            given_up=self.cuts & np.isin(self.moves.tool, self.given_up),
             f_z_high=f_z_high, f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
             f_z_own=np.where(
                 self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf
@@ -262,6 +268,10 @@ class _Rows:
             rows = self._named(text)
             feed.append((f"keep {text}", rows))
             speed.append((f"keep {text}", rows))
+        for number in self.given_up:
+            reason = f"T{number} cannot keep its limits", self.moves.tool == number
+            feed.append(reason)
+            speed.append(reason)
         if self.settings.air_feed_mm_min is None:
             feed.append(("moves in air keep their own F", self._air_words()))
         for operation, rule in RULES.items():

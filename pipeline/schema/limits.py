@@ -27,6 +27,8 @@ class Limit:
     """On pages; empty where it is no row of its own."""
     margin: str = ""
     """Field of :class:`Margins` that is kept free of it; empty where there is none."""
+    by_tool: bool = False
+    """Whether a tool may have its own, ``limit_`` and the field's name in the tool table."""
 
 
 Margin = Annotated[float, Range(least=0.0, below=1.0)]
@@ -133,17 +135,17 @@ class CutLimit(Ranged, section="limits"):
         float | None,
         Range(above=0.0, below=ENDLESS, unit="N"),
         Limit(
-            option="--limit-load", help="Greatest load on a tool in the plane, N.",
-            name="load across the tool’s axis", margin="load",
+            option="--limit-load", help="Greatest load on a tool in the plane, N; or T5=300.",
+            name="load across the tool’s axis", margin="load", by_tool=True,
         ),
     ] = None  # fmt: skip
-    """Peak of the load across the tool's axis [N]."""
+    """Peak of the load across the tool's axis [N], of tools without their own; so those below."""
     deflection_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
         Limit(
-            option="--limit-deflection", help="Of a tool's tip, um.",
-            name="deflection of the tip", margin="deflection",
+            option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
+            name="deflection of the tip", margin="deflection", by_tool=True,
         ),
     ] = None  # fmt: skip
     """Of the tool's tip [um]."""
@@ -190,8 +192,8 @@ class CutLimit(Ranged, section="limits"):
         float | None,
         Range(above=0.0, below=ENDLESS, unit="N m"),
         Limit(
-            option="--limit-torque", help="Of the cut, N m.",
-            name="torque of the cut", margin="torque",
+            option="--limit-torque", help="Of the cut, N m; or T5=10.",
+            name="torque of the cut", margin="torque", by_tool=True,
         ),
     ] = None  # fmt: skip
     """Of the cut, beside the drive's own [N m]."""
@@ -283,12 +285,25 @@ def limit_words(name: str) -> tuple[Limit, str]:
     return _of(CutLimit)[name]
 
 
+def by_tool_words(of_part: float | None, own: Mapping[int, float | None], unit: str) -> str:
+    """A limit of the part and the tools' own, by their number; empty where none is given.
+
+    Examples
+    --------
+    >>> by_tool_words(500.0, {3: None, 5: 300.0}, "N")
+    '500 N, T5 300 N'
+    """
+    given = [] if of_part is None else [f"{of_part:g} {unit}"]
+    given += [f"T{tool} {value:g} {unit}" for tool, value in own.items() if value is not None]
+    return ", ".join(given)
+
+
 def limit_options() -> Iterator[tuple[str, Any, Limit]]:
     """Each limit that a command line may give: name of its field, type of its value, its words."""
     for kind in (CutLimit, Margins, MachiningPractice):
         for name, (words, _) in _of(kind).items():
             value = str(get_type_hints(kind)[name])
-            several = list[str] if "str" in value else float
+            several = list[str] if "str" in value or words.by_tool else float
             yield name, tuple[float, float] if "tuple[float" in value else several, words
 
 

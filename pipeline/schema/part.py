@@ -123,6 +123,16 @@ class Reliability:
     """Optimum at nominal values, and the extra over it."""
     uncertain: tuple[UncertainQuantity, ...]
     """That are drawn."""
+    limits_N: str = ""
+    """Limits of the load in words: of the part, and of tools with their own."""
+    without: tuple[int, ...] = ()
+    """Tools that it does not hold for: those that cannot keep their limit, and thread mills."""
+
+    @property
+    def of_tools(self) -> str:
+        """Which tools it leaves out, as the end of a sentence; empty where none."""
+        named = ", ".join(f"T{number}" for number in self.without)
+        return f", without {named}" if named else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -377,6 +387,12 @@ class OptimisedPart:
     edges: tuple[ToolEdge, ...] = ()
     """Wear of each tool that figures and limits hold for, with the force of the optimised program
     sharp and worn."""
+
+    @property
+    def load_limit_N(self) -> float | None:
+        """Load limit that all tools have [N]; None without one, or where they differ."""
+        own = any("load_N" in use.limits for use in self.tools)
+        return None if own else self.limits.load_N
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""
