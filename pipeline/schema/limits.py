@@ -139,7 +139,7 @@ class CutLimit(Ranged, section="limits"):
             name="load across the tool’s axis", margin="load", by_tool=True,
         ),
     ] = None  # fmt: skip
-    """Peak of the load across the tool's axis [N], of tools without their own; so those below."""
+    """Peak of the load across the tool's axis, for tools without their own [N]."""
     deflection_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -148,7 +148,7 @@ class CutLimit(Ranged, section="limits"):
             name="deflection of the tip", margin="deflection", by_tool=True,
         ),
     ] = None  # fmt: skip
-    """Of the tool's tip [um]."""
+    """Of the tool's tip, for tools without their own [um]."""
     roughness_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -196,7 +196,7 @@ class CutLimit(Ranged, section="limits"):
             name="torque of the cut", margin="torque", by_tool=True,
         ),
     ] = None  # fmt: skip
-    """Of the cut, beside the drive's own [N m]."""
+    """Of the cut, beside the drive's own, for tools without their own [N m]."""
     power_share: Annotated[
         float,
         Range(above=0.0, below=ENDLESS),

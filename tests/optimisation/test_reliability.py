@@ -126,6 +126,23 @@ class TestClosedForms:
         assert 1 - share <= together.level < apart.level
         assert (together.f_z >= apart.f_z).all()
 
+    def test_twice_the_limit_of_a_tool_is_twice_its_feed(self):
+        """Loads are proportional to the feed: each over its limit is as likely as before."""
+        both = cut_of(TWO, laws={1: ONLY, 2: ONLY})
+        spread = replace(SURE, measured_elsewhere=0.1, epsilon=0.05, draws=1024)
+        drawn = known(both, spread)
+        one, two, free = (
+            chance_constrained_feeds(both, LIMIT * np.array([1.0, times]), 0.0, drawn, spread).f_z
+            for times in (1.0, 2.0, np.inf)
+        )
+        first, second = (both.tool == index for index in (0, 1))
+        assert two[first] == pytest.approx(one[first], rel=1e-3)
+        assert two[second] == pytest.approx(2 * one[second], rel=1e-3)
+        assert np.isinf(free[second]).all() and (free[first] >= one[first]).all()
+        limits = LIMIT * np.array([1.0, 2.0])
+        risk = exceedance(both, np.where(np.isinf(two), 0.0, two), limits, drawn, spread, 7)
+        assert risk.interval_95[0] <= 0.05 <= 2 * risk.interval_95[1]
+
 
 def test_the_share_of_draws_that_pass_is_epsilon_at_most(milled):
     """Judged by other draws; all of coefficients, runout, depth and model are uncertain."""
