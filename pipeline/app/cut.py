@@ -20,7 +20,7 @@ from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import structure
-from pipeline.schema.limits import CutLimit, limit_options
+from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
 from pipeline.schema.program_cut import ForceInterval, NotKnown, ProgramCut
 from pipeline.submodels.wear.machine_wear import machine_wear
@@ -45,8 +45,6 @@ ToolLimits = Mapping[int, Mapping[str, Any]]
 """Fields of tools that options give, by the tool's number."""
 LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 """Option of the command line by the limit that it gives."""
-BY_TOOL = {name for name, _, words in limit_options() if words.by_tool}
-"""Limits that single tools may have of their own."""
 OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: option
     for name, option in LIMIT_OPTION.items()
@@ -69,33 +67,40 @@ def limits_given(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
     of_part, by_tool = dict(given), dict[int, dict[str, Any]]()
     for name, words in given.items():
         if name in BY_TOOL and words is not None:
-            of_part[name], own = _by_tool(LIMIT_OPTION[name], words)
+            others, own = _by_tool(LIMIT_OPTION[name], words)
+            of_part[name] = _of_all(LIMIT_OPTION[name], others)
             for number, value in own.items():
                 by_tool.setdefault(number, {})[f"limit_{name}"] = value
     with named_as_options():
         return CutLimit.of_options(of_part), by_tool
 
 
-def _by_tool(option: str, words: Sequence[str]) -> tuple[float | None, dict[int, float]]:
-    """What an option says for all tools, None without, and for single ones, by number."""
-    of_all: float | None = None
-    own: dict[int, float] = {}
+def _by_tool(option: str, words: Sequence[str]) -> tuple[list[str], dict[int, float]]:
+    """Words of an option that name no tool, and values by tool, as ``T5=300`` gives them."""
+    others, values = [], dict[int, float]()
     for word in words:
         found = TOOL_VALUE.fullmatch(word)
-        if found is not None and int(found[1]) not in own:
-            own[int(found[1])] = float(found[2])
-            continue
-        try:
-            value = float(word)
-        except ValueError:
-            value = None
-        if found is not None or value is None or of_all is not None:
-            raise ValueError(
-                f"{option} {word} is no limit, or one more of the same: give one number for all "
-                "tools, and T5=300 for one of them"
-            )
-        of_all = value
-    return of_all, own
+        if found is None:
+            others.append(word)
+        elif int(found[1]) in values:
+            raise ValueError(f"{option} gives T{int(found[1])} twice: leave one out")
+        else:
+            values[int(found[1])] = float(found[2])
+    return others, values
+
+
+def _of_all(option: str, words: Sequence[str]) -> float | None:
+    """The one number of an option for all tools; None where none is given."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = [0.0, 0.0]
+    if len(values) > 1:
+        raise ValueError(
+            f"{option} {' '.join(words)} is not one number: give one for all tools, and T5=300 "
+            "for one of them"
+        )
+    return values[0] if values else None
 
 
 @contextmanager
@@ -129,24 +134,16 @@ class WearOption:
         ValueError
             When a word is none of them, or says a thing twice.
         """
-        rule: WearRule | None = None
-        given: dict[int, float] = {}
-        for word in words:
-            if word in get_args(WearRule):
-                if rule is not None:
-                    raise ValueError(f"--wear {word} is given beside --wear {rule}: give one")
-                rule = cast(WearRule, word)
-                continue
-            found = TOOL_VALUE.fullmatch(word)
-            if found is None:
+        rules, given = _by_tool("--wear", words)
+        for word in rules:
+            if word not in get_args(WearRule):
                 raise ValueError(
                     f"--wear {word} is no wear of a tool: give T26=120 for 120 um on T26, or one "
                     f"of {', '.join(get_args(WearRule))} for all tools"
                 )
-            if int(found[1]) in given:
-                raise ValueError(f"--wear gives T{int(found[1])} twice: leave one out")
-            given[int(found[1])] = float(found[2])
-        return cls(rule=rule, given=given)
+        if len(rules) > 1:
+            raise ValueError(f"--wear {rules[1]} is given beside --wear {rules[0]}: give one")
+        return cls(rule=cast(WearRule, rules[0]) if rules else None, given=given)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -163,9 +163,7 @@ class Tool(Ranged, section="tool"):
 
     @property
     def load_known(self) -> bool:
-        """Whether forces are those of its edges: not of a thread mill, whose profile cuts with less
-        of its length than a cylinder does.
-        """
+        """Whether its forces are computed: not those of a thread mill's profile."""
         return self.role != "thread_mill"
 
     @property
@@ -209,16 +207,6 @@ class ToolTable:
                 raise ValueError(f"tools.{number} is no tool number: it must be 0 or more")
 
 
-LIMITS = ("load_N", "deflection_um", "torque_Nm")
-"""Limits of a part that a tool may have of its own, as ``limit_`` and the name."""
-
-
-def own_limits(tool: Tool) -> dict[str, float]:
-    """The tool's own limits, by the name of the part's."""
-    values = {name: getattr(tool, f"limit_{name}") for name in LIMITS}
-    return {name: value for name, value in values.items() if value is not None}
-
-
 def tool_limits(
     tools: Sequence[Tool], name: str, of_part: float | None, outside: Collection[int] = ()
 ) -> Floats:
@@ -227,29 +215,15 @@ def tool_limits(
     Parameters
     ----------
     tools : sequence of Tool
-        T tools.
-    name : str
-        Field of the part's limits, ``load_N``, ``deflection_um`` or ``torque_Nm``.
-    of_part : float or None
-        The part's, in the unit of the name.
+        T of them.
+    name, of_part : str, float or None
+        Of the part's limit, one of ``BY_TOOL``, and its value, in the unit of the name.
     outside : collection of int
         Indices of tools that no limit holds for.
-
-    Returns
-    -------
-    ndarray, shape (T,)
-        In the unit of the name.
-
-    Examples
-    --------
-    >>> own = Tool(kind="flat", diameter_mm=10.0, flutes=2, limit_load_N=300.0)
-    >>> ten = Tool(kind="flat", diameter_mm=10.0, flutes=2)
-    >>> tool_limits((own, ten), "load_N", 500.0).tolist()
-    [300.0, 500.0]
     """
     limits = np.full(len(tools), np.inf if of_part is None else of_part)
     for index, tool in enumerate(tools):
-        limits[index] = own_limits(tool).get(name, limits[index])
+        limits[index] = getattr(tool, f"limit_{name}") or limits[index]
         if not tool.load_known or index in outside:
             limits[index] = np.inf
     return limits

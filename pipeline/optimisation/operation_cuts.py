@@ -81,8 +81,9 @@ def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlo
     found[fall >= STEEP] = CODE["plunging"]
     drill, sideways = kind == "drill", np.abs(fall) < STEEP
     found[drill] = np.where(sideways[drill], CODE["chamfering"], CODE["drilling"])
-    found[drill & ~sideways & _deep_holes(cut)[row]] = CODE["deep_drilling"]
-    found[drill & ~sideways & _spots(moves, cut, blocks)] = CODE["centre_drilling"]
+    shallow, deep = (rows[row] & ~sideways for rows in _holes(cut))
+    found[deep] = CODE["deep_drilling"]
+    found[shallow] = CODE["centre_drilling"]
     code[row] = found
     slender[row] = (found == CODE["finishing"]) & (blocks.axial_depth > thin)
     return slender
@@ -141,19 +142,6 @@ def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
     return lead
 
 
-def _spots(moves: Moves, cut: Cut, blocks: CutBlocks) -> Bools:
-    """Blocks of a drill in holes that its full diameter does not reach, or that cannot drill."""
-    half = np.array([np.tan(tool.point_angle / 2) for tool in cut.tools])
-    cone = np.array([tool.radius for tool in cut.tools]) / half
-    never = np.array([spots_only(tool) for tool in cut.tools])
-    holes = np.column_stack([blocks.tool, np.round(moves.end[blocks.row, :2], 2)])
-    hole = np.unique(holes, axis=0, return_inverse=True)[1].ravel()
-    deepest = np.zeros(hole.max() + 1)
-    np.maximum.at(deepest, hole, blocks.axial_depth)
-    spots: Bools = deepest[hole] < WHOLE_CONE * cone[blocks.tool]
-    return spots | never[blocks.tool]
-
-
 def _drilling_stations(cut: Cut) -> Rows:
     """Stations in which a drill goes down at feed."""
     engagement = cut.engagement
@@ -161,31 +149,35 @@ def _drilling_stations(cut: Cut) -> Rows:
     return np.flatnonzero(drills & engagement.feed & (engagement.slope <= -STEEP))
 
 
-def _deep_holes(cut: Cut) -> Bools:
-    """Rows of drills in holes of :data:`DEEP_HOLE` diameters or more; shape (M,).
+def _holes(cut: Cut) -> tuple[Bools, Bools]:
+    """Rows of drills in holes that their full diameter does not reach, and in deep ones; (M,) each.
 
     A hole is all that drills cut at one place in the plane, with whatever codes and however often:
     it is as deep as from where the first of them met the material down to where the drill's full
     diameter ends at its lowest.
     """
-    deep = np.zeros(cut.engagement.blocks, dtype=np.bool_)
+    shallow, deep = np.zeros((2, cut.engagement.blocks), dtype=np.bool_)
     stations = _drilling_stations(cut)
     if not len(stations):
-        return deep
-    engagement, pieces = cut.engagement, cut.path.pieces
+        return shallow, deep
+    engagement, pieces, tools = cut.engagement, cut.path.pieces, cut.tools
     piece, tool = engagement.piece[stations], engagement.tool[stations].astype(np.intp)
-    hole = np.unique(np.rint(pieces.end[piece, :2] / SAME_HOLE), axis=0, return_inverse=True)[1]
+    places = np.rint(pieces.end[piece, :2] / SAME_HOLE)
+    hole = np.unique(places, axis=0, return_inverse=True)[1].ravel()
     begin = pieces.start[piece, 2] + engagement.slope[stations] * engagement.along[stations]
     end = begin + engagement.slope[stations] * engagement.length[stations]
-    top = np.full(hole.max() + 1, -np.inf)
-    np.maximum.at(top, hole.ravel(), begin)
-    bottom = np.full((hole.max() + 1, len(cut.tools)), np.inf)
-    np.minimum.at(bottom, (hole.ravel(), tool), end)
-    cone = np.array([one.radius / np.tan(one.point_angle / 2) for one in cut.tools])
-    deepest = DEEP_HOLE * np.array([one.diameter for one in cut.tools]) + cone - SAME_HOLE
-    depth = top[hole.ravel()] - bottom[hole.ravel(), tool]
-    deep[engagement.block[stations[depth >= deepest[tool]]]] = True
-    return deep
+    top, bottom = np.full(hole.max() + 1, -np.inf), np.full((hole.max() + 1, len(tools)), np.inf)
+    reach = np.zeros(bottom.shape)
+    np.maximum.at(top, hole, begin)
+    np.minimum.at(bottom, (hole, tool), end)
+    np.maximum.at(reach, (hole, tool), engagement.axial_depth[stations])
+    cone = np.array([one.radius / np.tan(one.point_angle / 2) for one in tools])[tool]
+    diameter = np.array([one.diameter for one in tools])[tool]
+    spots = np.array([spots_only(one) for one in tools])[tool]
+    row, depth = engagement.block[stations], top[hole] - bottom[hole, tool] - cone
+    shallow[row[spots | (reach[hole, tool] < WHOLE_CONE * cone)]] = True
+    deep[row[depth >= DEEP_HOLE * diameter - SAME_HOLE]] = True
+    return shallow, deep
 
 
 def drills_on_one_side(cut: Cut) -> Bools:

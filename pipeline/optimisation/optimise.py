@@ -130,19 +130,17 @@ def optimise_worn(
 
     if all(one.sharp is None for one in worn(SHARES[0]).basis.coefficients.values()):
         return optimise(worn(SHARES[0]), progress)
-    sharp: Result | None = None
+    given_up = NOTHING
     while True:  # again without the tools that cannot keep their limits even when they are sharp
         for share in SHARES[:-1]:
             try:
-                given_up = NOTHING if sharp is None else sharp.given_up
                 return _Course(worn(share), found, given_up)._result()
             except LimitsError:
                 continue
-        if sharp is not None:
+        sharp = _Course(worn(SHARES[-1]), found, given_up).result()
+        if sharp.given_up == given_up:
             return sharp
-        sharp = optimise(worn(SHARES[-1]), progress)
-        if not sharp.given_up:
-            return sharp
+        given_up = sharp.given_up
 
 
 def _alone(what: str, share: float) -> bool:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
 from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
-from pipeline.cutting.tool import own_limits
 from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
@@ -22,6 +21,7 @@ from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
+from pipeline.schema.limits import BY_TOOL
 from pipeline.schema.part_sheet import (
     FeedChange,
     FeedRise,
@@ -112,7 +112,10 @@ def tool_uses(
             binds=longest_binding(reasons.binds, after.time, rows[~reasons.kept[rows]]),
             no_faster=None if kept else reasons.why_no_faster(rows),
             rise=_rise(result.moves.line, *f_z, rows),
-            limits=own_limits(result.job.cut.tools[tool]),
+            limits={
+                name: value for name in BY_TOOL
+                if (value := getattr(result.job.cut.tools[tool], f"limit_{name}")) is not None
+            },
         ))  # fmt: skip
     return tuple(uses)
 

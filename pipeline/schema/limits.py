@@ -11,6 +11,8 @@ from typing import Annotated, Any, get_type_hints
 
 from pipeline.schema.ranges import Range, Ranged
 
+BY_TOOL = ("load_N", "deflection_um", "torque_Nm")
+"""Limits that a tool may have of its own, ``limit_`` and the name in the tool table."""
 ENDLESS = 1e12
 """Value from which on a limit counts as a mistake, in any unit."""
 
@@ -27,8 +29,6 @@ class Limit:
     """On pages; empty where it is no row of its own."""
     margin: str = ""
     """Field of :class:`Margins` that is kept free of it; empty where there is none."""
-    by_tool: bool = False
-    """Whether a tool may have its own, ``limit_`` and the field's name in the tool table."""
 
 
 Margin = Annotated[float, Range(least=0.0, below=1.0)]
@@ -136,7 +136,7 @@ class CutLimit(Ranged, section="limits"):
         Range(above=0.0, below=ENDLESS, unit="N"),
         Limit(
             option="--limit-load", help="Greatest load on a tool in the plane, N; or T5=300.",
-            name="load across the tool’s axis", margin="load", by_tool=True,
+            name="load across the tool’s axis", margin="load",
         ),
     ] = None  # fmt: skip
     """Peak of the load across the tool's axis, for tools without their own [N]."""
@@ -145,7 +145,7 @@ class CutLimit(Ranged, section="limits"):
         Range(above=0.0, below=ENDLESS, unit="um"),
         Limit(
             option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
-            name="deflection of the tip", margin="deflection", by_tool=True,
+            name="deflection of the tip", margin="deflection",
         ),
     ] = None  # fmt: skip
     """Of the tool's tip, for tools without their own [um]."""
@@ -193,7 +193,7 @@ class CutLimit(Ranged, section="limits"):
         Range(above=0.0, below=ENDLESS, unit="N m"),
         Limit(
             option="--limit-torque", help="Of the cut, N m; or T5=10.",
-            name="torque of the cut", margin="torque", by_tool=True,
+            name="torque of the cut", margin="torque",
         ),
     ] = None  # fmt: skip
     """Of the cut, beside the drive's own, for tools without their own [N m]."""
@@ -286,13 +286,7 @@ def limit_words(name: str) -> tuple[Limit, str]:
 
 
 def by_tool_words(of_part: float | None, own: Mapping[int, float | None], unit: str) -> str:
-    """A limit of the part and the tools' own, by their number; empty where none is given.
-
-    Examples
-    --------
-    >>> by_tool_words(500.0, {3: None, 5: 300.0}, "N")
-    '500 N, T5 300 N'
-    """
+    """A limit of the part and the tools' own, by their number; empty where none is given."""
     given = [] if of_part is None else [f"{of_part:g} {unit}"]
     given += [f"T{tool} {value:g} {unit}" for tool, value in own.items() if value is not None]
     return ", ".join(given)
@@ -303,7 +297,7 @@ def limit_options() -> Iterator[tuple[str, Any, Limit]]:
     for kind in (CutLimit, Margins, MachiningPractice):
         for name, (words, _) in _of(kind).items():
             value = str(get_type_hints(kind)[name])
-            several = list[str] if "str" in value or words.by_tool else float
+            several = list[str] if "str" in value or name in BY_TOOL else float
             yield name, tuple[float, float] if "tuple[float" in value else several, words
 
 

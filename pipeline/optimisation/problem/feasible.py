@@ -278,15 +278,7 @@ def _check(problem: Problem, *, load_limited: bool) -> None:
 
 
 class LimitsError(ValueError):
-    """No feed and speed keep the limits.
-
-    Parameters
-    ----------
-    sentence : str
-        Where, which limit, and what to do.
-    tool : int, optional
-        Number of the tool that cannot keep it; None where it is no single tool's.
-    """
+    """No feed and speed keep the limits; those of the tool with a number, if it is one tool's."""
 
     def __init__(self, sentence: str, tool: int | None = None) -> None:
         super().__init__(sentence)
