@@ -94,8 +94,12 @@ def test_the_load_of_a_thread_mill_is_not_computed_and_said_not_to_be() -> None:
         "the contact of a thread mill’s profile is not computed, and no limit of them holds for it"
     ]
     assert written(result)[19] == 100.0
-    flat = optimised(HOLE + THREAD, {**TOOLS, 7: replace(THREADS, role="")})
-    assert peak_of(flat, 7) > 700.0
+    flat, named = (
+        replace(THREADS, role="", name=""),
+        replace(THREADS, role="", name="M12 THREADMILL"),
+    )
+    assert peak_of(optimised(HOLE + THREAD, {**TOOLS, 7: flat}), 7) > 700.0
+    assert peak_of(optimised(HOLE + THREAD, {**TOOLS, 7: named}), 7) == 0.0
 
 
 PECKS = "T3 M6\nG0 X30 Y25 S1600 M3\nZ2\n" + "".join(
