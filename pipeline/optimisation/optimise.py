@@ -234,8 +234,7 @@ class _Course:
     @property
     def _limits_N(self) -> Floats:
         """Load limit of each tool of the cut [N], infinite where none holds; shape (T,)."""
-        numbers = self.before.numbers
-        outside = [index for index, number in enumerate(numbers) if number in self.given_up]
+        outside = [k for k, number in enumerate(self.before.numbers) if number in self.given_up]
         return tool_limits(self.before.tools, "load_N", self.job.limits.load_N, outside)
 
     def _practice(self) -> tuple[Practice | None, Editable]:

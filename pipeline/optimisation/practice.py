@@ -7,7 +7,7 @@ the program may stay where it is and goes no farther out.  F, S and the feed for
 by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -71,7 +71,7 @@ RULES: dict[Operation, Rule] = {
 
 def practice_of(
     program: Program, moves: Moves, cut: Cut, *, limits: CutLimit, catalogue: CuttingCatalogue,
-    material: Material, given_up: Mapping[int, str] | None = None,
+    material: Material, given_up: Collection[int] = (),
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
@@ -87,8 +87,8 @@ def practice_of(
         Where the tool table gives no range.
     material : Material
         Of the blank.
-    given_up : mapping of int to str, optional
-        Tools that cannot keep their limits, by number, and why: they stay as programmed.
+    given_up : collection of int, optional
+        Numbers of tools that cannot keep their limits: they stay as programmed.
 
     Raises
     ------
@@ -97,8 +97,7 @@ def practice_of(
     """
     blocks = cut_blocks(cut)
     found = operations(program, moves, cut, blocks)
-    given = tuple(given_up or ())
-    rows = _Rows(program, moves, cut, blocks, found, limits, given_up=given)
+    rows = _Rows(program, moves, cut, blocks, found, limits, given_up=tuple(given_up))
     return rows.practice(catalogue, material)
 
 
@@ -107,7 +106,7 @@ class _Rows:
 
     def __init__(
         self, program: Program, moves: Moves, cut: Cut, blocks: CutBlocks, found: Operations,
-        limits: CutLimit, *, given_up: tuple[int, ...] = (),
+        limits: CutLimit, *, given_up: tuple[int, ...],
     ) -> None:  # fmt: skip
         self.given_up = given_up
         self.program, self.moves, self.cut, self.blocks = program, moves, cut, blocks
