@@ -348,6 +348,22 @@ def test_what_is_done_in_no_time_is_told(project: Path) -> None:
     assert told == {"tool_change": 1, "spindle_acceleration": 1}
 
 
+def test_a_control_that_reads_linuxcnc_blends_corners_where_its_file_says_nothing(
+    project: Path,
+) -> None:
+    machine = project / "conf/machine/hurco.yaml"
+    machine.write_text(machine.read_text().replace("\nsetup:\n", "\nsetup:\n  dialect: linuxcnc\n"))
+    zigzag = "\n".join(f"X{x} Y{x % 2}" for x in range(1, 21))
+    times = []
+    for word in ("G61", "G64 P0.01", "G64 P0.1"):
+        (project / "zigzag.ngc").write_text(f"G21 G90 F3000\n{word}\nG1 X0 Y0\n{zigzag}\nM2\n")
+        done = kerf(project, "simulate", "zigzag.ngc", "--machine", "hurco", "--json", "z.json")
+        assert done.exit_code == 0, done.output
+        times.append(json.loads((project / "z.json").read_text())["total_time_s"])
+        (project / "z.json").unlink()
+    assert times[0] > 1.02 * times[1] > 1.02 * 1.02 * times[2]
+
+
 def test_a_restart_is_said_without_a_file_of_moves(project: Path) -> None:
     done = kerf(project, "interpret", "part.nc", "--at", "8")
     assert done.exit_code == 0

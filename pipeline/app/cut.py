@@ -13,13 +13,14 @@ from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
+from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.axis_limits import check_axes
 from pipeline.optimisation.job import Workshop, cut_of, machine_models
 from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import structure
-from pipeline.schema.limits import CutLimit, limit_options
+from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
 from pipeline.schema.program_cut import ForceInterval, NotKnown, ProgramCut
 from pipeline.submodels.wear.machine_wear import machine_wear
@@ -38,29 +39,68 @@ REMEDY = {
 }
 
 
+TOOL_VALUE = re.compile(r"[Tt]?(\d{1,9})=(\d{1,9}(?:\.\d*)?|\.\d+)")
+"""Number of a tool and a value of it, as ``T5=300``."""
+ToolLimits = Mapping[int, Mapping[str, Any]]
+"""Fields of tools that options give, by the tool's number."""
 LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 """Option of the command line by the limit that it gives."""
 OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
     known: option
     for name, option in LIMIT_OPTION.items()
     for known in (
-        f"margins.{name}", f"practice.{name}", f"limits.{name}",
+        f"margins.{name}", f"practice.{name}", f"limits.{name}", f"tool.limit_{name}",
         *([name] if "_" in name else []),
     )
 }  # fmt: skip
 """Option of the command line by the setting that it gives."""
 
 
-def limits_given(given: Mapping[str, Any]) -> CutLimit:
-    """The limits of a part by the names of their fields.
+def limits_given(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
+    """The limits of a part by the names of their fields, and those of single tools.
 
     Raises
     ------
     ValueError
-        When one is out of its range; it names the option.
+        When one is out of its range, or given twice; it names the option.
     """
+    of_part, by_tool = dict(given), dict[int, dict[str, Any]]()
+    for name, words in given.items():
+        if name in BY_TOOL and words is not None:
+            others, own = _by_tool(LIMIT_OPTION[name], words)
+            of_part[name] = _of_all(LIMIT_OPTION[name], others)
+            for number, value in own.items():
+                by_tool.setdefault(number, {})[f"limit_{name}"] = value
     with named_as_options():
-        return CutLimit.of_options(given)
+        return CutLimit.of_options(of_part), by_tool
+
+
+def _by_tool(option: str, words: Sequence[str]) -> tuple[list[str], dict[int, float]]:
+    """Words of an option that name no tool, and values by tool, as ``T5=300`` gives them."""
+    others, values = [], dict[int, float]()
+    for word in words:
+        found = TOOL_VALUE.fullmatch(word)
+        if found is None:
+            others.append(word)
+        elif int(found[1]) in values:
+            raise ValueError(f"{option} gives T{int(found[1])} twice: leave one out")
+        else:
+            values[int(found[1])] = float(found[2])
+    return others, values
+
+
+def _of_all(option: str, words: Sequence[str]) -> float | None:
+    """The one number of an option for all tools; None where none is given."""
+    try:
+        values = [float(word) for word in words]
+    except ValueError:
+        values = [0.0, 0.0]
+    if len(values) > 1:
+        raise ValueError(
+            f"{option} {' '.join(words)} is not one number: give one for all tools, and T5=300 "
+            "for one of them"
+        )
+    return values[0] if values else None
 
 
 @contextmanager
@@ -94,28 +134,16 @@ class WearOption:
         ValueError
             When a word is none of them, or says a thing twice.
         """
-        rule: WearRule | None = None
-        given: dict[int, float] = {}
-        for word in words:
-            if word in get_args(WearRule):
-                if rule is not None:
-                    raise ValueError(f"--wear {word} is given beside --wear {rule}: give one")
-                rule = cast(WearRule, word)
-                continue
-            found = WEAR.fullmatch(word)
-            if found is None:
+        rules, given = _by_tool("--wear", words)
+        for word in rules:
+            if word not in get_args(WearRule):
                 raise ValueError(
                     f"--wear {word} is no wear of a tool: give T26=120 for 120 um on T26, or one "
                     f"of {', '.join(get_args(WearRule))} for all tools"
                 )
-            if int(found[1]) in given:
-                raise ValueError(f"--wear gives T{int(found[1])} twice: leave one out")
-            given[int(found[1])] = float(found[2])
-        return cls(rule=rule, given=given)
-
-
-WEAR = re.compile(r"[Tt]?(\d{1,9})=(\d{1,9}(?:\.\d*)?|\.\d+)")
-"""Number of a tool and its flank wear [um]."""
+        if len(rules) > 1:
+            raise ValueError(f"--wear {rules[1]} is given beside --wear {rules[0]}: give one")
+        return cls(rule=cast(WearRule, rules[0]) if rules else None, given=given)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,7 +157,8 @@ class CutOptions:
     material: str
     """Name of a material of conf/material/."""
     limits: CutLimit = field(default_factory=CutLimit)
-    """That the cut is held against."""
+    tool_limits: ToolLimits = field(default_factory=dict)
+    """That the cut is held against, and those of single tools in place of the tool table's."""
     resolution: float = RESOLUTION
     """Resolution of the blank [mm]."""
     work_offset: str | None = None
@@ -181,10 +210,11 @@ def cut_options(
     for name, value in needed.items():
         if value is None:
             raise ValueError(f"{_option(said[0])} is given without {_option(name)}: {REMEDY[name]}")
+    of_part, by_tool = limits_given(limits)
     return CutOptions(
         stock=str(stock), tool_table=str(tool_table), material=str(material),
-        limits=limits_given(limits), resolution=RESOLUTION if resolution is None else resolution,
-        work_offset=work_offset, frf=tuple(frf), wear=WearOption.of(wear),
+        limits=of_part, tool_limits=by_tool, work_offset=work_offset, frf=tuple(frf),
+        resolution=RESOLUTION if resolution is None else resolution, wear=WearOption.of(wear),
     )  # fmt: skip
 
 
@@ -265,7 +295,7 @@ def workshop_of(
     """
     sections = on.parameters["machine"][machine]
     return Workshop(
-        table=read_tools(options.tool_table),
+        table=_limited(read_tools(options.tool_table), options.tool_limits),
         material=read_material(options.material),
         rates=section(on.parameters, "cost", CostRates),
         drive=section(sections, "spindle_drive", SpindleDrive),
@@ -278,6 +308,20 @@ def workshop_of(
             asked=options.wear.rule is not None, given=options.wear.given,
         ),
     )  # fmt: skip
+
+
+def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
+    """The tool table with the limits that options give to single tools."""
+    missing = sorted(given.keys() - table.tools.keys())
+    if missing:
+        there = ", ".join(f"T{number}" for number in sorted(table.tools))
+        raise ValueError(
+            f"a limit is given for T{missing[0]}, which the tool table does not have: it has "
+            f"{there}"
+        )
+    with named_as_options():
+        own = {number: replace(table.tools[number], **of) for number, of in given.items()}
+    return replace(table, tools={**table.tools, **own})
 
 
 def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:

@@ -118,7 +118,9 @@ ToolTable = Annotated[
     str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
 ]
 Material = Annotated[str | None, typer.Option(help="Of the blank, as in conf/material/.")]
-Load = Annotated[float | None, typer.Option(help=limit_words("load_N")[0].help)]
+Load = Annotated[
+    list[str] | None, typer.Option(help=limit_words("load_N")[0].help, metavar="N|T5=N")
+]
 Resolution = Annotated[float | None, typer.Option(help="Of the blank, mm; 0.2 by default.")]
 WorkOffset = Annotated[
     str | None, typer.Option(help="That the blank is measured in; that of the first cut.")

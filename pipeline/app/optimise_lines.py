@@ -112,8 +112,8 @@ def _certainty(part: OptimisedPart) -> Iterator[str]:
         return
     low, high = (_percent(end) for end in of.interval_95)
     yield (
-        f"  certainty: P(load > {rounded(part.limits.load_N)} N) = {_percent(of.exceedance)} "
-        f"({low} to {high}), at most {_percent(of.epsilon)} asked, {many(of.draws, 'draw')}"
+        f"  certainty: P(load > {of.limits_N}) = {_percent(of.exceedance)} ({low} to {high}), at "
+        f"most {_percent(of.epsilon)} asked, {many(of.draws, 'draw')}{of.of_tools}"
     )
     price = of.price
     if price is not None:

@@ -16,7 +16,7 @@ import typer
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
 from pipeline.app.output import Outputs, outputs, say_json, step
-from pipeline.schema.limits import limit_options
+from pipeline.schema.limits import BY_TOOL, limit_options
 
 
 @contextmanager
@@ -246,7 +246,8 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
         given = words.option.removeprefix("--").replace("-", "_")
         default = typer.Option(
             None, words.option, help=words.help, rich_help_panel="Limits",
-            metavar={float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
+            metavar="VALUE|T5=VALUE" if name in BY_TOOL
+            else {float: None, list[str]: "T5|120-180|WORD"}.get(kind, "LOW HIGH"),
         )  # fmt: skip
         fields[given] = name
         options.append(

@@ -13,7 +13,7 @@ from pipeline.gcode.interpret import interpret, interpret_in_parts
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import MachineLimits, Setup
-from pipeline.machine.control.parameters import ControlParameters
+from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
@@ -491,7 +491,8 @@ def _control(
             f"conf/machine/{machine}.yaml has no section control and none was identified: "
             "write its axes there, or log runs of programs and run `dvc repro`"
         )
-    return structure({"control": sections["control"]}, "control", ControlParameters), False
+    known = of_dialect(sections["control"], _setup(sections).dialect)
+    return structure({"control": known}, "control", ControlParameters), False
 
 
 def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 Catalogues speak millimetre and degree, so do the fields; the properties are in SI, for formulas.
 """
 
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import pi
 from typing import Annotated, Literal
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
-from pipeline.schema.limits import check_change
+from pipeline.schema.limits import ENDLESS, check_change
 from pipeline.schema.ranges import Range, Ranged
 
 MM = 1e-3
@@ -94,6 +95,11 @@ class Tool(Ranged, section="tool"):
     that of the part's limits."""
     top_speed_rpm: Annotated[float, Range(least=1.0, most=1e6)] | None = None
     """Greatest spindle speed that its maker, or its holder's, allows [rev/min]."""
+    limit_load_N: Annotated[float, Range(above=0.0, below=ENDLESS, unit="N")] | None = None
+    limit_deflection_um: Annotated[float, Range(above=0.0, below=ENDLESS, unit="um")] | None = None
+    limit_torque_Nm: Annotated[float, Range(above=0.0, below=ENDLESS, unit="N m")] | None = None
+    """Greatest load across its axis [N], deflection of its tip [um] and torque [N m]; by default
+    those of the part's limits."""
     flank_wear_um: Annotated[float, Range(least=0.0, most=2000.0)] | None = None
     """Flank wear VB that it has now, as measured [um]."""
     name: str = ""
@@ -169,6 +175,11 @@ class Tool(Ranged, section="tool"):
         return shank * MM
 
     @property
+    def load_known(self) -> bool:
+        """Whether its forces are computed: not those of a thread mill's profile."""
+        return self.role != "thread_mill"
+
+    @property
     def youngs_modulus(self) -> float:
         """[Pa]."""
         return self.youngs_modulus_GPa * 1e9
@@ -207,6 +218,28 @@ class ToolTable:
         for number in self.tools:
             if number < 0:
                 raise ValueError(f"tools.{number} is no tool number: it must be 0 or more")
+
+
+def tool_limits(
+    tools: Sequence[Tool], name: str, of_part: float | None, outside: Collection[int] = ()
+) -> Floats:
+    """Limit of each tool: its own, else that of the part; infinite where there is none.
+
+    Parameters
+    ----------
+    tools : sequence of Tool
+        T of them.
+    name, of_part : str, float or None
+        Of the part's limit, one of ``BY_TOOL``, and its value, in the unit of the name.
+    outside : collection of int
+        Indices of tools that no limit holds for.
+    """
+    limits = np.full(len(tools), np.inf if of_part is None else of_part)
+    for index, tool in enumerate(tools):
+        limits[index] = getattr(tool, f"limit_{name}") or limits[index]
+        if not tool.load_known or index in outside:
+            limits[index] = np.inf
+    return limits
 
 
 FLUTED = 0.8

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.cutting.tool import tool_limits
 from pipeline.optimisation.problem.limits import feed_for_marks
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit
@@ -36,16 +37,20 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     """
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0
+    load, bending, torque = (
+        tool_limits(tools, name, getattr(limits, name))[blocks.tool]
+        for name in ("load_N", "deflection_um", "torque_Nm")
+    )
     surface = (
         np.pi * np.array([tool.diameter for tool in tools])[blocks.tool] * blocks.spindle_speed
     )
     height = None if limits.roughness_um is None else limits.roughness_um / UM
     checks = {
-        "load": (np.where(running, blocks.peak, np.nan), limits.load_N),
-        "deflection": (found.deflection * UM, limits.deflection_um),
+        "load": (np.where(running, blocks.peak, np.nan), load),
+        "deflection": (found.deflection * UM, bending),
         "roughness": (_marks(of, height), None if height is None else 1.0),
         "chip": (blocks.thickness * UM, limits.chip_um),
-        "torque": (blocks.torque, limits.torque_Nm),
+        "torque": (blocks.torque, torque),
         "power": (found.drive, limits.power_share),
         "cutting speed": (np.where(running, surface, np.nan), limits.cutting_speed_m_min),
         "spindle speed": (np.where(running, blocks.spindle_speed, np.nan), limits.speed_rpm),

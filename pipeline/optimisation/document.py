@@ -27,6 +27,7 @@ from pipeline.optimisation.text.modal_words import reads_feed
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together
+from pipeline.schema.limits import by_tool_words
 from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_bytes
@@ -68,6 +69,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
     warnings, odd = warnings_of(after.of, basis), setup_warnings(after.cut, basis.table)
     return OptimisedPart(
         warnings=(
+            *_given_up(result),
             *changed_earlier(basis.wear),
             *_chatters(result),
             *(one for one in warnings if one.grave or one in odd),
@@ -116,6 +118,19 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
         edges=tool_edges(after.cut, after.of.arcs, basis.coefficients),
         split=result.split,
     )
+
+
+def _given_up(result: Result) -> Iterator[CutWarning]:
+    """One for each tool that cannot keep its limits: its blocks stay as programmed."""
+    for number, why in result.given_up.items():
+        rows = np.flatnonzero(result.problem.cuts & (result.moves.tool == number))
+        yield CutWarning(
+            what=f"T{number} cannot keep its limits and stays as programmed, the certainty is that "
+            f"of the other tools: {why}",
+            do="Give it a limit that it can keep, or less depth.",
+            lines=tuple(dict.fromkeys(result.moves.line[rows].tolist())),
+            blocks=len(rows), grave=True,
+        )  # fmt: skip
 
 
 def _chatters(result: Result) -> Iterator[CutWarning]:
@@ -240,6 +255,10 @@ def _reliability(result: Result) -> stored.Reliability | None:
     if risk is None or result.uncertain is None:
         return None
     nominal, price = _price(result)
+    used = np.unique(result.moves.tool[result.problem.cuts]).tolist()
+    tools = {number: result.job.cut.tools[number] for number in used}
+    outside = [n for n, tool in tools.items() if n in result.given_up or not tool.load_known]
+    own = {n: tool.limit_load_N for n, tool in tools.items() if n not in outside}
     low, high = risk.interval_95
     return stored.Reliability(
         epsilon=settings.epsilon,
@@ -253,6 +272,8 @@ def _reliability(result: Result) -> stored.Reliability | None:
         nominal=nominal,
         price=price,
         uncertain=result.uncertain.quantities,
+        limits_N=by_tool_words(result.job.limits.load_N, own, "N"),
+        without=tuple(outside),
     )
 
 

@@ -24,6 +24,7 @@ from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
 from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
 from pipeline.optimisation.problem.feasible import passed_limit, tool_name
+from pipeline.optimisation.problem.limits import row_limits
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof
 from pipeline.optimisation.proof.text import WordChange
@@ -157,6 +158,8 @@ class Result:
     """Whether the search was ended early."""
     split: str | None = None
     """Gain of splitting long blocks, in words; None where that was not asked for."""
+    given_up: Mapping[int, str] = field(default_factory=dict)
+    """Tools that stay as programmed since they cannot keep their limits, by number, and why."""
 
 
 def full_twin(
@@ -253,9 +256,10 @@ def _why_not(
     capped = np.isfinite(f_z_cap)
     if capped.any():
         row = int(np.argmax(np.where(capped, peak, -1.0)))
+        most = row_limits(problem.cut, problem.limits, "load_N")
         return (
             f"{where(moves, row)}: teeth that pass one by one load {tool_name(problem, row)} with "
-            f"{peak[row]:.4g} N, and the load limit of {problem.limits.load_N:g} N less its margin "
+            f"{peak[row]:.4g} N, and the load limit of {most[row]:g} N less its margin "
             "and what is uncertain allows less at any feed that was tried: raise limits.load_N"
         )
     return ""

@@ -16,6 +16,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.optimisation.operation_words import named_operation
 from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
@@ -277,7 +278,11 @@ def cut_of(
     ValueError
         When the blank is none.
     """
-    tools = workshop.table.tools
+    tools = {
+        number: replace(tool, role="thread_mill")
+        if not tool.role and named_operation(tool.name) == "thread_milling" else tool
+        for number, tool in workshop.table.tools.items()
+    }  # fmt: skip
     identified = identified_coefficients(cutting)
     sharp = tool_coefficients(tools, part.material, workshop.material, identified)
     names = part.material, workshop.material.name

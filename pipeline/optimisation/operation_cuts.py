@@ -27,6 +27,16 @@ SPOTTING_POINT = 100.0
 """Greatest point angle of spot drills and countersinks that no twist drill has [deg]."""
 WHOLE_CONE = 0.98
 """Depth over the height of a drill's cone from which on its full diameter cuts [1]."""
+DEEP_HOLE = 3.0
+"""Depth of a hole over its diameter from which tables of drills reduce speed and feed [1]
+(catalogue source ``deep_holes``)."""
+SAME_HOLE = 2e-5
+"""Distance up to which drills go down the same hole [m]: rounding of coordinates."""
+UNEVEN, UNEVEN_SHARE = 1.5, 0.1
+"""Difference of the engaged radius of a drill around its axis from which on it cuts on one side:
+cells of the blank [1], and share of its radius [1]; less is not resolved."""
+SECTORS = 6
+"""A sixth of a turn: the part of it over which that radius is averaged."""
 
 
 def spots_only(tool: Tool) -> bool:
@@ -71,7 +81,9 @@ def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlo
     found[fall >= STEEP] = CODE["plunging"]
     drill, sideways = kind == "drill", np.abs(fall) < STEEP
     found[drill] = np.where(sideways[drill], CODE["chamfering"], CODE["drilling"])
-    found[drill & ~sideways & _spots(moves, cut, blocks)] = CODE["centre_drilling"]
+    shallow, deep = (rows[row] & ~sideways for rows in _holes(cut))
+    found[deep] = CODE["deep_drilling"]
+    found[shallow] = CODE["centre_drilling"]
     code[row] = found
     slender[row] = (found == CODE["finishing"]) & (blocks.axial_depth > thin)
     return slender
@@ -130,17 +142,67 @@ def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
     return lead
 
 
-def _spots(moves: Moves, cut: Cut, blocks: CutBlocks) -> Bools:
-    """Blocks of a drill in holes that its full diameter does not reach, or that cannot drill."""
-    half = np.array([np.tan(tool.point_angle / 2) for tool in cut.tools])
-    cone = np.array([tool.radius for tool in cut.tools]) / half
-    never = np.array([spots_only(tool) for tool in cut.tools])
-    holes = np.column_stack([blocks.tool, np.round(moves.end[blocks.row, :2], 2)])
-    hole = np.unique(holes, axis=0, return_inverse=True)[1].ravel()
-    deepest = np.zeros(hole.max() + 1)
-    np.maximum.at(deepest, hole, blocks.axial_depth)
-    spots: Bools = deepest[hole] < WHOLE_CONE * cone[blocks.tool]
-    return spots | never[blocks.tool]
+def _drilling_stations(cut: Cut) -> Rows:
+    """Stations in which a drill goes down at feed."""
+    engagement = cut.engagement
+    drills = np.array([tool.kind == "drill" for tool in cut.tools])[engagement.tool]
+    return np.flatnonzero(drills & engagement.feed & (engagement.slope <= -STEEP))
+
+
+def _holes(cut: Cut) -> tuple[Bools, Bools]:
+    """Rows of drills in holes that their full diameter does not reach, and in deep ones; (M,) each.
+
+    A hole is all that drills cut at one place in the plane, with whatever codes and however often:
+    it is as deep as from where the first of them met the material down to where the drill's full
+    diameter ends at its lowest.
+    """
+    shallow, deep = np.zeros((2, cut.engagement.blocks), dtype=np.bool_)
+    stations = _drilling_stations(cut)
+    if not len(stations):
+        return shallow, deep
+    engagement, pieces, tools = cut.engagement, cut.path.pieces, cut.tools
+    piece, tool = engagement.piece[stations], engagement.tool[stations].astype(np.intp)
+    places = np.rint(pieces.end[piece, :2] / SAME_HOLE)
+    hole = np.unique(places, axis=0, return_inverse=True)[1].ravel()
+    begin = pieces.start[piece, 2] + engagement.slope[stations] * engagement.along[stations]
+    end = begin + engagement.slope[stations] * engagement.length[stations]
+    top, bottom = np.full(hole.max() + 1, -np.inf), np.full((hole.max() + 1, len(tools)), np.inf)
+    reach = np.zeros(bottom.shape)
+    np.maximum.at(top, hole, begin)
+    np.minimum.at(bottom, (hole, tool), end)
+    np.maximum.at(reach, (hole, tool), engagement.axial_depth[stations])
+    cone = np.array([one.radius / np.tan(one.point_angle / 2) for one in tools])[tool]
+    diameter = np.array([one.diameter for one in tools])[tool]
+    spots = np.array([spots_only(one) for one in tools])[tool]
+    row, depth = engagement.block[stations], top[hole] - bottom[hole, tool] - cone
+    shallow[row[spots | (reach[hole, tool] < WHOLE_CONE * cone)]] = True
+    deep[row[depth >= DEEP_HOLE * diameter - SAME_HOLE]] = True
+    return shallow, deep
+
+
+def drills_on_one_side(cut: Cut) -> Bools:
+    """Rows in which a drill cuts more on one side than on the other; shape (M,).
+
+    Over a slot or a cross hole, on a slope, at the edge of the blank: the height of its cone in the
+    material, averaged over a sixth of a turn, is not the same all around.
+    """
+    uneven = np.zeros(cut.engagement.blocks, dtype=np.bool_)
+    stations = _drilling_stations(cut)
+    engagement = cut.engagement
+    height = np.maximum(engagement.upper[stations] - engagement.lower[stations], 0.0)
+    if not len(stations):
+        return uneven
+    resolved = np.array([
+        max(UNEVEN * engagement.resolution, UNEVEN_SHARE * tool.radius)
+        / np.tan(tool.point_angle / 2)
+        for tool in cut.tools
+    ])[engagement.tool[stations]]  # fmt: skip
+    width = height.shape[1] // SECTORS
+    sums = np.cumsum(np.pad(height, ((0, 0), (1, width)), mode="wrap")[:, 1:], axis=1)
+    sector = (sums[:, width:] - sums[:, :-width]) / width
+    least = np.maximum(resolved, UNEVEN_SHARE * height.max(axis=1))  # a flat end has no cone
+    uneven[engagement.block[stations[np.ptp(sector, axis=1) > least]]] = True
+    return uneven
 
 
 def length_in_air(cut: Cut, blocks: CutBlocks) -> Floats:

@@ -144,9 +144,9 @@ def _told(
         says = np.array([says_roughing(f"{text}; {about}") for text in texts])
         rough |= (moves.tool == number) & says[said]
     _fill_rough(code, moves, slender & rough, rough)
-    spotting = code == CODE["centre_drilling"]
+    by_depth = np.isin(code, (CODE["centre_drilling"], CODE["deep_drilling"]))
     for cycle, name in CYCLES.items():
-        code[fed & (moves.code == cycle) & ~(spotting & (name == "drilling"))] = CODE[name]
+        code[fed & (moves.code == cycle) & ~(by_depth & (name == "drilling"))] = CODE[name]
     for number, tag in enumerate(map(named_operation, texts)):
         _fill_tag(code, fed & (said == number), tag)
     for number, about in used.items():

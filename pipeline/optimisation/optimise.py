@@ -6,7 +6,7 @@ again, and checked by the whole twin: speeds that the control reaches, loads by 
 servo.  Rows whose loads the table took too low get less feed, and the search begins again.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import count
@@ -14,6 +14,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.cutting.tool import tool_limits
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
@@ -69,6 +70,9 @@ ROUNDS = 4
 AXIS_ROUNDS = 8
 """The same where limits of the axes were given: commands fall by less than feeds do."""
 
+GivenUp = Mapping[int, str]
+"""Tools that cannot keep their limits, by number, and why."""
+NOTHING: GivenUp = {}
 SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 """Wear over the criterion, in the order in which it is tried [1]."""
 
@@ -95,9 +99,7 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
     Interrupted
         When the search was ended before anything kept the limits.
     """
-    if job.settings.grouping.split:
-        return _best_in_parts(job, progress or _alone)
-    return _Course(job, progress or _alone, _as_programmed(job)).result()
+    return _best(job, progress or _alone, NOTHING)
 
 
 def optimise_worn(
@@ -123,18 +125,27 @@ def optimise_worn(
     ValueError, Interrupted
         As :func:`~pipeline.optimisation.optimise.optimise`.
     """
-    wear = workshop.wear
-    lowered = wear.rule == "criterion" and not (wear.asked or wear.given)
-    for share in SHARES[:-1] if lowered else ():
-        at = job(workshop=replace(workshop, wear=replace(wear, share=share)))
-        if all(one.sharp is None for one in at.basis.coefficients.values()):
-            return optimise(at, progress)
-        try:
-            return optimise(at, progress)
-        except LimitsError:
-            continue
-    last = replace(wear, share=SHARES[-1]) if lowered else wear
-    return optimise(job(workshop=replace(workshop, wear=last)), progress)
+    wear, found = workshop.wear, progress or _alone
+    if wear.rule != "criterion" or wear.asked or wear.given:
+        return optimise(job(workshop=workshop), progress)
+
+    def worn(share: float) -> Job:
+        return job(workshop=replace(workshop, wear=replace(wear, share=share)))
+
+    if all(one.sharp is None for one in worn(SHARES[0]).basis.coefficients.values()):
+        return optimise(worn(SHARES[0]), progress)
+    given_up = NOTHING
+    while True:  # again without the tools that cannot keep their limits even when they are sharp
+        for share in SHARES[:-1]:
+            try:
+                kept = _Course(worn(share), found, given_up)._result()
+            except LimitsError:
+                continue
+            return _best(kept.job, found, given_up) if kept.job.settings.grouping.split else kept
+        sharp = _best(worn(SHARES[-1]), found, given_up)
+        if sharp.given_up == given_up:
+            return sharp
+        given_up = sharp.given_up
 
 
 def _alone(what: str, share: float) -> bool:
@@ -155,8 +166,10 @@ class _Text:
 class _Course:
     """An optimisation under way."""
 
-    def __init__(self, job: Job, progress: Progress, text: _Text) -> None:
-        self.job, self._progress, self.text = job, progress, text
+    def __init__(
+        self, job: Job, progress: Progress, given_up: GivenUp, text: _Text | None = None
+    ) -> None:
+        self.job, self._progress, self.text = job, progress, text or _as_programmed(job)
         self.interrupted = False
         if job.settings.compensated and job.models.residual is None:
             raise ValueError(
@@ -164,13 +177,18 @@ class _Course:
                 "setting out here, and give `kerf optimise --compensated` for a part"
             )
         self.evaluated = self.tightened = 0
-        self.program, self.moves, self.before = text.program, text.moves, text.cut
+        self.program, self.moves, self.before = self.text.program, self.text.moves, self.text.cut
         check_known(self.before, job.limits, job.basis.drive)
+        check_axes_known(job.models.drives, job.limits)
+        self.given_up = dict(given_up)
+        self._begin()
+
+    def _begin(self) -> None:
+        """Practice and certain feeds of the tools that are to keep their limits."""
         self.practice, self.editable = self._practice()
         self.uncertain, self.certain = self._chance_constraint()
         self.f_z = None if self.certain is None else self.certain.f_z.copy()
         self.editable = self._passes_joined()
-        check_axes_known(job.models.drives, job.limits)
         self.feed_cap = np.full(len(self.moves), np.inf)
 
     def ends(self, what: str, share: float) -> bool:
@@ -179,6 +197,26 @@ class _Course:
         return self.interrupted
 
     def result(self) -> Result:
+        """The best program; tools that cannot keep their limits stay as programmed.
+
+        Raises
+        ------
+        LimitsError
+            When that is no single tool, or every one that cuts.
+        """
+        while True:
+            try:
+                return self._result()
+            except LimitsError as error:
+                cut, tool = self.before, error.tool
+                used = np.unique(cut.tool[cut.tool >= 0]).tolist()
+                left = {cut.numbers[k] for k in used if cut.tools[k].load_known} - {*self.given_up}
+                if self.practice is None or tool is None or tool not in left or len(left) == 1:
+                    raise
+                self.given_up[tool] = str(error)
+                self._begin()
+
+    def _result(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job = self.job
         outcome = self._search(self._problem())
@@ -186,7 +224,7 @@ class _Course:
         if not outcome.answer.kept:
             if self.interrupted:
                 raise Interrupted
-            raise LimitsError(outcome.answer.why_not)
+            raise LimitsError(outcome.answer.why_not, self._overloaded(outcome.answer))
         self.ends("comparing", 0.8)
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)
@@ -196,6 +234,7 @@ class _Course:
             methods=(*methods, *nominal), front=outcome.front, uncertain=self.uncertain,
             nominal=DIRECT if nominal else None, risk=self._risk(answer),
             tightened=self.tightened, evaluated=self.evaluated, interrupted=self.interrupted,
+            given_up=self.given_up,
         )  # fmt: skip
 
     def _problem(self) -> Problem:
@@ -228,7 +267,21 @@ class _Course:
         cut = cut_program(planned_program(moves, self.job.models.control), self.job.cut)
         of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
         text = _Text(program=split.program, moves=moves, cut=cut, whole=of, points=len(split.added))
-        return _Course(self.job, self._progress, text)
+        return _Course(self.job, self._progress, self.given_up, text)
+
+    def _overloaded(self, answer: Full) -> int | None:
+        """Number of the tool whose load passes its limit by most in the whole twin, if one does."""
+        capped = np.isfinite(answer.f_z_cap)
+        if not capped.any():
+            return None
+        peak = answer.verified.row_peak[answer.rows]
+        return int(self.moves.tool[np.argmax(np.where(capped, peak, -1.0))])
+
+    @property
+    def _limits_N(self) -> Floats:
+        """Load limit of each tool of the cut [N], infinite where none holds; shape (T,)."""
+        outside = [k for k, number in enumerate(self.before.numbers) if number in self.given_up]
+        return tool_limits(self.before.tools, "load_N", self.job.limits.load_N, outside)
 
     def _practice(self) -> tuple[Practice | None, Editable]:
         """Limits by tool and operation, and what may change with them."""
@@ -238,9 +291,10 @@ class _Course:
         practice = practice_of(
             self.program, self.moves, self.before, limits=job.limits, catalogue=job.catalogue,
             material=job.basis.material, dynamics=job.basis.dynamics, whole=self.text.whole,
+            given_up=self.given_up,
         )  # fmt: skip
         editable = editable_blocks(
-            self.program, self.moves, practice.kept_feed, practice.kept_speed
+            self.program, self.moves, practice.kept_feed, practice.kept_speed, practice.no_more
         )
         return practice, speeds_between_cuts(editable, self.moves.kind)
 
@@ -280,8 +334,8 @@ class _Course:
         return problem
 
     def _chance_constraint(self) -> tuple[Uncertainty | None, ChanceConstrainedFeeds | None]:
-        limit, settings = self.job.limits.load_N, self.job.settings.certainty
-        if limit is None:
+        limits_N, settings = self._limits_N, self.job.settings.certainty
+        if not np.isfinite(limits_N).any():
             return None, None
         if self.ends("drawing what is uncertain", 0.05):
             raise Interrupted
@@ -293,7 +347,7 @@ class _Course:
         margin = self.job.limits.margins.load
         most = None if self.practice is None else self.practice.greatest_f_z
         feeds = chance_constrained_feeds(
-            self.before, limit, margin, uncertain, settings, greatest=most
+            self.before, limits_N, margin, uncertain, settings, greatest=most
         )  # fmt: skip
         return uncertain, feeds
 
@@ -372,11 +426,11 @@ class _Course:
         return proof
 
     def _risk(self, answer: Full) -> Exceedance | None:
-        limit, settings = self.job.limits.load_N, self.job.settings.certainty
-        if limit is None or self.uncertain is None:
+        settings = self.job.settings.certainty
+        if self.uncertain is None:
             return None
         return exceedance(
-            answer.cut, answer.cut.feed_per_tooth, limit, self.uncertain, settings,
+            answer.cut, answer.cut.feed_per_tooth, self._limits_N, self.uncertain, settings,
             seed=settings.seed + 1,
         )  # fmt: skip
 
@@ -479,14 +533,21 @@ def _as_programmed(job: Job) -> _Text:
     return _Text(program=program, moves=moves, cut=cut)
 
 
-def _best_in_parts(job: Job, progress: Progress) -> Result:
+def _best(job: Job, progress: Progress, given_up: GivenUp) -> Result:
+    """The best program, its long blocks split where that is asked for and gains."""
+    if job.settings.grouping.split:
+        return _best_in_parts(job, progress, given_up)
+    return _Course(job, progress, given_up).result()
+
+
+def _best_in_parts(job: Job, progress: Progress, given_up: GivenUp) -> Result:
     """The better of the program as it is and with its long blocks split."""
     begun = 0.0
 
     def half(what: str, share: float) -> bool:
         return progress(what, begun + 0.5 * share)
 
-    course = _Course(job, half, _as_programmed(job))
+    course = _Course(job, half, given_up)
     whole, split, refused, points = None, None, None, 0
     try:
         whole = course.result()

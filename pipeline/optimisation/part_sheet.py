@@ -22,6 +22,7 @@ from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
 from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
+from pipeline.schema.limits import BY_TOOL
 from pipeline.schema.part_sheet import (
     FeedChange,
     FeedRise,
@@ -110,6 +111,10 @@ def tool_uses(
             no_faster=None if kept else reasons.why_no_faster(rows),
             no_more_feed=None if kept else reasons.why_no_more_feed(rows),
             rise=_rise(result.moves.line, *f_z, rows),
+            limits={
+                name: value for name in BY_TOOL
+                if (value := getattr(result.job.cut.tools[tool], f"limit_{name}")) is not None
+            },
         ))  # fmt: skip
     return tuple(uses)
 

@@ -18,7 +18,7 @@ Deeper or wider than the row, deeper than the flutes, or where the tip bends by 
 where the stability of the tool, or its life, is not known.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -33,7 +33,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import long_in_air
+from pipeline.optimisation.operation_cuts import drills_on_one_side, long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import (
     NotRaised,
@@ -41,7 +41,7 @@ from pipeline.optimisation.problem.arrays import (
     Practice,
     feeds_per_minute,
 )
-from pipeline.optimisation.problem.limits import inverse, stiffness
+from pipeline.optimisation.problem.limits import inverse, row_limits, stiffness
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
@@ -98,6 +98,7 @@ RULES: dict[Operation, Rule] = {
 def practice_of(
     program: Program, moves: Moves, cut: Cut, *, limits: CutLimit, catalogue: CuttingCatalogue,
     material: Material, dynamics: TipDynamics | None = None, whole: NDArray[np.int8] | None = None,
+    given_up: Collection[int] = (),
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
@@ -117,6 +118,8 @@ def practice_of(
         Of the tools' tips.
     whole : ndarray of int8, shape (M,), optional
         Operations of the blocks that the rows are parts of, where blocks were split.
+    given_up : collection of int, optional
+        Numbers of tools that cannot keep their limits: they stay as programmed.
 
     Raises
     ------
@@ -128,7 +131,10 @@ def practice_of(
     found = operations(program, moves, cut, blocks)
     if whole is not None:
         found = found.of_parts(whole)
-    rows = _Rows(program, moves, cut, blocks, found, limits=limits, thinned=thinning(cut, arcs))
+    rows = _Rows(
+        program, moves, cut, blocks, found, limits=limits, thinned=thinning(cut, arcs),
+        given_up=tuple(given_up),
+    )  # fmt: skip
     return rows.practice(catalogue, material, dynamics)
 
 
@@ -167,13 +173,14 @@ class _Rows:
 
     def __init__(
         self, program: Program, moves: Moves, cut: Cut, blocks: CutBlocks, found: Operations,
-        *, limits: CutLimit, thinned: Floats,
+        *, limits: CutLimit, thinned: Floats, given_up: tuple[int, ...],
     ) -> None:  # fmt: skip
-        self.thinned = thinned
+        self.thinned, self.given_up = thinned, given_up
         self.program, self.moves, self.cut, self.blocks = program, moves, cut, blocks
         self.found, self.limits, self.settings = found, limits, limits.practice
         self.fed = found.code >= 0
         self.cuts = cut.tool >= 0
+        self.one_sided = drills_on_one_side(cut) & found.of("drilling", "deep_drilling")
         self.own_speed = cut.plan.spindle_speed
         self.own_feed = feeds_per_minute(cut, moves.feed, self.own_speed)
         # of F as it is written: a block that is too short to reach it has no other range
@@ -204,8 +211,9 @@ class _Rows:
         one_feed = self.found.of(*(name for name, rule in RULES.items() if rule.one_feed))
         return Practice(
             settings=self.settings, operation=self.found.code, ranges=ranges, kept_feed=kept_feed,
-            kept_speed=kept_speed, f_z_low=f_z_low, f_z_high=f_z_high,
-            f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
+            kept_speed=kept_speed, no_more=tuple(self._no_more()), f_z_low=f_z_low,
+            given_up=self.cuts & np.isin(self.moves.tool, self.given_up),
+            f_z_high=f_z_high, f_z_change=np.where(self.cuts, high * self.own_f_z * SAME, np.inf),
             f_z_own=np.minimum(
                 np.where(self.cuts & self._rules("feed", "no_more"), self.own_f_z * SAME, np.inf),
                 np.where(stays, self.reached_f_z * SAME, np.inf),  # as loaded, also at less S
@@ -221,8 +229,15 @@ class _Rows:
         )  # fmt: skip
 
     def _rules(self, of: str, word: str) -> Bools:
-        """Rows whose operation has a rule; shape (M,)."""
-        return self.found.of(*(name for name, rule in RULES.items() if getattr(rule, of) == word))
+        """Rows whose operation has a rule, or whose drill cuts on one side; shape (M,)."""
+        rows = self.found.of(*(name for name, rule in RULES.items() if getattr(rule, of) == word))
+        return rows | self.one_sided if word == "no_more" else rows
+
+    def _no_more(self) -> Iterator[tuple[str, Bools]]:
+        """Rows whose F and S rise no more for another reason than their operation."""
+        for number in np.unique(self.moves.tool[self.one_sided]).tolist():
+            why = f"T{number} drills on one side only, no more than programmed"
+            yield why, self.one_sided & (self.moves.tool == number)
 
     def _change(self) -> tuple[Floats, Floats]:
         """Least and greatest factor of what is programmed; shape (M,) each."""
@@ -345,13 +360,12 @@ class _Rows:
 
         A limit of the deflection that somebody gives stands for it.
         """
-        if self.limits.deflection_um is not None:
-            return [], np.full(len(self.cuts), np.inf)
+        cuts = self.cuts & np.isinf(row_limits(self.cut, self.limits, "deflection_um"))
         most, held = np.maximum(BENDING, TEETH * self.reached_f_z), []
         stiff = np.array([*(stiffness(tool) for tool in self.cut.tools), np.inf])[self.cut.tool]
-        bends = np.where(self.cuts, self.cut.table.peaks(self.reached_f_z), 0.0) / stiff
-        for one in np.unique(self.cut.tool[self.cuts & (bends > most)]).tolist():
-            rows = self.cuts & (bends > most) & (self.cut.tool == one)
+        bends = np.where(cuts, self.cut.table.peaks(self.reached_f_z), 0.0) / stiff
+        for one in np.unique(self.cut.tool[cuts & (bends > most)]).tolist():
+            rows = cuts & (bends > most) & (self.cut.tool == one)
             row = int(np.argmax(np.where(rows, bends / most, 0.0)))
             why = (
                 f"its tip bends {bends[row] / UM:.4g} um as programmed, more than "
@@ -359,7 +373,7 @@ class _Rows:
             )
             held.append(NotRaised("deflection", why, rows))
         by_bending = inverse(self.cut, self.cut.table.values[0], most * stiff)
-        return held, np.where(self.cuts, np.maximum(by_bending, self.reached_f_z * SAME), np.inf)
+        return held, np.where(cuts, np.maximum(by_bending, self.reached_f_z * SAME), np.inf)
 
     def _of_ranges(self, ranges: tuple[OperationRange, ...], thicker: Floats) -> tuple[Floats, ...]:
         """Least and greatest f_z [m], least and greatest S [rev/min] by ranges; shape (M,) each."""
@@ -406,6 +420,10 @@ class _Rows:
             rows = self._named(text)
             feed.append((f"keep {text}", rows))
             speed.append((f"keep {text}", rows))
+        for number in self.given_up:
+            reason = f"T{number} cannot keep its limits", self.moves.tool == number
+            feed.append(reason)
+            speed.append(reason)
         if self.settings.air_feed_mm_min is None:
             feed.append(("moves in air keep their own F", self._air_words()))
         for operation, rule in RULES.items():

@@ -105,7 +105,7 @@ def load_figures(
 
     Where ``caption`` is empty the figure's own words are.
     """
-    trace, limit = part.trace, part.limits.load_N
+    trace, limit = part.trace, part.load_limit_N
     before, after = path_load(trace.before), path_load(trace.after)
     if before is None or after is None:
         return None

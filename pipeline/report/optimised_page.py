@@ -170,7 +170,7 @@ def _certainty_text(part: OptimisedPart, of: Reliability) -> list[str]:
         said.append(
             f"The load passes its limit somewhere in the part in {share(of.exceedance)}{interval} "
             f"of {counted(of.draws, 'draw')} that the answer was not made with; allowed was at "
-            f"most {as_stated(100 * of.epsilon)}{NARROW}%."
+            f"most {as_stated(100 * of.epsilon)}{NARROW}%{of.of_tools}."
         )
     return said + _peaks(of) + _price(part, of)
 
@@ -237,7 +237,7 @@ def _front(part: OptimisedPart, keys: tuple[str, str], sources: list[Source]) ->
 def _proof_section(part: OptimisedPart, sources: list[Source]) -> Section:
     pairs = [
         (sentence(row.reason),
-         f"{counted(row.rows, 'move')}, the first in {row.first}: as programmed.")
+         f"{counted(row.rows, 'move')}, the first in {row.first}.")
         for row in part.held
     ]  # fmt: skip
     return Section(

@@ -105,7 +105,7 @@ def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     loads = [_loads(path, trace) for trace in (part.trace.before, part.trace.after)]
     if np.isnan(np.concatenate(loads)).all():
         return None
-    classes = LoadClasses.of(np.concatenate(loads), part.limits.load_N)
+    classes = LoadClasses.of(np.concatenate(loads), part.load_limit_N)
     points = np.array([path.x_mm, path.y_mm, path.z_mm]).T
     corners = np.array([path.blank_low_mm, path.blank_high_mm])
     ends = np.concatenate([points, corners])

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
 from pipeline.charts.sources import Source
@@ -352,6 +352,12 @@ def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         and value != 0
         and (key != "power_share" or value != 1)
     ]
+    own = {use.tool: use.limits for use in part.tools}
+    given += [
+        (replace(words, name=f"{words.name} of T{tool}"), unit, value)
+        for tool, limits in own.items() for key, value in limits.items()
+        for words, unit in (limit_words(key),)
+    ]  # fmt: skip
 
     def free(words: Limit) -> str:
         kept = getattr(part.limits.margins, words.margin) if words.margin else 0.0

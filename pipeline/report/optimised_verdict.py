@@ -107,7 +107,7 @@ def _seconds(value: float) -> str:
 
 def _safe(part: OptimisedPart) -> list[str]:
     beyond, was = part.after.beyond, part.before.beyond or 0
-    peak, limit = part.after.peak_load_N, part.limits.load_N
+    peak, limit = part.after.peak_load_N, part.load_limit_N
     said = []
     if beyond:
         said.append(f"{counted(beyond, 'block')} pass a limit.")
@@ -135,7 +135,7 @@ def _certain(part: OptimisedPart) -> list[str]:
     between = f" ({' to '.join(share(end) for end in of.interval_95)})"
     return [
         f"With all that is uncertain, the load passes its limit in {share(of.exceedance)} of parts"
-        f"{between}, {as_stated(100 * of.epsilon)}{NARROW}% is allowed{price}."
+        f"{between}{of.of_tools}, {as_stated(100 * of.epsilon)}{NARROW}% is allowed{price}."
     ]
 
 
@@ -178,7 +178,7 @@ def _not_known(part: OptimisedPart) -> list[str]:
 
 def key_figures(part: OptimisedPart) -> list[tuple[str, str, str]]:
     """Name, value after, and beside it the value before with the change."""
-    currency, limit = part.currency or "", part.limits.load_N
+    currency, limit = part.currency or "", part.load_limit_N
     aside = "" if limit is None else f", limit {as_stated(limit)}{NARROW}N"
     return [
         _key(part, "Time", "time_s", "s", "time_percent"),

@@ -55,7 +55,7 @@ class PartProgram:
     @property
     def limit(self) -> float | None:
         """Of the load [N]."""
-        return self.part.limits.load_N
+        return self.part.load_limit_N
 
     @property
     def epsilon(self) -> float | None:

@@ -11,6 +11,8 @@ from typing import Annotated, Any, get_type_hints
 
 from pipeline.schema.ranges import Range, Ranged
 
+BY_TOOL = ("load_N", "deflection_um", "torque_Nm")
+"""Limits that a tool may have of its own, ``limit_`` and the name in the tool table."""
 ENDLESS = 1e12
 """Value from which on a limit counts as a mistake, in any unit."""
 
@@ -133,20 +135,20 @@ class CutLimit(Ranged, section="limits"):
         float | None,
         Range(above=0.0, below=ENDLESS, unit="N"),
         Limit(
-            option="--limit-load", help="Greatest load on a tool in the plane, N.",
+            option="--limit-load", help="Greatest load on a tool in the plane, N; or T5=300.",
             name="load across the tool’s axis", margin="load",
         ),
     ] = None  # fmt: skip
-    """Peak of the load across the tool's axis [N]."""
+    """Peak of the load across the tool's axis, for tools without their own [N]."""
     deflection_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
         Limit(
-            option="--limit-deflection", help="Of a tool's tip, um.",
+            option="--limit-deflection", help="Of a tool's tip, um; or T5=20.",
             name="deflection of the tip", margin="deflection",
         ),
     ] = None  # fmt: skip
-    """Of the tool's tip [um]."""
+    """Of the tool's tip, for tools without their own [um]."""
     roughness_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -190,11 +192,11 @@ class CutLimit(Ranged, section="limits"):
         float | None,
         Range(above=0.0, below=ENDLESS, unit="N m"),
         Limit(
-            option="--limit-torque", help="Of the cut, N m.",
+            option="--limit-torque", help="Of the cut, N m; or T5=10.",
             name="torque of the cut", margin="torque",
         ),
     ] = None  # fmt: skip
-    """Of the cut, beside the drive's own [N m]."""
+    """Of the cut, beside the drive's own, for tools without their own [N m]."""
     power_share: Annotated[
         float,
         Range(above=0.0, most=2.0),
@@ -283,12 +285,19 @@ def limit_words(name: str) -> tuple[Limit, str]:
     return _of(CutLimit)[name]
 
 
+def by_tool_words(of_part: float | None, own: Mapping[int, float | None], unit: str) -> str:
+    """A limit of the part and the tools' own, by their number; empty where none is given."""
+    given = [] if of_part is None else [f"{of_part:g} {unit}"]
+    given += [f"T{tool} {value:g} {unit}" for tool, value in own.items() if value is not None]
+    return ", ".join(given)
+
+
 def limit_options() -> Iterator[tuple[str, Any, Limit]]:
     """Each limit that a command line may give: name of its field, type of its value, its words."""
     for kind in (CutLimit, Margins, MachiningPractice):
         for name, (words, _) in _of(kind).items():
             value = str(get_type_hints(kind)[name])
-            several = list[str] if "str" in value else float
+            several = list[str] if "str" in value or name in BY_TOOL else float
             yield name, tuple[float, float] if "tuple[float" in value else several, words
 
 

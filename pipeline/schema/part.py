@@ -127,6 +127,16 @@ class Reliability:
     """Optimum at nominal values, and the extra over it."""
     uncertain: tuple[UncertainQuantity, ...]
     """That are drawn."""
+    limits_N: str = ""
+    """Limits of the load in words: of the part, and of tools with their own."""
+    without: tuple[int, ...] = ()
+    """Tools that it does not hold for: those that cannot keep their limit, and thread mills."""
+
+    @property
+    def of_tools(self) -> str:
+        """Which tools it leaves out, as the end of a sentence; empty where none."""
+        named = ", ".join(f"T{number}" for number in self.without)
+        return f", without {named}" if named else ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -385,6 +395,12 @@ class OptimisedPart:
     sharp and worn."""
     split: str | None = None
     """Gain of splitting long blocks, in words; stored only where that was asked for."""
+
+    @property
+    def load_limit_N(self) -> float | None:
+        """Load limit that all tools have [N]; None without one, or where they differ."""
+        own = any("load_N" in use.limits for use in self.tools)
+        return None if own else self.limits.load_N
 
     def totals(self, side: Side) -> Totals:
         """Totals before or after."""

@@ -4,7 +4,8 @@ F is in the unit in which the program writes it, S in [rev/min], lengths in [mm]
 not known.
 """
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal
 
 from pipeline.schema.program_cut import CutWarning, ToolTotals
@@ -54,6 +55,8 @@ class ToolUse:
     None where none is held so."""
     rise: FeedRise | None = None
     """Where its feed per tooth rose most; None where it did not."""
+    limits: Mapping[str, float] = field(default_factory=dict)
+    """The tool's own limits, by the field of the part's limits in whose place they hold."""
 
 
 @dataclass(frozen=True, kw_only=True)

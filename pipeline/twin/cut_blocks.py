@@ -134,6 +134,8 @@ class CutBlocks:
     volume: Floats
     rate: Floats
     """Removed [m^3]; greatest rate of removal [m^3/s]."""
+    load_known: Bools
+    """Whether loads are known: where the spindle turns, and not of thread mills."""
 
     def __len__(self) -> int:
         return len(self.row)
@@ -185,6 +187,8 @@ def cut_blocks(cut: Cut, arcs: StationArcs | None = None) -> CutBlocks:
         air=np.maximum(plan.motion.time[row] - seconds, 0.0),
         volume=_sums(cut, engagement.volume)[row],
         rate=_greatest(cut, section)[row] * plan.v_peak[row],
+        load_known=(plan.spindle_speed[row] > 0)
+        & np.array([tool.load_known for tool in cut.tools], dtype=np.bool_)[cut.tool[row]],
     )
 
 

@@ -12,6 +12,7 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, no_load_power
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import LEAD_ANGLE
+from pipeline.schema.limits import by_tool_words
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,
@@ -210,6 +211,7 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
     unknown = found.life.unknown
     stiff = [names[tool] for tool in names if cut.tools[tool].stickout is None]
+    profiled = [names[tool] for tool in names if not cut.tools[tool].load_known]
     tools = dict(zip(cut.numbers, cut.tools, strict=True))
     unlisted = clearance_not_checked(cut.plan.path.moves, tools)
     reasons: list[tuple[str, bool, str]] = [
@@ -220,6 +222,9 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
         ("load, torque and power where the spindle stands",
          bool((found.blocks.spindle_speed <= 0).any()),
          "a tool that does not turn cuts no chip"),
+        (f"load, deflection, torque and power of {', '.join(profiled)}", bool(profiled),
+         "the contact of a thread mill’s profile is not computed, and no limit of them holds for "
+         "it"),
         ("deflection", bool(stiff), f"{', '.join(stiff)} without stickout_mm in the tool table"),
         ("contact of the tools’ bodies with the part", bool(unlisted),
          f"not listed: {'; '.join(unlisted)}"),
@@ -266,8 +271,10 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]
         )
     rows += [(f"forces of {', '.join(named)}", *said) for said, named in alike.items()]
     rows += life_sources(cut, basis.material)
-    if basis.limit_load is not None:
-        rows.append(("limit of the load", f"{basis.limit_load:g} N", "--limit-load"))
+    used = np.unique(blocks.tool).tolist()
+    own = {cut.numbers[tool]: cut.tools[tool].limit_load_N for tool in used}
+    if said := by_tool_words(basis.limit_load, own, "N"):
+        rows.append(("limit of the load", said, "--limit-load, or the tool table"))
     if basis.drive is not None:
         power = f"{basis.drive.rated_power_kW:g} kW from {basis.drive.base_speed_rpm:g} rev/min on"
         rows.append(("spindle’s drive", power, basis.drive_source))

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
-from pipeline.cutting.tool import tip_deflection
+from pipeline.cutting.tool import tip_deflection, tool_limits
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.program_cut import CutWarning
 from pipeline.twin.cut import Cut
@@ -49,21 +49,20 @@ def cut_limits(
     blocks : CutBlocks
         Its blocks.
     limit_load : float or None
-        Of the load in the plane [N].
+        Of the load in the plane, of tools without their own [N].
     drive : SpindleDrive or None
         Of the spindle.
     margin : ndarray, shape (M,), or None
         Of stability, by row.
     """
     unknown = np.full(len(blocks), np.nan)
-    peak = np.where(
-        blocks.spindle_speed > 0, blocks.peak, np.nan
-    )  # without a chip the force law gives no load
+    peak = np.where(blocks.load_known, blocks.peak, np.nan)
+    most = tool_limits(cut.tools, "load_N", limit_load)[blocks.tool]
     power = unknown if drive is None else _drive_share(blocks, drive)
     stable = unknown if margin is None else margin[blocks.row]
     with np.errstate(divide="ignore"):
         shares = np.stack([
-            unknown if limit_load is None else peak / limit_load,
+            np.where(np.isfinite(most), peak / most, np.nan),
             power,
             1.0 / (1.0 + stable),
         ])  # fmt: skip
@@ -83,7 +82,7 @@ def _drive_share(blocks: CutBlocks, drive: SpindleDrive) -> Floats:
     most = available_power(blocks.speed, drive)
     needed = motor_power(blocks.torque, blocks.speed, drive)
     share = np.divide(needed, most, out=np.full(len(most), np.inf), where=most > 0)
-    return np.where(blocks.spindle_speed > 0, share, np.nan)
+    return np.where(blocks.load_known, share, np.nan)
 
 
 def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
@@ -124,9 +123,10 @@ def cut_warnings(
         _warning(cut, _below(cut), "the tool goes below the blank’s underside",
                  "Check what the blank lies on."),
     ]  # fmt: skip
-    if limit_load is not None:
-        over = blocks.row[blocks.peak > limit_load]
-        what = f"the load passes its limit of {limit_load:g} N"
+    most = tool_limits(cut.tools, "load_N", limit_load)[blocks.tool]
+    for value in np.unique(most[np.isfinite(most)])[::-1].tolist():
+        over = blocks.row[(most == value) & (blocks.peak > value)]
+        what = f"the load passes its limit of {value:g} N"
         warnings.insert(1, _warning(cut, over, what, "Lower the feed of these blocks.", grave=True))
     warnings += [
         missed_blank(cut, stock), *_rigid(cut, blocks, dynamics), _unseen(dynamics),

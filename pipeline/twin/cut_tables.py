@@ -79,6 +79,7 @@ def _quantities(found: CutResults) -> dict[str, Floats]:
     """What a block and a total have in common, each (K,), in the units of their names."""
     b, limits = found.blocks, found.limits
     turning = np.where(b.spindle_speed > 0, 1.0, np.nan)  # without turning there is no chip
+    loaded = np.where(b.load_known, 1.0, np.nan)
     energy = found.energy
     return {
         "feed_per_tooth_mm": turning * b.feed_per_tooth * MM,
@@ -86,12 +87,12 @@ def _quantities(found: CutResults) -> dict[str, Floats]:
         "cutting_speed_m_min": turning * np.pi * b.cutting_diameter * b.spindle_speed,
         "axial_depth_mm": b.axial_depth * MM,
         "radial_depth_mm": b.radial_depth * MM,
-        "peak_load_N": turning * b.peak,
-        "mean_load_N": turning * b.mean,
-        "axial_force_N": turning * b.axial,
-        "torque_Nm": turning * b.torque,
-        "peak_torque_Nm": turning * b.peak_torque,
-        "power_kW": turning * b.power * KW,
+        "peak_load_N": loaded * b.peak,
+        "mean_load_N": loaded * b.mean,
+        "axial_force_N": loaded * b.axial,
+        "torque_Nm": loaded * b.torque,
+        "peak_torque_Nm": loaded * b.peak_torque,
+        "power_kW": loaded * b.power * KW,
         "drive_share": limits.drive,
         "deflection_um": limits.deflection * UM,
         "stability_margin": limits.margin,
@@ -106,7 +107,6 @@ def _quantities(found: CutResults) -> dict[str, Floats]:
 def _totals(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
     """Worst values of the blocks ``mine`` (K,) and sums over the ``rows`` (M,)."""
     b, plan = found.blocks, found.cut.plan
-    turning = b.spindle_speed > 0
     fed = rows & np.isin(plan.path.moves.kind, CUTTING)
     at_feed, inside = float(plan.motion.time[fed].sum()), float(b.seconds[mine].sum())
     volume = float(b.volume[mine].sum())
@@ -120,7 +120,7 @@ def _totals(found: CutResults, mine: Bools, rows: Bools) -> dict[str, Any]:
         "at_feed_s": figure(at_feed),
         "in_material_s": figure(inside),
         "air_share": figure(max(0.0, 1 - inside / at_feed)) if at_feed > 0 else None,
-        "mean_load_N": _mean(b.mean[mine & turning], b.seconds[mine & turning]),
+        "mean_load_N": _mean(b.mean[mine & b.load_known], b.seconds[mine & b.load_known]),
         "volume_cm3": figure(volume * CM3),
         "removal_rate_cm3_min": figure(volume * CM3_MIN / inside) if inside > 0 else None,
         "highest_removal_rate_cm3_min": worst["removal_rate_cm3_min"],

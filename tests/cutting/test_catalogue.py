@@ -3,6 +3,7 @@
 from dataclasses import replace
 from math import isclose
 
+import numpy as np
 import pytest
 
 from pipeline.cutting.catalogue import (
@@ -152,6 +153,12 @@ def test_a_slot_never_has_more_feed_than_a_shoulder(material: str, diameter: flo
         (replace(DRILL, material="hss"), "steel_medium_carbon", "drilling", (0.05, 0.09),
          (21, 27)),
         (replace(DRILL, material="hss"), "A6061", "drilling", (0.05, 0.128), (60, 122)),
+        # two to three times the speed of high-speed steel: Proto has 9 to 26 m/min in tool steels
+        (DRILL, "steel_tool", "drilling", (0.05, 0.065), (18, 78)),
+        # Etantdonnes: brass 61 m/min with high-speed steel, double with carbide
+        (DRILL, "brass", "drilling", (0.05, 0.09), (120, 183)),
+        # Fundamentals of Machining, table 5.4: HSS-Co 12 m/min in alpha-beta titanium
+        (DRILL, "titanium_alloy", "drilling", (0.03, 0.061), (24, 40)),
         (REAMER, "steel_medium_carbon", "reaming", (0.05, 0.077), (15, 19)),
     ],
 )  # fmt: skip
@@ -262,6 +269,21 @@ def test_a_drill_s_feed_is_shared_by_its_lips() -> None:
     three = found(replace(DRILL, flutes=3), "A6061", "drilling").feed_per_tooth_mm
     assert two is not None and three is not None
     assert isclose(2 * two[1], 3 * three[1])
+
+
+def test_a_deep_hole_has_less_feed_and_speed_than_a_plain_one() -> None:
+    """By the factors of the source's table from 6 D on, for each drill and material."""
+    for row in (row for row in CATALOGUE.rows if row.operations == ("drilling",)):
+        deep = next(
+            one for one in CATALOGUE.rows if one.operations == ("deep_drilling",)
+            and (one.groups, one.tool_material) == (row.groups, row.tool_material)
+        )  # fmt: skip
+        assert deep.diameter_mm == row.diameter_mm and "deep_holes" in deep.sources
+        assert np.array(deep.feed_mm) == pytest.approx(0.8 * np.array(row.feed_mm), rel=0.01)
+        assert row.cutting_speed_m_min is not None and deep.cutting_speed_m_min is not None
+        assert deep.cutting_speed_m_min == pytest.approx(
+            [0.6 * end for end in row.cutting_speed_m_min], rel=0.01
+        )
 
 
 def test_uncoated_carbide_is_slower_in_steel_alone() -> None:

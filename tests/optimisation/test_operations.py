@@ -17,6 +17,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
+from pipeline.optimisation.operation_cuts import drills_on_one_side
 from pipeline.optimisation.operations import operations, told_operations
 from pipeline.optimisation.practice import practice_of
 from pipeline.parameters import structure
@@ -26,7 +27,7 @@ from pipeline.twin.cut import CutJob, cut_program
 from pipeline.twin.cut_blocks import cut_blocks
 from tests.gcode.following import follow
 from tests.optimisation.machinist import PROGRAMS
-from tests.twin.cut_parts import CONTROL, LAW
+from tests.twin.cut_parts import CONTROL, LAW, cut_of
 
 FLAT = Tool(kind="flat", diameter_mm=10.0, flutes=4)
 SPOT = Tool(kind="drill", diameter_mm=10.0, flutes=2, point_angle_deg=120.0)
@@ -97,17 +98,17 @@ def test_the_sections_of_the_base_plate_are_what_their_comments_say() -> None:
     text, found = (PROGRAMS / "base_plate.nc").read_text(), whole("base_plate")
     assert of_tool(found, 1) == {"roughing", "plunging", "slotting"}
     assert below(text, found, "(FINISH BORE 40)") == {"boring"}
-    assert below(text, found, "(ROUGH SLOT 10 WIDE)") == {"finishing", "drilling"}
+    assert below(text, found, "(ROUGH SLOT 10 WIDE)") == {"finishing", "deep_drilling"}
     assert below(text.replace("T2 FINISHING", "T2"), of_lines(
         text.replace("T2 FINISHING", "T2"), tools_of("base_plate"), STOCKS["base_plate"]
-    ), "(ROUGH SLOT 10 WIDE)") == {"slotting", "drilling"}  # fmt: skip
+    ), "(ROUGH SLOT 10 WIDE)") == {"slotting", "deep_drilling"}  # fmt: skip
 
 
 def test_a_finish_face_mill_is_finishing_and_a_drill_for_a_reamer_a_drill() -> None:
     found = whole("housing", resolution=1.0)
     assert [of_tool(found, tool) for tool in (1, 5, 6)] == [
         {"finishing"},
-        {"drilling"},
+        {"deep_drilling"},  # 44 mm of 9.7
         {"reaming"},
     ]
 
@@ -166,6 +167,30 @@ def test_pecks_with_g1_are_drilling_from_the_first_one_on() -> None:
     assert [name for _, _, name in of_lines(text, {1: SPOT})] == ["drilling", "drilling"]
 
 
+PECKS = "T1 M6\nG0 X20 Y20 Z1 S1000 M3\n{pecks}G0 Z5\nM30\n"
+DEEP_BLOCK = Box(x_mm=(0, 60), y_mm=(0, 50), z_mm=(-60, 0))
+
+
+@pytest.mark.parametrize(("depth", "step", "name"), [
+    (28.0, 4.0, "drilling"), (34.0, 4.0, "deep_drilling"), (50.0, 3.0, "deep_drilling"),
+    (50.0, 50.0, "deep_drilling"),
+])  # fmt: skip
+@pytest.mark.parametrize("between", ["G0 Z1\n", "", "G0 Z1\nX25\nX20\n"])
+def test_pecks_down_one_hole_are_as_deep_as_the_hole(
+    depth: float, step: float, name: str, between: str
+) -> None:
+    """From 3 D of the full diameter on, posted with G1 and G0; D is 10, its cone 2.9 mm high."""
+    ends = np.append(np.arange(step, depth, step), depth).tolist()
+    pecks = "".join(f"{between}G1 Z{-end} F100\n" for end in ends)
+    found = of_lines(PECKS.format(pecks=pecks), {1: SPOT}, DEEP_BLOCK)
+    assert {one for _, _, one in found} - {"air"} == {name}
+
+
+def test_a_plain_cycle_down_a_deep_hole_is_as_deep() -> None:
+    found = of_lines(DRILLED.format(first=-20, second=-40), {1: SPOT}, DEEP_BLOCK)
+    assert [name for _, _, name in found] == ["drilling", "deep_drilling"]
+
+
 def test_a_drill_that_moves_sideways_chamfers() -> None:
     text = "T1 M6\nG0 X-10 Y0 Z-2 S1000 M3\nG1 X70 F100\nG0 Z5\nM30\n"
     assert of_tool(of_lines(text, {1: SPOT}), 1) == {"chamfering"}
@@ -177,6 +202,36 @@ def test_no_countersink_has_the_row_of_a_twist_drill(name: str) -> None:
     drill = listed_range(catalogue, steel, SPOT, ("drilling",))
     assert drill is not None and listed_range(catalogue, steel, SPOT, (name,)) != drill
     assert listed_range(catalogue, steel, replace(SPOT, role="countersink"), ("drilling",)) is None
+
+
+SLOTTED = "T1 M6\nG0 X-10 Y20 S6000 M3\nZ5\nG1 Z-5 F300\nX70 F600\nG0 Z5\n"
+SLOPED = "T1 M6\nG0 X-10 Y20 S6000 M3\nZ-3\n" + "".join(
+    f"Z{-3 + 0.1 * k:g}\nG1 X70 Y{14 + 0.4 * k:g} F600\nG0 Z5\nX-10\n" for k in range(30)
+)
+
+
+@pytest.mark.parametrize(("resolution", "point"), [(0.25, 140.0), (0.5, 118.0)])
+@pytest.mark.parametrize(("before", "place", "one_sided"), [
+    ("", "X30.37 Y20.19", False),
+    ("", "X4.6 Y20", False),  # 0.4 mm of its radius beside the blank
+    ("", "X3 Y20", True),
+    (SLOTTED, "X30 Y20", True), (SLOTTED, "X30 Y24", True), (SLOTTED, "X30 Y35", False),
+    (SLOPED, "X30 Y20", True),
+    ("T1 M6\nG0 X30 Y20 S6000 M3\nZ5\nG1 Z-8 F300\nG0 Z5\n", "X30 Y20", False),  # a pilot hole
+])  # fmt: skip
+def test_a_drill_cuts_on_one_side_over_slots_slopes_and_edges(
+    before: str, place: str, one_sided: bool, resolution: float, point: float
+) -> None:
+    text = f"{before}T2 M6\nG0 {place} S1000 M3\nZ1\nG1 Z-9 F100\nG0 Z5\nM30\n"
+    tools = {1: replace(FLAT, diameter_mm=6.0), 2: replace(SPOT, point_angle_deg=point)}
+    cut = cut_of(text, tools=tools, resolution=resolution)
+    drilled = cut.plan.path.moves.line[drills_on_one_side(cut)].tolist()
+    assert drilled == ([text.count("\n") - 2] if one_sided else [])
+
+
+def test_a_flat_drill_in_solid_material_cuts_all_around() -> None:
+    cut = cut_of(PECKS.format(pecks="G1 Z-6 F100\n"), tools={1: replace(SPOT, point_angle_deg=180)})
+    assert not drills_on_one_side(cut).any()
 
 
 HEAD = "T1 M6\nG0 X-10 Y20 S6000 M3\nZ5\nG1 Z-3 F300\n"

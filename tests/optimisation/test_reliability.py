@@ -53,8 +53,14 @@ def known(cut, certainty, *, kind="measured", sources=None):
     return uncertainty(laws, tools, None, None, certainty)
 
 
+def of_all(cut, limit=LIMIT):
+    """One load limit for all tools."""
+    return np.full(len(cut.tools), limit)
+
+
 def feeds(cut, certainty, limit=LIMIT, **others):
-    return chance_constrained_feeds(cut, limit, 0.0, known(cut, certainty, **others), certainty)
+    known_of = known(cut, certainty, **others)
+    return chance_constrained_feeds(cut, of_all(cut, limit), 0.0, known_of, certainty)
 
 
 def slot_of(cut) -> int:
@@ -120,6 +126,23 @@ class TestClosedForms:
         assert 1 - share <= together.level < apart.level
         assert (together.f_z >= apart.f_z).all()
 
+    def test_twice_the_limit_of_a_tool_is_twice_its_feed(self):
+        """Loads are proportional to the feed: each over its limit is as likely as before."""
+        both = cut_of(TWO, laws={1: ONLY, 2: ONLY})
+        spread = replace(SURE, measured_elsewhere=0.1, epsilon=0.05, draws=1024)
+        drawn = known(both, spread)
+        one, two, free = (
+            chance_constrained_feeds(both, LIMIT * np.array([1.0, times]), 0.0, drawn, spread).f_z
+            for times in (1.0, 2.0, np.inf)
+        )
+        first, second = (both.tool == index for index in (0, 1))
+        assert two[first] == pytest.approx(one[first], rel=1e-3)
+        assert two[second] == pytest.approx(2 * one[second], rel=1e-3)
+        assert np.isinf(free[second]).all() and (free[first] >= one[first]).all()
+        limits = LIMIT * np.array([1.0, 2.0])
+        risk = exceedance(both, np.where(np.isinf(two), 0.0, two), limits, drawn, spread, 7)
+        assert risk.interval_95[0] <= 0.05 <= 2 * risk.interval_95[1]
+
 
 def test_the_share_of_draws_that_pass_is_epsilon_at_most(milled):
     """Judged by other draws; all of coefficients, runout, depth and model are uncertain."""
@@ -127,7 +150,12 @@ def test_the_share_of_draws_that_pass_is_epsilon_at_most(milled):
         certainty = ReliabilitySettings(epsilon=epsilon)
         found = feeds(milled, certainty)
         other = exceedance(
-            milled, found.f_z, LIMIT, known(milled, certainty), replace(certainty, draws=4096), 77
+            milled,
+            found.f_z,
+            of_all(milled),
+            known(milled, certainty),
+            replace(certainty, draws=4096),
+            77,
         )
         assert other.interval_95[0] <= epsilon
         assert other.probability > epsilon / 3  # and no more is given away than draws leave open
@@ -149,14 +177,16 @@ def test_epsilon_is_kept_whatever_the_seed(milled, seeds: int, draws: int, most:
     passed = []
     for seed in range(seeds):
         found = feeds(milled, replace(certainty, seed=seed))
-        passed.append(exceedance(milled, found.f_z, LIMIT, uncertain, judge, 77).probability)
+        passed.append(
+            exceedance(milled, found.f_z, of_all(milled), uncertain, judge, 77).probability
+        )
     assert (np.array(passed) > certainty.epsilon).sum() <= most
 
 
 def test_at_nominal_feeds_half_of_the_draws_or_more_pass(milled):
     certainty = ReliabilitySettings(runout_um=0.0)
     nominal = feeds(milled, replace(certainty, epsilon=0.5)).nominal
-    found = exceedance(milled, nominal, LIMIT, known(milled, certainty), certainty, 3)
+    found = exceedance(milled, nominal, of_all(milled), known(milled, certainty), certainty, 3)
     assert found.probability > 0.45
 
 
@@ -184,7 +214,7 @@ def test_more_certainty_is_less_feed(milled):
 
 def test_a_margin_is_a_lower_limit(milled):
     certainty = ReliabilitySettings()
-    one = chance_constrained_feeds(milled, LIMIT, 0.2, known(milled, certainty), certainty)
+    one = chance_constrained_feeds(milled, of_all(milled), 0.2, known(milled, certainty), certainty)
     assert np.array_equal(one.f_z, feeds(milled, certainty, limit=0.8 * LIMIT).f_z)
 
 
@@ -193,7 +223,12 @@ def test_a_limit_below_the_edge_forces_leaves_no_feed(milled):
     cutting = np.isfinite(found.nominal)
     assert cutting.any() and not found.f_z[cutting].any()
     still = exceedance(
-        milled, found.f_z, 5.0, known(milled, ReliabilitySettings()), ReliabilitySettings(), 1
+        milled,
+        found.f_z,
+        of_all(milled, 5.0),
+        known(milled, ReliabilitySettings()),
+        ReliabilitySettings(),
+        1,
     )
     assert still.probability == 0.0 and still.interval_95[0] == 0.0
 
@@ -210,17 +245,17 @@ def test_feeds_that_other_limits_allow(milled):
     half = np.where(np.arange(len(bound)) % 2, 0.5, 2.0) * np.where(bound, found.f_z, 1e-4)
     for greatest, same in ((np.full(len(bound), 1.0), 1e-12), (half, 0.15)):
         other = chance_constrained_feeds(
-            milled, LIMIT, 0.0, known_of, certainty, greatest=greatest
+            milled, of_all(milled), 0.0, known_of, certainty, greatest=greatest
         )  # fmt: skip
         reached = bound & (found.f_z < greatest)
         assert reached.any()
         assert other.f_z[reached] == pytest.approx(found.f_z[reached], rel=same)
         assert (other.f_z[bound & ~reached] >= greatest[bound & ~reached] * (1 - 1e-9)).all()
         at = np.minimum(other.f_z, greatest)
-        judged = exceedance(milled, at, LIMIT, known_of, certainty, 5)
+        judged = exceedance(milled, at, of_all(milled), known_of, certainty, 5)
         assert judged.interval_95[0] <= certainty.epsilon
     none = chance_constrained_feeds(
-        milled, LIMIT, 0.0, known_of, certainty, greatest=np.full(len(bound), 1e-9)
+        milled, of_all(milled), 0.0, known_of, certainty, greatest=np.full(len(bound), 1e-9)
     )  # fmt: skip
     assert np.array_equal(none.f_z, none.nominal)
 
@@ -229,9 +264,9 @@ def test_rows_that_are_not_drawn_do_not_count(milled, monkeypatch):
     """The part's peaks are those of all rows, whichever are left out of the draws."""
     certainty = ReliabilitySettings(draws=256)
     at = np.minimum(0.9 * feeds(milled, certainty).f_z, 1e-4)
-    few = exceedance(milled, at, LIMIT, known(milled, certainty), certainty, 3)
+    few = exceedance(milled, at, of_all(milled), known(milled, certainty), certainty, 3)
     monkeypatch.setattr("pipeline.optimisation.reliability.chance_constraint.FAR", 1e12)
-    every = exceedance(milled, at, LIMIT, known(milled, certainty), certainty, 3)
+    every = exceedance(milled, at, of_all(milled), known(milled, certainty), certainty, 3)
     assert asdict(every) == asdict(few)
 
 
@@ -251,14 +286,14 @@ def test_few_draws_do_not_fail(milled):
 def test_a_tool_of_which_nothing_is_said_is_named(milled):
     nothing = replace(known(milled, ReliabilitySettings()), tools={})
     with pytest.raises(ValueError, match="tool T1 cuts and nothing is said"):
-        chance_constrained_feeds(milled, LIMIT, 0.0, nothing, ReliabilitySettings())
+        chance_constrained_feeds(milled, of_all(milled), 0.0, nothing, ReliabilitySettings())
 
 
 def test_a_program_that_cuts_air_has_no_limit():
     air = cut_of(SLOT.replace("Z-2.0", "Z3"))
     found = feeds(air, ReliabilitySettings())
     assert np.isinf(found.f_z).all()
-    assert exceedance(air, found.f_z, LIMIT, known(air, SURE), SURE, 0).probability == 0.0
+    assert exceedance(air, found.f_z, of_all(air), known(air, SURE), SURE, 0).probability == 0.0
 
 
 def waveform_peak(cut, station: int, f_z: float, drawn, d: int) -> float:

@@ -199,7 +199,8 @@ def load_table(
     N K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
     and edge terms for each length of lip; the chisel edge adds its own
     (:mod:`pipeline.cutting.force.chisel`).  In a hole of diameter d the flat of
-    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.
+    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads that are not known,
+    of thread mills, are 0.
 
     Parameters
     ----------
@@ -225,6 +226,8 @@ def load_table(
     order, station, tool = _different(engagement)
     values = np.zeros((len(order), nodes + 1, COLUMNS))
     for index in np.unique(tool):
+        if not tools[index].load_known:
+            continue
         these = np.flatnonzero(tool == index)
         rows = order[these]
         values[these] = _station_values(

@@ -10,6 +10,7 @@ most a_cut, the filtered acceleration of an axis is at most a_cut + a_arc + dV /
 jerk at most twice that over min(T1, T2).
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
 from functools import cache, cached_property
@@ -299,3 +300,22 @@ def _check_choices(parameters: Any, prefix: str = "") -> None:
 def _choices(kind: type) -> dict[str, tuple[str, ...]]:
     hints = get_type_hints(kind).items()
     return {name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal}
+
+
+def of_dialect(said: Mapping[str, Any], dialect: str) -> dict[str, Any]:
+    """A section ``control`` with what the dialect's own control does where the file says nothing.
+
+    LinuxCNC blends corners, and rapids with rapids; other corners, filters, an S-curve or rapids of
+    each axis tell of another control that reads its dialect.
+
+    Examples
+    --------
+    >>> of_dialect({"axes": {}}, "linuxcnc")
+    {'corner': 'blend', 'rapid_stop': 'change', 'axes': {}}
+    >>> of_dialect({"profile": "s_curve"}, "linuxcnc")
+    {'profile': 's_curve'}
+    """
+    other = {"rapid_filter", "cutting_filter", "profile", "rapid_mode"} & set(said)
+    if dialect != "linuxcnc" or other or said.get("corner", "blend") != "blend":
+        return dict(said)
+    return {"corner": "blend", "rapid_stop": "change", **said}

@@ -129,6 +129,10 @@ class Practice:
     kept_feed: tuple[tuple[str, Bools], ...] = field(repr=False)
     kept_speed: tuple[tuple[str, Bools], ...] = field(repr=False)
     """Rows whose F, S stay as programmed, by reason."""
+    no_more: tuple[tuple[str, Bools], ...] = field(repr=False)
+    """Rows whose F, S and feed for each tooth do not rise, by the reason for which that is said."""
+    given_up: Bools = field(repr=False)
+    """Rows of tools that cannot keep their limits: as programmed, and no limit holds for them."""
     f_z_low: Floats = field(repr=False)
     f_z_high: Floats = field(repr=False)
     """Feed for each tooth by the tool's range [m]."""

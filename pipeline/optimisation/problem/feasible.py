@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, cutting_power, no_load_power
+from pipeline.cutting.tool import tool_limits
 from pipeline.machine.control.path import where
 from pipeline.optimisation.problem import arrays as at
 from pipeline.optimisation.problem.arrays import (
@@ -21,7 +22,12 @@ from pipeline.optimisation.problem.arrays import (
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.demand import demand_of
-from pipeline.optimisation.problem.limits import at_hardest_station, bounds_of, ranges_of
+from pipeline.optimisation.problem.limits import (
+    at_hardest_station,
+    bounds_of,
+    ranges_of,
+    row_limits,
+)
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.problem.spindle import Lobes, allowed_power
 from pipeline.schema.arrays import Bools, Floats, Rows
@@ -41,10 +47,9 @@ ORDER = np.array([
 UM = 1e6
 SLACK = 1e-9
 """Share that a limit may be passed by and count as kept: rounding."""
-GIVEN = {
-    at.LOAD: "load_N", at.DEFLECTION: "deflection_um", at.ROUGHNESS: "roughness_um",
-    at.TORQUE: "torque_Nm",
-}  # fmt: skip
+BY_TOOL = {at.LOAD: "load_N", at.DEFLECTION: "deflection_um", at.TORQUE: "torque_Nm"}
+"""Limits that a tool may have of its own, by constraint."""
+GIVEN = BY_TOOL | {at.ROUGHNESS: "roughness_um"}
 """Limits whose value a refusal states, by constraint."""
 REMEDY = {
     at.LOAD: "raise limits.load_N",
@@ -146,15 +151,15 @@ def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
     ValueError
         When the deflection of a tool that cuts, or the spindle's drive, is not known.
     """
-    if limits.deflection_um is not None:
-        for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
-            tool = cut.tools[index]
-            if tool.stickout is None and tool.kind != "drill":
-                raise ValueError(
-                    f"limits.deflection_um = {limits.deflection_um:g} cannot be kept: "
-                    f"T{cut.numbers[index]} has no stickout_mm in the tool table: write it there, "
-                    "or leave the limit out"
-                )
+    most = tool_limits(cut.tools, "deflection_um", limits.deflection_um)
+    for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
+        tool = cut.tools[index]
+        if np.isfinite(most[index]) and tool.stickout is None and tool.kind != "drill":
+            raise ValueError(
+                f"limits.deflection_um = {most[index]:g} cannot be kept: "
+                f"T{cut.numbers[index]} has no stickout_mm in the tool table: write it there, "
+                "or leave the limit out"
+            )
     if limits.power_share < 1.0 and drive is None:
         raise ValueError(
             f"limits.power_share = {limits.power_share:g} cannot be kept: the machine's file has "
@@ -273,13 +278,19 @@ def _check(problem: Problem, *, load_limited: bool) -> None:
 
 
 class LimitsError(ValueError):
-    """No feed and speed keep the limits."""
+    """No feed and speed keep the limits; those of the tool with a number, if it is one tool's."""
+
+    def __init__(self, sentence: str, tool: int | None = None) -> None:
+        super().__init__(sentence)
+        self.tool = tool
 
 
 def _refuse(problem: Problem, wrong: Bools, sentence: Callable[[int], str]) -> None:
+    if problem.practice is not None:
+        wrong = wrong & ~problem.practice.given_up
     if wrong.any():
-        row = int(np.argmax(wrong))
-        raise LimitsError(f"{where(problem.cut.plan.path.moves, row)}: {sentence(row)}")
+        row, moves = int(np.argmax(wrong)), problem.cut.plan.path.moves
+        raise LimitsError(f"{where(moves, row)}: {sentence(row)}", int(moves.tool[row]))
 
 
 def tool_name(problem: Problem, row: int) -> str:
@@ -300,14 +311,15 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
     limits = problem.limits
     if problem.practice is not None:
         return
-    every = (limits.load_N, limits.roughness_um, limits.chip_um, limits.torque_Nm)
-    if load_limited or any(limit is not None for limit in every):
+    if load_limited or limits.roughness_um is not None or limits.chip_um is not None:
         return
-    bends = limits.deflection_um is not None
-    free = np.array([
-        tool.feed_per_tooth_mm is None and not (bends and tool.stickout is not None)
-        for tool in problem.cut.tools
-    ])  # fmt: skip
+    load, bending, torque = (
+        np.isfinite(tool_limits(problem.cut.tools, name, getattr(limits, name)))
+        for name in BY_TOOL.values()
+    )
+    made = np.array([tool.feed_per_tooth_mm is not None for tool in problem.cut.tools])
+    held = np.array([tool.stickout is not None for tool in problem.cut.tools])
+    free = ~(made | load | torque | (bending & held))
     _refuse(problem, problem.cuts & free[problem.cut.tool], lambda row: (
         f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or chip_um, or "
         "its feed_per_tooth_mm in the tool table"
@@ -319,12 +331,12 @@ def _check_bounds(problem: Problem) -> None:
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
         f"no feed of {tool_name(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
-        f"{_given(problem, int(which[row]))}: the edges alone take more"
+        f"{_given(problem, row, int(which[row]))}: the edges alone take more"
         f"{_edges(problem, row, int(which[row]))}: {REMEDY[int(which[row])]}"
     ))  # fmt: skip
     _refuse(problem, problem.cuts & (low > high * (1 + SLACK)), lambda row: (
         f"the least chip of {tool_name(problem, row)} needs {low[row] * UM:.4g} um a tooth, and "
-        f"the {CONSTRAINTS[which[row]]}{_given(problem, int(which[row]))} allows "
+        f"the {CONSTRAINTS[which[row]]}{_given(problem, row, int(which[row]))} allows "
         f"{high[row] * UM:.4g} um: lower the least chip, or {REMEDY[int(which[row])]}"
     ))  # fmt: skip
 
@@ -334,15 +346,22 @@ def _edges(problem: Problem, row: int, which: int) -> str:
     if which != at.LOAD:
         return ""
     least = float(problem.cut.table.values[0][row, 0])
-    limit = (problem.limits.load_N or 0.0) * (1 - problem.limits.margins.load)
+    limit = _limit_of(problem, row, which) * (1 - problem.limits.margins.load)
     beside = "" if least > limit else " by their nominal values, more with what is uncertain"
     return f", {least:.4g} N{beside}"
 
 
-def _given(problem: Problem, which: int) -> str:
-    name = GIVEN.get(which)
-    value = None if name is None else getattr(problem.limits, name)
-    return "" if name is None or value is None else f" of {value:g} {limit_words(name)[1]}"
+def _given(problem: Problem, row: int, which: int) -> str:
+    value = _limit_of(problem, row, which)
+    return f" of {value:g} {limit_words(GIVEN[which])[1]}" if np.isfinite(value) else ""
+
+
+def _limit_of(problem: Problem, row: int, which: int) -> float:
+    """Value of a limit in a row that cuts, in the unit of its name; infinite where none is."""
+    if which in BY_TOOL:
+        return float(row_limits(problem.cut, problem.limits, BY_TOOL[which])[row])
+    value = getattr(problem.limits, GIVEN[which]) if which in GIVEN else None
+    return np.inf if value is None else float(value)
 
 
 def _check_reach(problem: Problem) -> None:
@@ -351,7 +370,7 @@ def _check_reach(problem: Problem) -> None:
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & (slowest > high * (1 + SLACK)), lambda row: (
         f"{_whose(problem, row)} keep the {CONSTRAINTS[which[row]]}"
-        f"{_given(problem, int(which[row]))}: {tool_name(problem, row)} may take "
+        f"{_given(problem, row, int(which[row]))}: {tool_name(problem, row)} may take "
         f"{high[row] * UM:.4g} um a tooth, and takes {slowest[row] * UM:.4g} um at least"
         f"{_load_at(problem, row, slowest, int(which[row]))}: "
         f"{_wider(problem, row)}{REMEDY[int(which[row])]}"
@@ -459,7 +478,7 @@ def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> str:
     remedy = REMEDY.get(limit, "widen the ranges of F and S")
     return (
         f"{where(moves, block)}: {tool} passes the {CONSTRAINTS[limit]}"
-        f"{_given(problem, limit)} at F{feeds[block]:.4g} S{speeds[block]:.5g}, {reached}; "
+        f"{_given(problem, block, limit)} at F{feeds[block]:.4g} S{speeds[block]:.5g}, {reached}; "
         f"{reason}: {remedy}"
     )
 

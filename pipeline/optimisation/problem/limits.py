@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.force.load_table import TORQUE as MEAN_TORQUE
-from pipeline.cutting.tool import Tool, tip_stiffness
+from pipeline.cutting.tool import Tool, tip_stiffness, tool_limits
 from pipeline.machine.control.parameters import LINEAR
 from pipeline.machine.control.path import where
 from pipeline.machine.spindle import CUTTING
@@ -70,22 +70,25 @@ def bounds_of(
     most = np.full((len(F_Z_CONSTRAINTS), cut.engagement.blocks), np.inf)
     load, deflection, roughness, chip, by_torque, programmed, tooth, change = most
     cuts = cut.tool >= 0
+    most_load, give, most_torque = (
+        row_limits(cut, limits, name) for name in ("load_N", "deflection_um", "torque_Nm")
+    )
     if f_z_load is not None:
         load[cuts] = f_z_load[cuts]
-    elif limits.load_N is not None:
-        load[:] = inverse(cut, cut.table.values[0], limits.load_N * (1 - margins.load))
-    if limits.deflection_um is not None:
-        give = limits.deflection_um * UM * (1 - margins.deflection)
-        stiff = np.array([stiffness(tool) for tool in cut.tools])
-        deflection[:] = inverse(cut, cut.table.values[0], give * stiff[cut.tool])
-    elif practice is not None:
-        deflection[:] = practice.f_z_bent
+    elif np.isfinite(most_load).any():
+        load[:] = inverse(cut, cut.table.values[0], most_load * (1 - margins.load))
+    if np.isfinite(give).any():
+        stiff = np.array([stiffness(tool) for tool in cut.tools])[cut.tool]
+        across = give * UM * (1 - margins.deflection) * stiff
+        deflection[:] = inverse(cut, cut.table.values[0], across)
+    if practice is not None:
+        deflection[:] = np.minimum(deflection, practice.f_z_bent)
     if limits.roughness_um is not None:
         height = limits.roughness_um * UM * (1 - margins.roughness)
         marked = np.array([feed_for_marks(tool, height) for tool in cut.tools])
         roughness[:] = np.where(_plunges(cut), np.inf, marked[cut.tool])
-    if limits.torque_Nm is not None:
-        by_torque[:] = inverse(cut, torque, limits.torque_Nm * (1 - margins.torque))
+    if np.isfinite(most_torque).any():
+        by_torque[:] = inverse(cut, torque, most_torque * (1 - margins.torque))
     factor = _chip_factor(cut, blocks)
     chip[:] = _greatest_chip(cut, limits, factor, by_tool=practice is None)
     least = _least(cut, blocks, limits, factor, by_tool=practice is None)
@@ -102,8 +105,15 @@ def bounds_of(
         allowed = least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
         gives_way = np.minimum(practice.f_z_low, SOFT * allowed)
         least = np.maximum(least, np.where(cuts, gives_way, 0.0))
+        free = practice.given_up
+        most[:, free], least[free], torque[free] = np.inf, 0.0, 0.0
     most[:, ~cuts] = np.inf
     return Bounds(most=most, least=least, torque=torque)
+
+
+def row_limits(cut: Cut, limits: CutLimit, name: str) -> Floats:
+    """Limit of the tool of each row, as :func:`tool_limits`; infinite in air; shape (M,)."""
+    return np.append(tool_limits(cut.tools, name, getattr(limits, name)), np.inf)[cut.tool]
 
 
 def least_of_blocks(block: Rows, values: Floats) -> Floats:
@@ -323,6 +333,9 @@ def ranges_of(
         surface_low = np.maximum(surface_low, practice.surface_low)
         surface_high = np.minimum(surface_high, practice.surface_high)
         low, high = np.maximum(low, practice.speed_low), np.minimum(high, practice.speed_high)
+        unknown |= practice.given_up
+        surface_low = np.where(practice.given_up, 0.0, surface_low)
+        surface_high = np.where(practice.given_up, np.inf, surface_high)
     free = editable.speed & ~unknown
     speed_low = np.where(free, np.maximum(low, surface_low), surface_low)
     speed_high = np.minimum(np.where(free, high, highest), surface_high)

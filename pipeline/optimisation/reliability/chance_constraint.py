@@ -6,6 +6,8 @@ blocks, and above the greatest of them.  Each block gets the greatest feed at wh
 its load stays within the limit; the level of that quantile, the same for all blocks, rises from
 1 - epsilon until the share of draws in which any block passes is epsilon at most.
 
+Loads count over the limit of their tool, so that each may have its own.
+
 Feeds fitted to draws pass the limit more often in others: half of the draws tests the feeds that
 the other half allows.  Above the last few draws quantiles go on as of a lognormal load, and a share
 of few draws counts as the tail of the part's load has it, if that is more.  The share that is aimed
@@ -13,7 +15,7 @@ at is less than epsilon by what it errs in a sample of so many draws, so that th
 epsilon at most whatever the seed (of 20 seeds in 19).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -80,7 +82,7 @@ class ChanceConstrainedFeeds:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Exceedance:
-    """Probability that a part passes its load limit."""
+    """Probability that a part passes the load limit of any of its tools."""
 
     probability: float
     """Share of draws in which any row passes it [1]."""
@@ -89,12 +91,12 @@ class Exceedance:
     draws: int
     """How many."""
     peak_quantiles: dict[float, float]
-    """Of the part's peak load, by level [N]."""
+    """Of the peak load of the tools with a limit, by level [N]."""
 
 
 def chance_constrained_feeds(
-    cut: Cut, limit_N: float, margin: float, uncertain: Uncertainty, settings: ReliabilitySettings,
-    *, greatest: Floats | None = None,
+    cut: Cut, limits_N: Floats, margin: float, uncertain: Uncertainty,
+    settings: ReliabilitySettings, *, greatest: Floats | None = None,
 ) -> ChanceConstrainedFeeds:  # fmt: skip
     """Greatest feeds at which P(any row's load > limit) <= epsilon for the part.
 
@@ -102,8 +104,8 @@ def chance_constrained_feeds(
     ----------
     cut : Cut
         Of M rows.
-    limit_N : float
-        Of the peak across the tool's axis [N].
+    limits_N : ndarray, shape (T,)
+        Of the peak across the axis of each tool [N]; infinite where none holds.
     margin : float
         Share of it that is kept free [1].
     uncertain : Uncertainty
@@ -119,11 +121,11 @@ def chance_constrained_feeds(
     ValueError
         When a tool that cuts has no entry in ``uncertain``, or the draws are too few for epsilon.
     """
-    limit = limit_N * (1.0 - margin)
+    limits_N = limits_N * (1.0 - margin)
     allowed = np.full(cut.engagement.blocks, np.inf) if greatest is None else greatest
-    candidates = critical(cut, _near(cut, allowed, limit))
+    candidates = critical(cut, _near(cut, allowed, limits_N)).over(limits_N)
     _check(cut, candidates, uncertain)
-    most = candidates.feeds(limit)
+    most = candidates.feeds(1.0)
     nominal = row_feeds(candidates, most)
     if settings.epsilon >= NOMINAL or not len(candidates):
         return ChanceConstrainedFeeds(
@@ -133,9 +135,9 @@ def chance_constrained_feeds(
     reach = np.maximum(np.minimum(reach, allowed[candidates.row]), LEAST)
     draws = draws_of(uncertain, settings.draws, settings.seed)
     start = normal_level(1.0 - settings.epsilon)
-    nodes = _feed_nodes(cut, candidates, limit, reach, draws, start)
-    part = PartLoads(candidates=candidates, limit=limit, most=reach,
-                 responses=responses(cut, candidates, nodes, draws))  # fmt: skip
+    nodes = _feed_nodes(cut, candidates, limits_N, reach, draws, start)
+    drawn = responses(cut, candidates, nodes, draws).over(candidates, limits_N)
+    part = PartLoads(candidates=candidates, limit=1.0, most=reach, responses=drawn)
     aim = aimed_share(settings.epsilon, len(draws))
     level, share = _level(part, aim)
     if share > aim:
@@ -151,26 +153,28 @@ def chance_constrained_feeds(
     )  # fmt: skip
 
 
-def _near(cut: Cut, f_z: Floats, load: float) -> NDArray[np.intp]:
-    """Rows whose load could come to ``load`` at feeds for each tooth of shape (M,), whatever is
-    drawn: where it would with the chips of all teeth on one, and forces and depths ``FAR`` times as
-    great.
+def _near(cut: Cut, f_z: Floats, loads_N: Floats) -> NDArray[np.intp]:
+    """Rows whose load could come to that of their tool, (T,), at feeds for each tooth (M,).
+
+    Whatever is drawn: where it would with the chips of all teeth on one, and forces and depths
+    ``FAR`` times as great.
     """
     many = np.array([tool.flutes for tool in cut.tools] or [1])[cut.tool]
     with np.errstate(invalid="ignore"):
         loads = cut.table.peaks(np.minimum(many * f_z, ENDLESS))
-    return np.flatnonzero(FAR * loads >= load)
+    least = np.append(loads_N, np.inf)[cut.tool]
+    return np.flatnonzero((FAR * loads >= least) & np.isfinite(least))
 
 
 def _feed_nodes(
-    cut: Cut, candidates: Critical, limit: float, reach: Floats, draws: Draws, level: float
-) -> Floats:
+    cut: Cut, candidates: Critical, limits_N: Floats, reach: Floats, draws: Draws, level: float
+) -> Floats:  # fmt: skip
     """Feeds at which to compute each class for levels from ``level`` on, of few draws."""
     greatest = np.full(candidates.classes, LEAST)
     np.maximum.at(greatest, candidates.group, reach)
     few = draws.first(max(len(draws) // ROUGHLY, min(len(draws), 64)))
-    drawn = responses(cut, candidates, greatest[:, None] * NODES, few)
-    part = PartLoads(candidates=candidates, limit=limit, most=reach, responses=drawn)
+    drawn = responses(cut, candidates, greatest[:, None] * NODES, few).over(candidates, limits_N)
+    part = PartLoads(candidates=candidates, limit=1.0, most=reach, responses=drawn)
     ordered = np.sort(drawn.values, axis=2)
     most = BESIDE * part.feeds(quantiles(ordered, level))
     least = part.feeds(quantiles(ordered, level + RISE)) / BESIDE
@@ -182,10 +186,10 @@ def _feed_nodes(
 
 
 def exceedance(
-    cut: Cut, f_z: Floats, limit_N: float, uncertain: Uncertainty, settings: ReliabilitySettings,
-    seed: int,
+    cut: Cut, f_z: Floats, limits_N: Floats, uncertain: Uncertainty,
+    settings: ReliabilitySettings, seed: int,
 ) -> Exceedance:  # fmt: skip
-    """Probability that the load of a part passes a limit, in fresh draws.
+    """Probability that any load of a part passes the limit of its tool, in fresh draws.
 
     Parameters
     ----------
@@ -194,8 +198,8 @@ def exceedance(
     f_z : ndarray, shape (M,)
         Feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count as the
         last that is tabulated.
-    limit_N : float
-        [N].
+    limits_N : ndarray, shape (T,)
+        Of each tool [N]; infinite where none holds.
     uncertain : Uncertainty
         Of every tool that cuts.
     settings : ReliabilitySettings
@@ -204,8 +208,7 @@ def exceedance(
         Another one than that of the feeds.
     """
     many, at = FRESH * settings.draws, np.asarray(f_z, dtype=np.float64)
-    least_of = min(limit_N, float(cut.table.peaks(np.minimum(at, ENDLESS)).max(initial=0.0)))
-    candidates = critical(cut, _near(cut, at, least_of))
+    candidates = critical(cut, _judged(cut, at, limits_N))
     _check(cut, candidates, uncertain)
     feeds = at[candidates.row]
     feeds = np.where(np.isfinite(feeds), feeds, candidates.last_feeds)
@@ -213,18 +216,28 @@ def exceedance(
     np.minimum.at(least, candidates.group, np.where(feeds > 0, feeds, np.inf))
     np.maximum.at(most, candidates.group, feeds)
     nodes = nodes_between(np.clip(least, LEAST, most), most)
-    part = PartLoads(
-        candidates=candidates, limit=limit_N, most=feeds,
-        responses=responses(cut, candidates, nodes, draws_of(uncertain, many, seed)),
-    )  # fmt: skip
-    peaks = part.peaks(feeds, slice(0, many))
-    passed = int((peaks > limit_N).sum())
+    drawn = responses(cut, candidates, nodes, draws_of(uncertain, many, seed))
+    part = PartLoads(candidates=candidates, limit=np.inf, most=feeds, responses=drawn)
+    over = replace(part, candidates=candidates.over(limits_N),
+                   responses=drawn.over(candidates, limits_N))  # fmt: skip
+    peaks, shares = (one.peaks(feeds, slice(0, many)) for one in (part, over))
+    passed = int((shares > 1.0).sum())
     return Exceedance(
         probability=passed / many,
         interval_95=clopper_pearson(passed, many),
         draws=many,
         peak_quantiles={q: float(np.quantile(peaks, q)) for q in QUANTILES},
     )
+
+
+def _judged(cut: Cut, f_z: Floats, limits_N: Floats) -> NDArray[np.intp]:
+    """Rows of tools with a limit that could pass it, or make the peak load of such tools."""
+    loads, limit = cut.table.peaks(np.minimum(f_z, ENDLESS)), np.append(limits_N, np.inf)[cut.tool]
+    share = min(float((loads / limit).max(initial=0.0)), 1.0)
+    least = min(float(loads[np.isfinite(limit)].max(initial=0.0)), float(limits_N.min()))
+    finite = np.isfinite(limits_N)
+    of_tool = np.minimum(share * np.where(finite, limits_N, 0.0), least)
+    return _near(cut, f_z, np.where(finite, of_tool, np.inf))
 
 
 def _level(part: PartLoads, epsilon: float) -> tuple[float, float]:

@@ -45,7 +45,7 @@ def cut_ranges(cut: Cut) -> dict[int, CutRange]:
         mine = engagement.feed & (engagement.tool == index) & (f_z > 0) & (speed > 0)
         mine &= engagement.axial_depth > 0
         mine &= peak >= HEAVY * peak[mine].max(initial=0.0)
-        if mine.any():
+        if mine.any() and cut.tools[index].load_known:
             found[number] = CutRange(
                 feeds_m=_ends(f_z[mine]), speeds=_ends(speed[mine]),
                 depths_m=_ends(engagement.axial_depth[mine]),

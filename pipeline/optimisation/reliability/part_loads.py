@@ -15,7 +15,7 @@ far quantiles settle with fewer draws (Owen 1998).  The load of each class' repr
 computed in each draw, over the feed for each tooth; candidates of the part follow their class.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, log2
 from typing import NamedTuple
@@ -97,6 +97,11 @@ class Critical:
         """f_z of the last node of each candidate's table [m]; shape (Q,)."""
         last: Floats = ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
         return last
+
+    def over(self, limits_N: Floats) -> "Critical":
+        """The same with loads over the limit of their tool, (T,) [N], in place of newtons."""
+        limit = limits_N[self.tool][self.group]
+        return replace(self, curve=self.curve / limit[:, None])
 
     def loads(self, f_z: Floats) -> Floats:
         """Nominal peak of each candidate [N] at one feed for each, shape (Q,)."""
@@ -300,6 +305,11 @@ class Responses:
     """Without uncertainty [N]; shape (C, K)."""
     values: Floats = field(repr=False)
     """In the draws [N]; shape (C, K, D)."""
+
+    def over(self, candidates: Critical, limits_N: Floats) -> "Responses":
+        """The same with loads over the limit of their tool, (T,) [N], in place of newtons."""
+        limit = limits_N[candidates.tool][:, None]
+        return replace(self, expected=self.expected / limit, values=self.values / limit[..., None])
 
 
 def nodes_between(least: Floats, most: Floats) -> Floats:

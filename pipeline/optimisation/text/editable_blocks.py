@@ -34,8 +34,9 @@ CLOSED = "its line calls, computes or sets something, and nothing is written int
 
 
 def editable_blocks(
-    program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = ()
-) -> Editable:
+    program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = (),
+    no_more: Reasons = (),
+) -> Editable:  # fmt: skip
     """Blocks of a program whose F and S may change.
 
     Parameters
@@ -47,6 +48,8 @@ def editable_blocks(
     kept_feed, kept_speed : sequence of (str, ndarray of bool)
         Rows (M,) that are to keep their F, their S, by reason; their lines may be given the words
         that keep it.
+    no_more : sequence of (str, ndarray of bool)
+        Rows (M,) whose F and S may fall and not rise, by reason, to be named.
 
     Returns
     -------
@@ -65,6 +68,7 @@ def editable_blocks(
     held = [
         *_held("F", places.feed_reasons, cutting & ~places.feed_free, moves),
         *_held("S", places.speed_reasons, cutting & at_speed(moves) & ~places.speed_free, moves),
+        *_held("F and S", no_more, cutting, moves),
     ]
     return Editable(
         block=block, line=lines.astype(np.intp), speed=places.speed_free, may_start=may_start,
