@@ -272,7 +272,9 @@ HOSTILE = (
 )  # fmt: skip
 INTERNAL = re.compile(r"search|bounds|shape|array|index|None|nan|\(0,\)|Traceback|<class")
 """Words of the inside, where one sentence says why there is no program."""
-SEEDS = [pytest.param(seed, marks=pytest.mark.proof if seed >= 3 else ()) for seed in range(100)]
+FAST = (1, 40)
+"""A reamed part's torque limit that cannot be kept; a thread mill without any hostile option."""
+SEEDS = [pytest.param(seed, marks=() if seed in FAST else pytest.mark.proof) for seed in range(100)]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -292,9 +294,10 @@ def test_a_program_in_which_nothing_may_change_stays_and_says_why(project: Path,
     material = str(random.choice([file.stem for file in (ROOT / "conf/material").iterdir()]))
     options = given(tool_table="t.yaml", resolution="1", limit_load=None, material=material,
                     objective=None)  # fmt: skip
-    options += str(random.choice(HOSTILE)).split() + ["--keep", "T1"] * (role == "")
+    hostile = str(random.choice(HOSTILE)).split()
+    options += hostile + ["--keep", "T1"] * (role == "")
     done = kerf(project, "optimise", "part.nc", *options, *OUT)
-    assert done.exit_code in (0, 2), done.output
+    assert done.exit_code in ((0, 2) if hostile else (0,)), done.output
     if done.exit_code == 0:
         assert (project / "better.nc").read_bytes() == (project / "part.nc").read_bytes()
         (why,) = re.findall("  nothing to change: (.+)", done.stdout)

@@ -204,7 +204,10 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("case", [
+    "stairs at a load limit", "a finishing contour",
+    pytest.param("stairs by the table alone", marks=pytest.mark.proof),
+])  # fmt: skip
 def test_splitting_is_never_slower_and_each_point_earns_its_place(case: str) -> None:
     text, limits, gains = CASES[case]
     whole, split = (optimise(job_on(text, split=on, **limits)) for on in (False, True))
