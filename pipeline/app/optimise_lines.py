@@ -38,6 +38,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)
+    yield from _kept_now(part)
     yield from _tools(part)
     yield from _certainty(part)
     yield from _methods(part)
@@ -49,6 +50,17 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     yield from (f"  {note}" for note in part.notes if note.startswith("tool life of"))
     for unknown in part.not_known:
         yield f"  not known: {unknown.what}, {unknown.why}"
+
+
+def _kept_now(part: OptimisedPart) -> Iterator[str]:
+    """Why the answer is no better than the program: limits that this passes."""
+    passed = [
+        f"{name} in {many(count, 'block')}"
+        for name, count in part.before.beyond_of.items()
+        if count > part.after.beyond_of.get(name, 0)
+    ]
+    if passed:
+        yield f"  as programmed it is beyond its limits: {', '.join(passed)}"
 
 
 def _totals(part: OptimisedPart) -> Iterator[str]:

@@ -339,6 +339,19 @@ class CuttingCatalogue:
             f"{operation.replace('_', ' ')}"
         )
 
+    def by_width(
+        self, tool: Tool, material: Material, operation: Operation
+    ) -> tuple[CuttingRange, ...]:
+        """Ranges of a tool, the narrowest cuts first; the next begins where one ends."""
+        found: list[CuttingRange] = []
+        one = self.lookup(tool, material, operation)
+        while one is not None and one not in found:
+            found.append(one)
+            if one.radial_over_diameter is None:
+                break
+            one = self.lookup(tool, material, operation, one.radial_over_diameter[1])
+        return tuple(found)
+
     def _row(
         self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
     ) -> tuple[CatalogueRow, int] | None:

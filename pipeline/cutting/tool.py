@@ -234,7 +234,7 @@ def tool_limits(
     outside : collection of int
         Indices of tools that no limit holds for.
     """
-    limits = np.full(len(tools), np.inf if of_part is None else of_part)
+    limits = np.full(len(tools), np.inf if of_part is None else of_part, dtype=np.float64)
     for index, tool in enumerate(tools):
         limits[index] = getattr(tool, f"limit_{name}") or limits[index]
         if not tool.load_known or index in outside:

@@ -66,12 +66,10 @@ def listed_range(
     tool : Tool
         Whose range is asked for.
     operations : sequence of Operation
-        What the tool does; of several the range is the widest, from the least to the greatest of
-        all that have one.
+        What the tool does; of several, and of several widths of cut, the range is the widest, from
+        the least to the greatest of all that have one.
     """
-    found = [
-        one for name in operations if (one := _listed(catalogue, tool, material, name)) is not None
-    ]
+    found = [one for name in operations for one in by_width(catalogue, material, tool, name)]
     if len(found) < 2:
         return found[0] if found else None
     return CuttingRange(
@@ -81,13 +79,13 @@ def listed_range(
     )
 
 
-def _listed(
-    catalogue: CuttingCatalogue, tool: Tool, material: Material, operation: Operation
-) -> CuttingRange | None:
-    """Of one operation, or of the first whose values hold for it too."""
+def by_width(
+    catalogue: CuttingCatalogue, material: Material, tool: Tool, operation: Operation
+) -> tuple[CuttingRange, ...]:
+    """Of one operation, or of the first whose values hold for it too; narrow cuts first."""
     names = (operation, *LIKE.get(operation, ()))
-    ranges = (catalogue.lookup(tool, material, name) for name in names)
-    return next((one for one in ranges if one is not None), None)
+    ranges = (catalogue.by_width(tool, material, name) for name in names)
+    return next((found for found in ranges if found), ())
 
 
 def _widest(spans: Sequence[Span | None]) -> Span | None:

@@ -40,6 +40,9 @@ from pipeline.twin.setup_warnings import setup_warnings
 DIGITS = 4
 """Digits of a metric."""
 
+RUBS = 0.9
+"""Share of the least feed for each tooth below which less is no rounding of F [1]."""
+
 
 def optimised_text(result: Result) -> bytes:
     """The program to write: with the proof in a comment at its end where the settings say so."""
@@ -72,6 +75,7 @@ def optimised_part(result: Result, *, machine: str, origin: str, control: str) -
             *_given_up(result),
             *changed_earlier(basis.wear),
             *_chatters(result),
+            *_rubs(result),
             *(one for one in warnings if one.grave or one in odd),
         ),
         verdicts=used_models(job.models.verdicts, job.settings.certainty),
@@ -124,9 +128,9 @@ def _given_up(result: Result) -> Iterator[CutWarning]:
     """One for each tool that cannot keep its limits: its blocks stay as programmed."""
     for number, why in result.given_up.items():
         rows = np.flatnonzero(result.problem.cuts & (result.moves.tool == number))
+        sure = "" if result.risk is None else ", the certainty is that of the other tools"
         yield CutWarning(
-            what=f"T{number} cannot keep its limits and stays as programmed, the certainty is that "
-            f"of the other tools: {why}",
+            what=f"T{number} cannot keep its limits and stays as programmed{sure}: {why}",
             do="Give it a limit that it can keep, or less depth.",
             lines=tuple(dict.fromkeys(result.moves.line[rows].tolist())),
             blocks=len(rows), grave=True,
@@ -136,7 +140,7 @@ def _given_up(result: Result) -> Iterator[CutWarning]:
 def _chatters(result: Result) -> Iterator[CutWarning]:
     """One for each tool that misses the margin of stability as programmed, at any S it may have.
 
-    Its F and S come no nearer to chatter than they were.
+    Its F and S rise no further than programmed.
     """
     problem = result.problem
     limit, least = problem.limits.margins.stability, problem.least_margin
@@ -145,17 +149,36 @@ def _chatters(result: Result) -> Iterator[CutWarning]:
         worst = int(rows[np.argmin(least[rows])])
         margin = 100 * float(least[worst])
         near = (
-            f"chatter is predicted from {100 + margin:.0f} % of its depth on" if margin < 0
-            else f"its depth is {margin:.0f} % below that of chatter"
+            f"chatter is predicted from {100 + margin:.0f} % of the depth on" if margin < 0
+            else f"the depth is {margin:.0f} % below that of chatter"
         )  # fmt: skip
         yield CutWarning(
-            what=f"T{problem.cut.numbers[number]} as programmed: {near}, worst in "
+            what=f"T{problem.cut.numbers[number]} in the program as it is: {near}, worst in "
             f"{where(result.moves, worst)}, and no S that it may have keeps the margin of "
-            f"{100 * limit:.0f} %",
+            f"{100 * limit:.0f} %: there its F and S rise no further",
             do="Listen, or measure the dynamics of the tip.",
             lines=tuple(dict.fromkeys(result.moves.line[np.sort(rows)].tolist())),
             blocks=len(rows),
         )
+
+
+def _rubs(result: Result) -> Iterator[CutWarning]:
+    """One for each tool whose limits leave less feed for each tooth than its range begins with."""
+    practice, cut = result.problem.practice, result.problem.cut
+    if practice is None:
+        return
+    now = result.answer.cut.commanded_feed_per_tooth()[result.answer.rows]
+    low = result.problem.cuts & (now < RUBS * practice.f_z_low)
+    for number in np.unique(cut.tool[low]).tolist():
+        rows = np.flatnonzero(low & (cut.tool == number))
+        worst = int(rows[np.argmin(now[rows] / practice.f_z_low[rows])])
+        yield CutWarning(
+            what=f"T{cut.numbers[number]} keeps its limits only at {now[worst] * 1e3:.2g} mm a "
+            f"tooth, as in {where(result.moves, worst)}, below its range and below the program: it "
+            "rubs rather than cuts",
+            do="Take less depth, or a tool that bears more.",
+            lines=tuple(dict.fromkeys(result.moves.line[rows].tolist())), blocks=len(rows),
+        )  # fmt: skip
 
 
 def _compensated(result: Result) -> Iterator[str]:

@@ -23,7 +23,7 @@ from pipeline.optimisation.axis_limits import AxesCheck, check_axes
 from pipeline.optimisation.job import Job
 from pipeline.optimisation.methods.genes import Front, Method, written_feeds
 from pipeline.optimisation.problem.arrays import Decision, feeds_per_minute
-from pipeline.optimisation.problem.feasible import passed_limit, tool_name
+from pipeline.optimisation.problem.feasible import LimitsError, passed_limit, tool_name
 from pipeline.optimisation.problem.limits import row_limits
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.proof.prove import Proof
@@ -114,13 +114,13 @@ class Full:
     feed_cap: Floats = field(repr=False)
     """F to which each row has to go down for its axes [mm/min]; infinite where it need not;
     shape (M,)."""
-    why_not: str
-    """Which limit is passed; empty where all are kept."""
+    why_not: LimitsError | None
+    """Which limit is passed; None where all are kept."""
 
     @property
     def kept(self) -> bool:
         """Whether all limits are kept."""
-        return not self.why_not
+        return self.why_not is None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -214,7 +214,7 @@ def full_twin(
         why_not=_why_not(
             problem, (feeds, speeds), violation, f_z_cap,
             verified.row_peak[rows],
-        ) or verified.axes.why_not,
+        ) or (LimitsError(verified.axes.why_not) if verified.axes.why_not else None),
     )  # fmt: skip
 
 
@@ -239,30 +239,30 @@ def _f_z_cap(
 def _why_not(
     problem: Problem, words: tuple[Floats, Floats], violation: float, f_z_cap: Floats,
     peak: Floats,
-) -> str:  # fmt: skip
-    """The limit that F and S, rounded as words, pass with loads ``peak`` of rows; or nothing."""
+) -> LimitsError | None:  # fmt: skip
+    """The limit that F and S, rounded as words, pass with loads ``peak`` of rows; None for none."""
     moves = problem.cut.plan.path.moves
     if violation > SLACK:
         named = passed_limit(problem, *words)
         rounded = "F and S, rounded as words of the program are: "
-        return (
-            rounded + named
+        return LimitsError(
+            f"{rounded}{named}"
             if named
-            else (
-                f"{moves.files[0]}: F and S, rounded as words of the program are, pass a limit by "
-                f"{100 * violation:.2g} % in all: widen the ranges of F and S"
-            )
+            else f"{moves.files[0]}: F and S, rounded as words of the program are, pass a limit by "
+            f"{100 * violation:.2g} % in all: widen the ranges of F and S",
+            named.tool if named else None,
         )
     capped = np.isfinite(f_z_cap)
     if capped.any():
         row = int(np.argmax(np.where(capped, peak, -1.0)))
         most = row_limits(problem.cut, problem.limits, "load_N")
-        return (
+        return LimitsError(
             f"{where(moves, row)}: teeth that pass one by one load {tool_name(problem, row)} with "
             f"{peak[row]:.4g} N, and the load limit of {most[row]:g} N less its margin "
-            "and what is uncertain allows less at any feed that was tried: raise limits.load_N"
+            "and what is uncertain allows less at any feed that was tried: raise limits.load_N",
+            int(moves.tool[row]),
         )
-    return ""
+    return None
 
 
 def verify(

@@ -141,7 +141,8 @@ def optimise_worn(
                 kept = _Course(worn(share), found, given_up)._result()
             except LimitsError:
                 continue
-            return _best(kept.job, found, given_up) if kept.job.settings.grouping.split else kept
+            ended = kept.interrupted or not kept.job.settings.grouping.split
+            return kept if ended else _best(kept.job, found, given_up)
         sharp = _best(worn(SHARES[-1]), found, given_up)
         if sharp.given_up == given_up:
             return sharp
@@ -221,10 +222,8 @@ class _Course:
         job = self.job
         outcome = self._search(self._problem())
         problem = outcome.problem
-        if not outcome.answer.kept:
-            if self.interrupted:
-                raise Interrupted
-            raise LimitsError(outcome.answer.why_not, self._overloaded(outcome.answer))
+        if outcome.answer.why_not is not None:
+            raise Interrupted if self.interrupted else outcome.answer.why_not
         self.ends("comparing", 0.8)
         answer, methods = self._methods(problem, outcome)
         nominal = self._nominal(problem)
@@ -268,14 +267,6 @@ class _Course:
         of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
         text = _Text(program=split.program, moves=moves, cut=cut, whole=of, points=len(split.added))
         return _Course(self.job, self._progress, self.given_up, text)
-
-    def _overloaded(self, answer: Full) -> int | None:
-        """Number of the tool whose load passes its limit by most in the whole twin, if one does."""
-        capped = np.isfinite(answer.f_z_cap)
-        if not capped.any():
-            return None
-        peak = answer.verified.row_peak[answer.rows]
-        return int(self.moves.tool[np.argmax(np.where(capped, peak, -1.0))])
 
     @property
     def _limits_N(self) -> Floats:
@@ -447,7 +438,8 @@ class _Course:
                 methods.append(one)
                 continue
             full = self._full(problem, one.decision or _unchanged(outcome.blockwise))
-            methods.append(replace(one, objectives=full.objectives, refused=full.why_not))
+            refused = str(full.why_not or "")
+            methods.append(replace(one, objectives=full.objectives, refused=refused))
             if full.kept and full.objectives[which] < answer.objectives[which]:
                 answer = full
         final = Method(
@@ -554,7 +546,7 @@ def _best_in_parts(job: Job, progress: Progress, given_up: GivenUp) -> Result:
     except LimitsError as error:
         refused = error
     begun = 0.5
-    with suppress(LimitsError, Interrupted):
+    with suppress(ValueError, Interrupted):  # what splitting cannot do, the whole program can
         parts = None if course.interrupted else course.in_parts()
         if parts is not None:
             split, points = parts.result(), parts.text.points

@@ -30,12 +30,13 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, fastest
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_range import listed_range, tool_range
+from pipeline.cutting.tool_range import by_width, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_cuts import drills_on_one_side, long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import (
+    SAME,
     NotRaised,
     OperationRange,
     Practice,
@@ -55,8 +56,6 @@ NARROWEST = 0.01
 """Least a_e over D whose chip counts as thin [1]."""
 DEEPER = 1.01
 """Factor by which a depth may pass that of a row and count as it."""
-SAME = 1 + 1e-9
-"""Factor by which a value may pass the programmed one and count as it: rounding."""
 
 
 @dataclass(frozen=True)
@@ -286,6 +285,8 @@ class _Rows:
                 operation, there = OPERATIONS[code], mine & (self.found.code == code)
                 kept, rule = "", RULES.get(operation, Rule())
                 for listed, rows in self._by_width(catalogue, material, tool, operation, there):
+                    if not rows.any():
+                        continue
                     known = tool_range(
                         tool, listed, cutting_speed_m_min=self.limits.cutting_speed_m_min
                     )
@@ -303,15 +304,13 @@ class _Rows:
         rows: Bools,
     ) -> Iterator[tuple[CuttingRange | None, Bools]]:  # fmt: skip
         """Ranges of the catalogue for rows of a tool, the narrowest cuts first."""
-        listed, end = listed_range(catalogue, material, tool, (operation,)), 0.0
-        while rows.any():
+        found: tuple[CuttingRange | None, ...] = by_width(catalogue, material, tool, operation)
+        for listed in found[:-1]:
             if listed is not None and listed.radial_over_diameter is not None:
-                end = listed.radial_over_diameter[1]
-            wider = catalogue.lookup(tool, material, operation, end) if end else None
-            inside = rows if wider in (None, listed) else rows & ~self._wider(end, tool)
-            if inside.any():
+                inside = rows & ~self._wider(listed.radial_over_diameter[1], tool)
                 yield listed, inside
-            listed, rows = wider, rows & ~inside
+                rows = rows & ~inside
+        yield (found or (None,))[-1], rows
 
     def _wider(self, share: float, tool: Tool) -> Bools:
         """Rows that are wider than a share of the diameter of a tool; shape (M,)."""
@@ -361,6 +360,7 @@ class _Rows:
         A limit of the deflection that somebody gives stands for it.
         """
         cuts = self.cuts & np.isinf(row_limits(self.cut, self.limits, "deflection_um"))
+        cuts &= np.array([*(tool.load_known for tool in self.cut.tools), False])[self.cut.tool]
         most, held = np.maximum(BENDING, TEETH * self.reached_f_z), []
         stiff = np.array([*(stiffness(tool) for tool in self.cut.tools), np.inf])[self.cut.tool]
         bends = np.where(cuts, self.cut.table.peaks(self.reached_f_z), 0.0) / stiff

@@ -17,7 +17,7 @@ from pipeline.optimisation.problem.arrays import (
     BEYOND,
     CHANGE,
     CONSTRAINTS,
-    DEFLECTION,
+    STABILITY,
     feeds_per_minute,
 )
 from pipeline.optimisation.problem.feasible import AT, binding_constraints
@@ -91,8 +91,7 @@ class RowReasons:
         held = ((which == CHANGE) & ~changed) | (which == AS_PROGRAMMED)
         which = np.where((which == CHANGE) & ~changed, other, which)
         for one in practice.not_raised:
-            named = DEFLECTION if one.limit == CONSTRAINTS[DEFLECTION] else BINDS.index(one.limit)
-            which = np.where(one.rows & held, named, which)
+            which = np.where(one.rows & held, BINDS.index(one.limit), which)
         return which
 
     @cached_property
@@ -156,9 +155,9 @@ class RowReasons:
             unknown.append("its stability is not known and no range of S is given")
         if unknown:
             return "; ".join(unknown)
-        if practice is not None and (practice.speed_high[free] <= self._own(free)).all():
-            operation = OPERATIONS[practice.operation[free[0]]].replace("_", " ")
-            return f"{operation} takes no more than programmed"
+        held = self._held_speed(free)
+        if held:
+            return held
         by_range = (ranges.surface_high[free] * AT <= self.spindle_speed[free]).any()
         if by_range:
             return "cutting speed or life of the edge is at its limit"
@@ -166,6 +165,21 @@ class RowReasons:
             return "S is at the spindle’s top speed, or at the end of its range"
         least = 100 * self.result.job.settings.grouping.least_speed_gain
         return f"no higher one that keeps its limits saves {least:g} % of the part"
+
+    def _held_speed(self, rows: Rows) -> str:
+        """What holds the S of some of the rows as programmed; empty where nothing does."""
+        practice = self.problem.practice
+        if practice is None:
+            return ""
+        there = rows[practice.speed_high[rows] <= self._own(rows)]
+        if not len(there):
+            return ""
+        row = int(there[0])
+        operation = OPERATIONS[practice.operation[row]].replace("_", " ")
+        reasons = (*practice.no_more, *((one.why, one.rows) for one in practice.not_raised
+                                        if one.limit == CONSTRAINTS[STABILITY]))  # fmt: skip
+        why = next((why for why, of in reasons if of[row]), "")
+        return why or f"{operation} takes no more than programmed"
 
     def why_no_more_feed(self, rows: Rows) -> str | None:
         """Why rows that cut have no more feed for each tooth than programmed, by their cut."""

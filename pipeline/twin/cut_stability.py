@@ -64,9 +64,9 @@ def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability |
 
 
 def _milling(cut: Cut, dynamics: TipDynamics) -> list[Sequence[Mode] | None]:
-    """Dynamics of each tool that mills: lobes of milling say nothing of a drill."""
+    """Dynamics of each tool that mills: lobes of milling say nothing of a drill, or of a thread."""
     tips = zip(dynamics.of(cut.numbers), cut.tools, strict=True)
-    return [None if tool.kind == "drill" else tip for tip, tool in tips]
+    return [None if tool.kind == "drill" or not tool.load_known else tip for tip, tool in tips]
 
 
 def _clipped(cut: Cut, table: StabilityTable) -> Floats:

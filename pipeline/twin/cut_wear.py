@@ -233,8 +233,9 @@ def tool_edges(
     order = list(dict.fromkeys(cut.tool[cut.tool >= 0].tolist()))
     given = [coefficients[number] for number in cut.numbers]
     forces: dict[int, EdgeForces] = {}
-    if any(given[index].land is not None for index in order):
-        forces = _forces(cut, arcs, given, order)
+    loaded = [index for index in order if cut.tools[index].load_known]
+    if any(given[index].land is not None for index in loaded):
+        forces = _forces(cut, arcs, given, loaded)
     return tuple(
         ToolEdge(
             tool=cut.numbers[index], name=cut.tools[index].name,

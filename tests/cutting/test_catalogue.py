@@ -16,6 +16,7 @@ from pipeline.cutting.catalogue import (
 )
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool, ToolTable
+from pipeline.cutting.tool_range import listed_range
 from pipeline.parameters import read_params, structure
 
 PARAMETERS = read_params()
@@ -93,6 +94,8 @@ def test_a_face_mill_has_less_feed_over_its_whole_width() -> None:
         assert listed.axial_depth_mm == 5.0
         ends.append(listed.feed_per_tooth_mm[1])
     assert ends == [0.203, 0.203, 0.152, 0.152]
+    any_width = listed_range(CATALOGUE, C45, FACE, ("face_milling",))
+    assert any_width is not None and any_width.feed_per_tooth_mm == (0.0762, 0.203)
 
 
 @pytest.mark.parametrize("material", sorted(MATERIALS))

@@ -3,6 +3,7 @@
 from typing import Any
 
 from pipeline.app.tables import read_catalogue, read_material
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool, ToolTable
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
@@ -43,14 +44,14 @@ STOCK = "box:0,60,0,50,-40,0"
 
 def optimised(
     text: str, tools: dict[int, Tool] | None = None, *, stock: str = STOCK,
-    material: str = "steel_medium_carbon", **limits: Any,
+    material: str = "steel_medium_carbon", drive: SpindleDrive | None = None, **limits: Any,
 ) -> Result:  # fmt: skip
     """The program of ``text`` (without M30) with limits by the names of their fields."""
     part = Part(program="P.nc", stock=stock, tool_table="mine", material=material,
                 limits=CutLimit(**limits), resolution_mm=1.0)  # fmt: skip
     workshop = Workshop(
         table=ToolTable(tools=TOOLS if tools is None else tools), material=read_material(material),
-        rates=None, drive=None, drive_source="", energy=None, dynamics=None,
+        rates=None, drive=drive, drive_source="", energy=None, dynamics=None,
         catalogue=read_catalogue(), wear=ToolWear(),
     )  # fmt: skip
 

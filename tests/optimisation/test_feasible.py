@@ -177,8 +177,8 @@ def test_a_limit_that_is_passed_names_block_limit_value_and_the_least_possible(s
     limits = replace(LOAD, feed_mm_min=(100.0, 1000.0), speed_rpm=(1000.0, 8000.0))
     problem = problem_on(slot, limits, f_z_load=np.full(len(slot.tool), 3e-5))
     feeds, speeds = own(problem)
-    assert passed_limit(problem, feeds * 0.5, speeds) == ""
-    said = passed_limit(problem, feeds * 2.0, speeds)
+    assert passed_limit(problem, feeds * 0.5, speeds) is None
+    said = str(passed_limit(problem, feeds * 2.0, speeds))
     row = problem.blocks.row[-1]
     here = problem.cut.table.peaks(np.full(len(slot.tool), 1e-4))[row]  # F1200 of two teeth
     assert said.startswith(
@@ -194,7 +194,7 @@ def test_a_limit_that_no_feed_of_the_ranges_keeps_says_the_least_possible(slot):
     problem = problem_on(slot, narrow, f_z_load=np.full(len(slot.tool), 4e-5))
     problem = replace(problem, bounds=replace(problem.bounds, most=problem.bounds.most * 0.5))
     feeds, speeds = own(problem)
-    said = passed_limit(problem, feeds, speeds)
+    said = str(passed_limit(problem, feeds, speeds))
     least = 500.0 / (2 * 8000.0) * 1e3  # F500 of two teeth at 8000 rev/min [um]
     assert f"{least:.4g} um a tooth is the least possible there: raise limits.load_N" in said
 

@@ -185,7 +185,7 @@ def test_what_chatters_as_programmed_may_stay() -> None:
     read = optimised(SLOTS, edit=(SHORT,))
     document, rows = read.document, read.rows
     first = document["warnings"][0]["what"]
-    assert first.startswith("T1 as programmed: chatter is predicted from")
+    assert first.startswith("T1 in the program as it is: chatter is predicted from")
     after, before = document["after"], document["before"]
     assert after["time_s"] < before["time_s"]
     drilled = rows.in_cut & (rows.tool == 2)

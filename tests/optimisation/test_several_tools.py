@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.app.optimise_lines import optimise_lines
-from pipeline.cutting.tool import Tool
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.tool import Tool, tool_limits
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.problem.feasible import LimitsError
 from pipeline.report.optimised_tables import limits_table
@@ -151,3 +152,19 @@ def test_limits_of_deflection_are_by_tool_too() -> None:
     free = optimised(SLOTTED + SHOULDER, deflection_um=40.0).problem.bounds.most[1]
     assert (bending[tool == 0] == free[tool == 0]).all()
     assert (bending[tool == 1] < free[tool == 1]).all()
+
+
+def test_a_tool_beyond_the_drive_does_not_stop_the_others() -> None:
+    """No S and F of the slot stay within the power; the shoulder behind it does."""
+    weak = SpindleDrive(rated_power_kW=0.6, base_speed_rpm=1500.0, top_speed_rpm=8000.0)
+    result = optimised(SLOTTED + SHOULDER, drive=weak, speed_rpm=(1600.0, 2600.0))
+    first = document(result).warnings[0]
+    assert first.grave and first.what.startswith(
+        "T1 cannot keep its limits and stays as programmed:"
+    )
+    assert "certainty" not in first.what
+    assert set(result.given_up) == {1}
+
+
+def test_a_limit_without_decimals_may_be_outside_of_a_tool() -> None:
+    assert tool_limits((SIXTEEN, THREADS), "load_N", 5000).tolist() == [5000.0, np.inf]

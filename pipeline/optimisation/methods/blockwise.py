@@ -80,7 +80,7 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
             break
     if not kept:
         least, nearest = min(passed, key=lambda one: one[0])
-        raise LimitsError(_passed(problem, least, nearest))
+        raise _passed(problem, least, nearest)
     return min(kept, key=lambda one: one[0])[1]
 
 
@@ -164,7 +164,8 @@ def _of_blocks(model: BlockModel, speeds: Floats) -> float:
         moves, row = problem.cut.plan.path.moves, int(bad.argmax())
         raise LimitsError(
             f"{where(moves, row)}: the line is run at S of {_listed(problem, speeds, row)} rev/min "
-            "and no F keeps the limits at all of them: widen the limits, or write it once for each"
+            "and no F keeps the limits at all of them: widen the limits, or write it once for each",
+            int(moves.tool[row]),
         )
     return float(values.sum())
 
@@ -175,9 +176,9 @@ def _listed(problem: Problem, speeds: Floats, row: int) -> str:
     return ", ".join(f"{speed:g}" for speed in np.unique(speeds[same]).tolist())
 
 
-def _passed(problem: Problem, violation: float, nearest: Decision) -> str:
+def _passed(problem: Problem, violation: float, nearest: Decision) -> LimitsError:
     named = passed_limit(problem, nearest.row_feeds, nearest.row_speeds)
-    return named or (
+    return named or LimitsError(
         f"{problem.cut.plan.path.moves.files[0]}: no F and S were found that keep all limits; the "
         f"best passes them by {100 * violation:.3g} % in sum over its blocks: widen the limits"
     )

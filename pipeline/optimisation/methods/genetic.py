@@ -119,7 +119,7 @@ def _value(problem: Problem, start: Decision, which: int) -> float:
         named = passed_limit(problem, start.row_feeds, start.row_speeds)
         raise ValueError(
             f"the start of the search passes its limits by {100 * evaluated.violation[0]:.3g} % in "
-            f"sum: begin with one that keeps them ({named})"
+            f"sum: begin with one that keeps them ({named or 'no single block'})"
         )
     return value
 

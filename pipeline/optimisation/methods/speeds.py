@@ -114,7 +114,8 @@ def _piece_values(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
     failing = np.ones(len(model.problem), dtype=bool)
     totals = _row_values(model, pieces, grid, failing)
     if failing.any():
-        raise LimitsError(_no_speed(model.problem, pieces, grid, int(failing.argmax())))
+        row, moves = int(failing.argmax()), model.problem.cut.plan.path.moves
+        raise LimitsError(_no_speed(model.problem, pieces, grid, row), int(moves.tool[row]))
     return totals
 
 
@@ -215,7 +216,7 @@ def _paths(
         chosen[mine] = viterbi(values[mine], change, kind.ravel(), words[mine])
         taken = values[mine, chosen[mine]].sum()
         if not np.isfinite(taken):
-            raise LimitsError(_no_sequence(model.problem, pieces, mine))
+            raise _no_sequence(model.problem, pieces, mine)
     return chosen
 
 
@@ -225,14 +226,15 @@ def _kinds(pieces: Pieces) -> Floats:
     return np.stack([pieces.rest.astype(np.float64), lead])
 
 
-def _no_sequence(problem: Problem, pieces: Pieces, mine: Rows) -> str:
+def _no_sequence(problem: Problem, pieces: Pieces, mine: Rows) -> LimitsError:
     moves = problem.cut.plan.path.moves
     row = int(np.isin(pieces.piece, mine).argmax())
     least = problem.limits.least_speed_change_rpm
-    return (
+    return LimitsError(
         f"{where(moves, row)}: T{moves.tool[row]} finds no S that keeps the limits of all its "
         f"blocks with changes of at least {least:g} rev/min at the places where S may change: "
-        'widen the limits, or let S words be added (grouping.speeds = "blocks")'
+        'widen the limits, or let S words be added (grouping.speeds = "blocks")',
+        int(moves.tool[row]),
     )
 
 

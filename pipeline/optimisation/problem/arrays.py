@@ -31,6 +31,8 @@ nothing else bounds.  The last two: the range of the tool, and the greatest chan
     CUTTING_SPEED, SPINDLE_SPEED, FEED, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
 ) = range(len(CONSTRAINTS))  # fmt: skip
 
+SAME = 1 + 1e-9
+"""Factor by which a value may pass the programmed one and count as it: rounding."""
 BEYOND = ("depth of the table", "width of the table", "length of the flutes")
 """What a cut may be beyond, so that its feed is no more than programmed; beside the deflection."""
 

@@ -448,8 +448,8 @@ SPEEDS = 33
 """Spindle speeds of a row's range that are tried for the least possible value."""
 
 
-def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> str:
-    """The limit that F and S pass by most, in one sentence with its block; empty where none is.
+def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> LimitsError | None:
+    """The limit that F and S pass by most, in one sentence with its block; None where none is.
 
     The least possible value is that over the ranges of F and S of the block alone: where it keeps
     the limit, blocks that share an F or an S with it are what stands against it.
@@ -476,19 +476,20 @@ def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> str:
     else:
         reason = f"{possible} is the least possible there"
     remedy = REMEDY.get(limit, "widen the ranges of F and S")
-    return (
+    return LimitsError(
         f"{where(moves, block)}: {tool} passes the {CONSTRAINTS[limit]}"
         f"{_given(problem, block, limit)} at F{feeds[block]:.4g} S{speeds[block]:.5g}, {reached}; "
-        f"{reason}: {remedy}"
+        f"{reason}: {remedy}",
+        int(moves.tool[block]),
     )
 
 
-def _passed_change(problem: Problem, speeds: Floats) -> str:
+def _passed_change(problem: Problem, speeds: Floats) -> LimitsError | None:
     least = problem.limits.least_speed_change_rpm
     spindle_speed = problem.spindle_speed(speeds)[np.newaxis]
     if not problem.speed_changes.violation(spindle_speed, least)[0] > 0:
-        return ""
-    return (
+        return None
+    return LimitsError(
         f"{problem.cut.plan.path.moves.files[0]}: S changes by less than "
         f"limits.least_speed_change_rpm = {least:g}, or later than the spindle is as fast: lower "
         "it, or keep the program's own S words (grouping.speeds own)"

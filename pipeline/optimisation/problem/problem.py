@@ -16,12 +16,19 @@ from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, w
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.row_motion import motion_times
 from pipeline.optimisation.problem.arrays import (
+    AS_PROGRAMMED,
+    CONSTRAINTS,
+    F_Z_CONSTRAINTS,
+    SAME,
+    STABILITY,
     Bounds,
     Editable,
     Evaluation,
     Groups,
+    NotRaised,
     Practice,
     Ranges,
+    feeds_per_minute,
 )
 from pipeline.optimisation.problem.demand import Demand
 from pipeline.optimisation.problem.limits import inverse
@@ -42,6 +49,8 @@ AT_ONCE = 1 << 18
 """Rows of all individuals of one pass, so that they stay in the cache."""
 NEAR = 1e-9
 """Rounding of a margin [1]."""
+CHATTERS = "chatter is predicted in it as programmed"
+"""Why a feed does not rise where no S keeps the margin of stability."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -133,11 +142,39 @@ class Problem:
         return self.chatter.margins(self.cut.plan.spindle_speed)
 
     def staying(self, rows: Bools) -> "Problem":
-        """The same problem, in which some rows (M,) may stay as near to chatter as programmed."""
+        """The same problem, in which some rows (M,) may stay as near to chatter as programmed.
+
+        Where machining practice holds they get no more feed, nor a higher S: the lobes are those of
+        the chip as programmed, and a thinner one is nearer to chatter.
+        """
         least = np.where(
             rows, np.fmin(self.own_margin, self.least_margin) - NEAR, self.least_margin
         )
-        return replace(self, stays=least)
+        practice, ranges = self.practice, self.ranges
+        if practice is None or not rows.any():
+            return replace(self, stays=least)
+        own_speed = self.cut.plan.spindle_speed
+        own_feed = feeds_per_minute(self.cut, self.cut.plan.path.moves.feed, own_speed)
+        f_z, feed, speed = (
+            np.where(rows & ~practice.given_up, own * SAME, np.inf)
+            for own in (self.cut.commanded_feed_per_tooth(), own_feed, own_speed)
+        )
+        near = NotRaised(CONSTRAINTS[STABILITY], CHATTERS, rows)
+        most, own = self.bounds.most.copy(), F_Z_CONSTRAINTS.index(AS_PROGRAMMED)
+        most[own] = np.minimum(most[own], f_z)
+        return replace(
+            self, stays=least, bounds=replace(self.bounds, most=most),
+            practice=replace(
+                practice, f_z_own=np.minimum(practice.f_z_own, f_z),
+                feed_high=np.minimum(practice.feed_high, feed),
+                speed_high=np.minimum(practice.speed_high, speed),
+                not_raised=(*practice.not_raised, near),
+            ),
+            ranges=replace(
+                ranges, feed_high=np.clip(feed, ranges.feed_low, ranges.feed_high),
+                speed_high=np.clip(speed, ranges.speed_low, ranges.speed_high),
+            ),
+        )  # fmt: skip
 
     def feed_per_tooth(self, feeds: ArrayLike, speeds: ArrayLike) -> Floats:
         """f_z of each row at F and S [m], shape (M,) or (P, M); 0 in air."""
