@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,9 +45,7 @@ def part(result: Result) -> OptimisedPart:
     return optimised_part(result, machine="mill", origin="simulated", control="identified")
 
 
-def coarse(
-    settings: OptimisationSettings, text: str, **limits: float | tuple[float, float]
-) -> Result:
+def coarse(settings: OptimisationSettings, text: str, **limits: Any) -> Result:
     """The part with another program, on a blank of wide cells and with a short search."""
     job = paper_job("time", settings=settings)
     return optimise(replace(
