@@ -80,7 +80,7 @@ def new(folder: Path) -> Path:
 
 def test_following_errors_hold_the_network_where_it_is_asked_for(project, monkeypatch) -> None:
     """The page of a program whose limit is held against the interval too, beside the bare one."""
-    limit = ("--limit-following", "60", "--feed", "50", "1000", "--speed", "1000", "8000")
+    limit = ("--limit-following", "60", "--feed", "50", "1000", "--speed", "3000", "3000")
     asked = ("optimise", "part.nc", *given(), *limit, *OUT)
     assert "drive/model.json does not exist" in refused(project, *asked, "--compensated")
     folder = with_drives(project, "mill01", X=drive_axis(), Y=drive_axis(), Z=drive_axis())
@@ -272,8 +272,8 @@ HOSTILE = (
 )  # fmt: skip
 INTERNAL = re.compile(r"search|bounds|shape|array|index|None|nan|\(0,\)|Traceback|<class")
 """Words of the inside, where one sentence says why there is no program."""
-FAST = (1, 40)
-"""A reamed part's torque limit that cannot be kept; a thread mill without any hostile option."""
+FAST = (1, 2, 40)
+"""A boring bar, a tool that is kept, and a thread mill, which has no hostile option."""
 SEEDS = [pytest.param(seed, marks=() if seed in FAST else pytest.mark.proof) for seed in range(100)]
 
 

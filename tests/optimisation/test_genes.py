@@ -33,8 +33,13 @@ def random_genes(shares: BoundedGenes, many: int, seed: int) -> np.ndarray:
     return shares.low + chance * (shares.high - shares.low)
 
 
-@given(limits=st.sampled_from(sorted(LIMITS)), seed=st.integers(0, 3), chance=st.integers(0, 999))
-@settings(deadline=None)
+@pytest.mark.parametrize(("limits", "seed"), [
+    pytest.param(limits, seed, marks=() if seed == 1 else pytest.mark.proof)
+    for limits in sorted(LIMITS)
+    for seed in range(4)
+])  # fmt: skip
+@given(chance=st.integers(0, 999))
+@settings(deadline=None, max_examples=50)
 def test_whatever_the_genes_the_limits_are_kept(limits: str, seed: int, chance: int) -> None:
     problem, start, shares = shares_of(limits, seed)
     feeds, speeds = shares.decoded(random_genes(shares, 8, chance))
@@ -58,7 +63,7 @@ def test_a_decision_comes_back_from_its_genes(limits: str) -> None:
 @given(chance=st.integers(0, 999))
 @settings(deadline=None)
 def test_genes_come_back_from_their_decision(chance: int) -> None:
-    _, _, shares = shares_of("paper", 2)
+    _, _, shares = shares_of("paper", 1)
     genes = random_genes(shares, 5, chance)
     again = shares.decoded(shares.encoded(*shares.decoded(genes)))
     for one, other in zip(shares.decoded(genes), again, strict=True):
@@ -107,7 +112,7 @@ def test_speeds_have_the_range_of_all_their_rows() -> None:
 
 
 def test_lobes_are_kept_too() -> None:
-    stiff = tuple(replace(mode, stiffness_N_m=25e6) for mode in MODES)
+    stiff = tuple(replace(mode, stiffness_N_m=30e6) for mode in MODES)
     problem = zigzag_problem(0, FREE, dynamics=TipDynamics(source="made up", every=stiff))
     moves = problem.cut.plan.path.moves
     groups = Groups(
@@ -116,11 +121,11 @@ def test_lobes_are_kept_too() -> None:
     )  # fmt: skip
     start = Decision(groups=groups, feeds=np.full(groups.feeds, 100.0), speeds=np.array([9500.0]))
     shares = BoundedGenes.of(problem, start)
-    feeds, speeds = shares.decoded(random_genes(shares, 400, 0))
+    feeds, speeds = shares.decoded(random_genes(shares, 40, 0))
     low, high = group_bounds(problem, groups, speeds)
     possible = (low <= high).all(axis=1)
     stable = problem.stable(groups.row_speeds(speeds)).all(axis=1)
-    assert 0 < stable.sum() < 400 and not possible[~stable].any()
+    assert 0 < stable.sum() < 40 and not possible[~stable].any()
     violation = problem.evaluate(groups, feeds, speeds).violation
     assert (violation[possible] == 0).all() and (violation[~stable] > 0).all()
 

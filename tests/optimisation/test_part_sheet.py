@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -44,14 +45,12 @@ def part(result: Result) -> OptimisedPart:
     return optimised_part(result, machine="mill", origin="simulated", control="identified")
 
 
-def coarse(
-    settings: OptimisationSettings, text: str, **limits: float | tuple[float, float]
-) -> Result:
-    """The part with another program, on a blank of wide cells and with a short search."""
+def briefly(settings: OptimisationSettings, text: str, **limits: Any) -> Result:
+    """The part with another program."""
     job = paper_job("time", settings=settings)
     return optimise(replace(
         job, program=parse_program(text.encode(), "O2023.nc"),
-        limits=replace(job.limits, **limits), cut=replace(job.cut, resolution=0.5e-3),
+        limits=replace(job.limits, **limits),
     ))  # fmt: skip
 
 
@@ -128,7 +127,7 @@ def test_lines_are_those_of_the_two_texts_and_every_difference_is_among_them(
 def test_split_blocks_are_lines_that_were_not_there() -> None:
     settings = replace(LEAST, grouping=replace(LEAST.grouping, split=True, split_gain=0.01))
     out = PROGRAM.replace("G1 X2.\nX-4.\n", "G1 X-30.\n")  # far out of the blank
-    found = coarse(settings, out, speed_rpm=(5000.0, 5000.0))
+    found = briefly(settings, out, speed_rpm=(5000.0, 5000.0))
     part = optimised_part(found, machine="mill", origin="simulated", control="identified")
     many = len(found.answer.text.splitlines()) - len(out.splitlines())
     assert part.proof.points == many > 0  # else this proves nothing
@@ -152,7 +151,7 @@ def test_a_fast_return_move_does_not_hide_what_rose() -> None:
     """A slot at F150, and a way back along its wall at the F500 that is the greatest allowed."""
     head = PROGRAM[: PROGRAM.index("X6. F300.")]
     text = f"{head}X35. F150.\nG0 Z2.\nY4.1\nG1 Z-1. F400.\nX-4. F500.\nG0 Z2.\nM30\n"
-    found = coarse(LEAST, text, load_N=600.0, speed_rpm=(5000.0, 5000.0))
+    found = briefly(LEAST, text, load_N=600.0, speed_rpm=(5000.0, 5000.0))
     part = optimised_part(found, machine="mill", origin="simulated", control="identified")
     use = part.tools[0]
     assert use.before.feed_per_tooth_mm == pytest.approx(150 / (2 * 5000), rel=1e-4)
