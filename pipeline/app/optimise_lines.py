@@ -38,7 +38,7 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
     if part.interrupted:
         yield "interrupted: the best that was found until then"
     yield from _totals(part)
-    yield from _kept_now(part)
+    yield from _passed_before(part)
     yield from _tools(part)
     yield from _certainty(part)
     yield from _methods(part)
@@ -52,15 +52,15 @@ def optimise_lines(part: OptimisedPart) -> Iterator[str]:
         yield f"  not known: {unknown.what}, {unknown.why}"
 
 
-def _kept_now(part: OptimisedPart) -> Iterator[str]:
-    """Why the answer is no better than the program: limits that this passes."""
+def _passed_before(part: OptimisedPart) -> Iterator[str]:
+    """Limits that fewer blocks pass than did as programmed: what a slower answer is for."""
     passed = [
         f"{name} in {many(count, 'block')}"
         for name, count in part.before.beyond_of.items()
         if count > part.after.beyond_of.get(name, 0)
     ]
     if passed:
-        yield f"  as programmed it is beyond its limits: {', '.join(passed)}"
+        yield f"  as programmed it passes its limits: {', '.join(passed)}"
 
 
 def _totals(part: OptimisedPart) -> Iterator[str]:
