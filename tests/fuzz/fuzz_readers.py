@@ -23,13 +23,11 @@ READERS = {
     "shdr": LOGS,
     "shdr_fast": LOGS,
     "mtconnect_xml": DOCUMENTS,
-    "mtconnect_xml_fast": DOCUMENTS,
     "mtconnect_json": TREES,
 }
 """Readers and their fast paths, with the corpus that each starts from."""
 
 COMPILED = {
-    "pipeline.signals.mtconnect": ("tokens", "scan"),
     "pipeline.signals.shdr": ("scan",),
     "pipeline.signals.tables": ("matlab",),
 }
@@ -45,13 +43,10 @@ def reader(name: str) -> Callable[..., Any]:
     from pipeline.signals.mtconnect import xml_document as mtconnect_xml
     from pipeline.signals.shdr import log as shdr
 
-    if name == "mtconnect_xml_fast":
-        mtconnect_xml.FAST_FROM = 0
     return {
         "shdr": shdr.read_reference,
         "shdr_fast": shdr.read_fast,
         "mtconnect_xml": mtconnect_xml.read,
-        "mtconnect_xml_fast": mtconnect_xml.read,
         "mtconnect_json": mtconnect_json.read,
     }[name]
 

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals.mtconnect import xml_document
 from tests.fuzz.fuzz_readers import COMPILED, READERS, check, reader
 from tests.fuzz.seeds import WORDS
 
@@ -43,9 +42,7 @@ def mutations(draw: st.DrawFn, corpus: tuple[bytes, ...]) -> bytes:
 
 @pytest.fixture(params=READERS)
 def way(request: pytest.FixtureRequest) -> Iterator[str]:
-    before = xml_document.FAST_FROM
     yield request.param
-    xml_document.FAST_FROM = before
 
 
 def form(way: str) -> str:

@@ -30,15 +30,15 @@ from pipeline.signals.mtconnect.observations import (
     asset_time,
     shape_of,
 )
-from pipeline.signals.mtconnect.reference import (
+from pipeline.signals.mtconnect.rows import RECORDS, Rows
+from pipeline.signals.mtconnect.xml_events import content
+from pipeline.signals.mtconnect.xml_observations import (
     Selection,
     device_name,
     foreign_reason,
     instance_of,
     selection,
 )
-from pipeline.signals.mtconnect.rows import RECORDS, Rows
-from pipeline.signals.mtconnect.xml_events import content
 
 _VALUES = ("value", "result", "samples", "entries")
 
