@@ -192,7 +192,8 @@ class Streams(XmlEvents):
             if code is not None and plain and known[code].manner == "number":
                 flat.extend((timestamp, sequence, value, code, began + shift))
             else:
-                self._observed(context, name, attributes, timestamp, sequence, value, began + shift)
+                times = timestamp, sequence
+                self._observed(began + shift, context, name, attributes, times, value)
 
         parser.StartElementHandler, parser.EndElementHandler = start, end
 
@@ -219,8 +220,8 @@ class Streams(XmlEvents):
         self._text.clear()
 
     def _observed(
-        self, context: tuple[str, str], tag: str, attributes: dict[str, str],
-        timestamp: str | None, sequence: str | None, value: str, at: int,
+        self, at: int, context: tuple[str, str], tag: str, attributes: dict[str, str],
+        times: tuple[str | None, str | None], value: str,
     ) -> None:  # fmt: skip
         self._settle()
         try:
@@ -231,7 +232,7 @@ class Streams(XmlEvents):
         else:
             self._latest[attributes.get("dataItemId")] = context, tag, attributes, code
             inside = value if self._entries is None else self._entries
-            self._record(at, self._waiting.known[code], timestamp, sequence, inside)
+            self._record(at, self._waiting.known[code], *times, inside)
         self._entries = self._stranger = None
 
     def _settle(self) -> None:
