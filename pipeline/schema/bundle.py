@@ -155,21 +155,10 @@ def model_hash(folder: Path) -> str:
 
 
 def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
-    """The bundle of some sub-models that lie in ``folder``.
+    """The bundle of a machine's sub-models ``names`` that lie in ``data/models`` or
+    ``data/champion``.
 
-    Parameters
-    ----------
-    folder : Path
-        ``data/models/<machine>`` or ``data/champion/<machine>``.
-    machine : str
-        Whose.
-    names : iterable of str
-        Its sub-models.
-
-    Raises
-    ------
-    StoreError
-        When a model or a verdict is missing or broken, or is one of another machine.
+    A model or a verdict that is missing, broken or of another machine is a :class:`StoreError`.
     """
     submodels, origins = {}, set()
     digest = hashlib.sha256(machine.encode())

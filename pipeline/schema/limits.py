@@ -251,13 +251,7 @@ class CutLimit(Ranged, section="limits"):
 
     @classmethod
     def of_options(cls, given: Mapping[str, Any]) -> "CutLimit":
-        """Limits by the name of their field or margin; None leaves each at its default.
-
-        Raises
-        ------
-        ValueError
-            When one is out of its range.
-        """
+        """Limits by the name of their field or margin; None leaves each at its default."""
         known: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in given.items()

@@ -30,16 +30,8 @@ def first_judged(verdict: Verdict) -> Score | None:
 
 
 def write_plots(verdict: Verdict, predictions: "pd.DataFrame", folder: Path) -> None:
-    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        What was judged.
-    predictions : DataFrame
-        As in :mod:`pipeline.schema.predictions`.
-    folder : Path
-        Is made where it is missing; without a score the tables have no row.
+    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; without a score they have no
+    row.
     """
     import pandas as pd
 

@@ -124,13 +124,7 @@ COLUMNS: dict[str, Column] = {c.name: c for c in _states() + _axes() + _spindles
 
 
 def column(name: str) -> Column:
-    """The column called ``name``.
-
-    Raises
-    ------
-    ValueError
-        When no such signal is in the table; the message lists the nearest names.
-    """
+    """The column called ``name``; for an unknown one a ValueError that lists the nearest names."""
     if name not in COLUMNS:
         import difflib
 

@@ -141,13 +141,7 @@ class Recording:
     """Faults of its channels; where one is certain, the channel is not read."""
 
     def load(self, names: Iterable[str] | None = None) -> Samples:
-        """Read the channels ``names`` (all that are declared) from the Parquet file.
-
-        Raises
-        ------
-        ValueError
-            When a name is not declared.
-        """
+        """Read the channels ``names`` (all that are declared) from the Parquet file."""
         chosen = list(self.declared) if names is None else list(names)
         if strange := [name for name in chosen if name not in self.declared]:
             raise ValueError(
@@ -200,29 +194,10 @@ def read_recordings(
 ) -> list[Recording]:
     """Recordings of a machine whose names fit ``patterns``, in the order of their names.
 
-    No channel is read before :meth:`Recording.load`.
-
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``, as the ingest wrote it.
-    channels : mapping of str to Channel
-        Declared channels.
-    patterns : sequence of str
-        Patterns of the names of raw files below the machine's folder.
-    conditions : ConditionSources, optional
-        Where conditions stand beside ``runs.parquet``.
-    preferred : callable
-        Whether the recording of a name is the one to keep of several with the same bytes: those
-        for training, say, as a copy in another role would be a leak.  The others are there with
-        the reason, and without their file.
-    section : str
-        Key of the machine's file that names the patterns, for messages.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits ``patterns``.
+    No channel is read before :meth:`Recording.load`. Of several files with the same bytes the one
+    is kept whose name is ``preferred``, say for training, as a copy in another role would be a
+    leak; the others are there with the reason, and without their file. ``section`` is the key of
+    the machine's file that names the patterns, for the ValueError where none of the files fits.
     """
     try:
         files = json.loads((signals / "manifest.json").read_text())["files"]
@@ -294,13 +269,7 @@ def _column(names: Sequence[str], column: str) -> str | None:
 
 
 def _values(table: pa.Table, column: str, channel: Channel) -> tuple[Floats, str]:
-    """Values of a column of numbers in SI, NaN where it has none, and their unit.
-
-    Raises
-    ------
-    ValueError
-        When it holds words or no value at all, or is in a unit of another quantity.
-    """
+    """Values of a column of numbers in SI, NaN where it has none, and their unit."""
     kind = table.schema.field(column)
     if not (pa.types.is_floating(kind.type) or pa.types.is_integer(kind.type)):
         raise ValueError(f"its channel {column!r} holds words: name a channel of numbers")
@@ -324,13 +293,7 @@ def _values(table: pa.Table, column: str, channel: Channel) -> tuple[Floats, str
 
 
 def _time(table: pa.Table) -> Floats:
-    """Time of the rows since the start [s].
-
-    Raises
-    ------
-    ValueError
-        When the recording has no rows or no time.
-    """
+    """Time of the rows since the start [s]."""
     if "t" not in table.column_names and "time" not in table.column_names:
         raise ValueError("it has no time: name its time column or its rate in the table's layout")
     if not table.num_rows:

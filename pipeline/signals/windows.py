@@ -42,13 +42,7 @@ def absent_items(clean: Path) -> dict[str, list[str]]:
 
 
 def read_state(clean: Path, day: str) -> pd.DataFrame:
-    """The state table of one day, indexed by time in the zone of the plant.
-
-    Raises
-    ------
-    ValueError
-        When there is none for that day.
-    """
+    """The state table of one day, indexed by time in the zone of the plant."""
     path = clean / "state" / f"{day}.parquet"
     if not path.exists():
         raise ValueError(

@@ -46,29 +46,11 @@ Summary = dict[str, Any]
 def clean(
     signals: Path, out: Path, *, machine: CleanMachine, settings: CleanSettings | None = None
 ) -> Summary:
-    """Clean one machine.
+    """Clean one machine's ``data/signals`` into its ``data/clean``.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    out : Path
-        ``data/clean/<machine>``; days that are there and still true are left alone.
-    machine : CleanMachine
-        Where the signals are found.
-    settings : CleanSettings, optional
-        By which rules.
-
-    Returns
-    -------
-    dict
-        What ``summary.json`` holds: seconds in each state and counts by rule, by day and in all;
-        and ``written``, the days that were written now.
-
-    Raises
-    ------
-    ValueError
-        When a data item's unit cannot become its signal's.
+    Days that are there and still true are left alone. Returns what ``summary.json`` holds, and
+    ``written``, the days that were written now. A data item whose unit cannot become its signal's
+    is a ValueError.
     """
     return _Build(signals, out, machine, settings or CleanSettings()).run()
 

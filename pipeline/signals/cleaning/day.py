@@ -173,19 +173,9 @@ def clean_day(
 ) -> Day:
     """Clean the rows from ``start`` to ``end`` [ns] of one machine.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        As of ``recorded.rows_of``, from ``start`` to ``end`` and the lookahead after it, and
-        ``apart``: reported by a logger that may run while the machine is off.
-    start, end : int
-        The day [ns].
-    carry : dict
-        What the day before left; empty for the first.
-    reporting : mapping of str to ReportingInterval
-        By data item, and ``"*"`` for the machine as a whole.
-    machine, settings
-        Where signals are, and by which rules they are cleaned.
+    ``rows`` are those of ``recorded.rows_of`` and of the lookahead after the day, with ``apart``:
+    reported by a logger that may run while the machine is off. ``carry`` is what the day before
+    left, empty for the first; ``reporting`` goes by data item, ``"*"`` for the machine as a whole.
     """
     rows = rows.sort_values(["time", "sequence"], kind="stable", ignore_index=True)
     twice = rows.duplicated(["time", "data_item", "key", "number", "text"])

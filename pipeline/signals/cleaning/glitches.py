@@ -73,23 +73,11 @@ def possible_change(signal: Column, settings: CleanSettings) -> Possible | None:
 def without_glitches(
     series: Series, signal: Column, settings: CleanSettings, cuts: Ints = NO_CUTS
 ) -> Cleaned:
-    """Remove the values of a series that cannot be true.
+    """Remove the values of a series that cannot be true; applied to the result it removes nothing
+    more.
 
-    Parameters
-    ----------
-    series : Series
-        Ascending in time; rows with ``fresh`` False are good by earlier judgement.
-    signal : Column
-        Which signal it is: its range, and by its unit what it can do.
-    settings : CleanSettings
-        Steps and slews.
-    cuts : array of int64, shape (K,)
-        Times [ns] at which the machine as a whole was lost.
-
-    Returns
-    -------
-    Cleaned
-        Applied to its own ``series`` it removes nothing more.
+    ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost. Rows with
+    ``fresh`` False are good by earlier judgement.
     """
     n = len(series.time)
     removed, rule = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)

@@ -71,13 +71,7 @@ class Content:
 
 
 def content(path: Path) -> Content:
-    """The file at ``path`` as UTF-8, whatever it is encoded in.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is empty, or not in the encoding that it declares.
-    """
+    """The file at ``path`` as UTF-8, whatever it is encoded in."""
     try:
         file = path.open("rb")
     except OSError as error:
@@ -205,13 +199,7 @@ class XmlEvents:
         return self._parser.CurrentByteIndex + self._shift
 
     def parse(self, at: int, context: bytes = b"") -> End:
-        """Read the document that begins (or, after ``context``, goes on) at byte ``at``.
-
-        Raises
-        ------
-        UnreadableFile
-            When it has a document type declaration.
-        """
+        """Read the document that begins (or, after ``context``, goes on) at byte ``at``."""
         for _ in self.steps(at, context):
             pass
         return self.finished

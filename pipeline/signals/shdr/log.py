@@ -40,28 +40,10 @@ PATIENCE = 100_000
 
 
 def read(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
-    """Read a log.
+    """Read a log, plain or gzip, in batches of about a quarter of a million records.
 
-    Parameters
-    ----------
-    path : Path
-        The log, plain or gzip.
-    source : RecordSource
-        ``devices``, ``device`` and ``values`` declare its items; see there.
-    root : Path
-        Folder that ``source.devices`` is relative to.
-    chunk : int
-        Bytes read at a time.
-
-    Yields
-    ------
-    Batch
-        About a quarter of a million records, in the order of the file.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is empty, or no line of it has the form of a log.
+    ``devices``, ``device`` and ``values`` of ``source`` declare its items. A file that is empty, or
+    no line of which has the form of a log, is an :class:`UnreadableFile`.
     """
     # Compiled code is slow to load, and most who import this module only ask what it reads.
     from pipeline.signals.shdr.fast import Scanner

@@ -85,15 +85,7 @@ class Lines:
 
 
 def text_of(data: bytes, encoding: str) -> bytes:
-    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked.
-
-    Raises
-    ------
-    UnreadableFile
-        For an empty, binary or cut file, or one in another encoding.
-    ValueError
-        When ``encoding`` is not the name of an encoding.
-    """
+    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked."""
     if data.startswith(b"\x1f\x8b"):
         data = _unpacked(data)
     if kind := foreign(data):
@@ -159,13 +151,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 
 def dialect_of(lines: Lines, layout: TableLayout) -> Dialect:
-    """Delimiter, column names, first line of data and units of a text table.
-
-    Raises
-    ------
-    UnreadableFile
-        When no line names the columns that the layout names.
-    """
+    """Delimiter, column names, first line of data and units of a text table."""
     if layout.names:
         first = layout.header or 0
         return Dialect(
@@ -268,24 +254,7 @@ Rows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
-    """Trace of a text table.
-
-    Parameters
-    ----------
-    path : Path
-        The file; packed with gzip or not.
-    source : RecordSource
-        With the table's layout.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file as a whole is no such table.
-    ValueError
-        When the layout is wrong.
-    """
+    """Trace of a text table, packed with gzip or not."""
     layout = layout_of(source)
     body = text_of(path.read_bytes(), layout.encoding)
     lines, dialect = _laid_out(body, layout)

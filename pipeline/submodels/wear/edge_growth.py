@@ -78,13 +78,7 @@ class MeanForces:
 
 
 def mean_forces(windows: WearWindows, settings: WearLifeSettings) -> MeanForces:
-    """Mean forces and what a land adds to them, one row a recording.
-
-    Raises
-    ------
-    ValueError
-        When a channel of force or a condition is not there.
-    """
+    """Mean forces and what a land adds to them, one row a recording."""
     cuts = engaged(windows, settings)
     each = np.stack([_channel(windows, settings, axis) for axis in ("feed", "normal")], axis=1)
     _, first, place = np.unique(windows.recording, return_index=True, return_inverse=True)
@@ -132,13 +126,7 @@ def _cut(windows: WearWindows, cuts: Engaged, at: Ints) -> Ints:
 
 
 def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGrowth:
-    """Growth of the edge coefficients over the wear of training tools.
-
-    Raises
-    ------
-    ValueError
-        As :func:`mean_forces`, and when there are fewer than three tools.
-    """
+    """Growth of the edge coefficients over the wear of three training tools or more."""
     from scipy.special import stdtrit
 
     rows = mean_forces(windows, settings)

@@ -64,17 +64,7 @@ class KnownConditions:
 
 
 def features(windows: WearWindows, scaling: ChannelScaling, known: KnownConditions) -> Floats:
-    """Features of windows, shape (N, F).
-
-    Parameters
-    ----------
-    windows : WearWindows
-        N of them.
-    scaling : ChannelScaling
-        Of training windows.
-    known : KnownConditions
-        Of training windows.
-    """
+    """Features of windows, shape (N, F), by scaling and conditions of training windows."""
     x = windows.values / np.array(scaling.scale)[:, None]
     mean = x.mean(axis=2)
     beside = x - mean[..., None]

@@ -100,13 +100,7 @@ class Engaged:
 
 
 def engaged(windows: WearWindows, settings: WearLifeSettings) -> Engaged:
-    """Cuts of windows.
-
-    Raises
-    ------
-    ValueError
-        When a condition is not recorded, or a type has no cutter.
-    """
+    """Cuts of windows."""
 
     def number(name: str, unit: str) -> Floats:
         if name not in windows.condition_units:
@@ -162,13 +156,7 @@ class ToolUse:
 
 
 def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
-    """Use of each tool in windows, in the order of their names.
-
-    Raises
-    ------
-    ValueError
-        As :func:`engaged`, and when the use of tools is no time.
-    """
+    """Use of each tool in windows, in the order of their names."""
     try:
         per, _ = conversion(windows.progress_unit, "min")
     except ValueError as error:
@@ -242,16 +230,8 @@ class LifeLaw:
         return _left(centre, scale, self.dof, 0.0, rubbing)
 
     def left(self, use: ToolUse, *, now: float, wear: float, error: float) -> "TimeLeft":
-        """Time in the cut that is left of a tool.
-
-        Parameters
-        ----------
-        use : ToolUse
-            Its type, speed and rubbing.
-        now : float
-            Time in the cut when its wear was ``wear`` [min].
-        wear, error : float
-            Its wear then and its standard deviation [um].
+        """Time in the cut that is left of a tool whose wear was ``wear`` +- ``error`` [um] at
+        ``now`` [min].
         """
         if wear >= self.criterion_um:
             return TimeLeft(low=0.0, middle=0.0, high=0.0)
@@ -331,13 +311,7 @@ def _row(kind: str, v_c: float, kinds: Sequence[str], v_ref: float) -> Floats:
 
 
 def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
-    """The life law of training tools.
-
-    Raises
-    ------
-    ValueError
-        When no criterion is given, or fewer than three tools were measured up to it.
-    """
+    """The life law of three training tools or more that were measured up to the criterion."""
     limit = settings.criterion_um
     if limit is None:
         raise ValueError("no tool life: give wear_life.criterion_um, the wear at which tools go")

@@ -16,18 +16,7 @@ NUMBER = re.compile(r"T?(\d+)", re.IGNORECASE)
 
 
 def machine_wear(models: Path) -> MachineWear:
-    """Growth of the forces with wear, the criterion and the wear of tools in use of a machine.
-
-    Parameters
-    ----------
-    models : Path
-        ``data/champion/<machine>``.
-
-    Raises
-    ------
-    StoreError
-        When a file is broken or of another form.
-    """
+    """Growth of the forces with wear, the criterion and the wear of tools in use of a machine."""
     folder = models / "wear"
     if not (folder / "model.json").exists():
         return MachineWear()

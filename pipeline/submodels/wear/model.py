@@ -307,13 +307,7 @@ def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats
 
 
 def load_wear(folder: Path) -> Wear:
-    """The model in ``folder`` with its methods.
-
-    Raises
-    ------
-    ValueError
-        When a file is missing or broken.
-    """
+    """The model in ``folder`` with its methods."""
     from pipeline.nets.wear import restore_judge
     from pipeline.schema.forest import Trees
 

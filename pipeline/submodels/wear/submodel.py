@@ -131,13 +131,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Lives of tools.
-
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file, or the table of conditions cannot be read.
-        """
+        """Lives of tools."""
         if records.signals is None:
             raise ValueError("recordings of tools stand in the signals: name them in reads")
         in_use = settings.wear_life.in_use

@@ -17,11 +17,6 @@ def windows_of_table(table: pd.DataFrame, file: WearModel) -> tuple[WearWindows,
     """Windows of a table, one after the other, and the window of each row, shape (T,).
 
     Rows that are too few for a window of their own belong to the last one.
-
-    Raises
-    ------
-    ValueError
-        When a channel or condition is missing, a value is not finite, or the rows are too few.
     """
     wanted = [*file.channels, *file.known.numbers, *file.known.words]
     if missing := [name for name in wanted if name not in table.columns]:
