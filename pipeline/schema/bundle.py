@@ -60,7 +60,7 @@ class Bundle:
     submodels: Mapping[str, BundledModel]
     """By the name of the sub-model."""
     sha256: str
-    """Of the whole: over the names, hashes and statuses of its sub-models."""
+    """Hash of the whole: over the names, hashes and statuses of its sub-models."""
 
     @property
     def status(self) -> Status:

@@ -148,7 +148,7 @@ class CutLimit(Ranged, section="limits"):
             name="deflection of the tip", margin="deflection",
         ),
     ] = None  # fmt: skip
-    """Of the tool's tip, for tools without their own [um]."""
+    """Deflection of the tool's tip, for tools without their own [um]."""
     roughness_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -196,7 +196,7 @@ class CutLimit(Ranged, section="limits"):
             name="torque of the cut", margin="torque",
         ),
     ] = None  # fmt: skip
-    """Of the cut, beside the drive's own, for tools without their own [N m]."""
+    """Torque of the cut, beside the drive's own, for tools without their own [N m]."""
     power_share: Annotated[
         float,
         Range(above=0.0, most=2.0),
@@ -205,7 +205,7 @@ class CutLimit(Ranged, section="limits"):
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
-    """Of the drive's rated power at each speed [1]; above 1 for drives that bear it for minutes."""
+    """Share of the drive's rated power at each speed [1]; above 1 for drives that bear it briefly."""
     following_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),

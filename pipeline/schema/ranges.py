@@ -37,7 +37,7 @@ class Range:
     finite: bool = True
     """Whether infinity is refused."""
     unit: str = ""
-    """Of the number, ``""`` for none."""
+    """Unit of the number, ``""`` for none."""
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies in the range; NaN lies in none."""

@@ -83,26 +83,18 @@ ACCEPTED: dict[str, tuple[str, Callable[["pd.Series[Any]"], bool]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What a column of a table may hold.
-
-    Parameters
-    ----------
-    accepts : str
-        A key of :data:`ACCEPTED`.
-    nullable : bool
-        Whether values may be missing.
-    among : tuple of str
-        The words that it may hold; empty for all.
-    low, high : float
-        Least and greatest value, in ``unit``.
-    """
+    """What a column of a table may hold."""
 
     accepts: str
+    """Key of :data:`ACCEPTED`."""
     nullable: bool = False
+    """Whether values may be missing."""
     among: tuple[str, ...] = ()
+    """Words that the column may hold; empty for all."""
     low: float = -np.inf
     high: float = np.inf
     unit: str = ""
+    """Least and greatest value, in ``unit``."""
 
     def broken(self, values: "pd.Series[Any]") -> tuple[str, Any]:
         """What belongs in place of the values that break the rule, and which rows these are."""
@@ -121,7 +113,7 @@ class Rule:
 
 
 def check(table_name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """The same table, checked: a breach of its contract is a ValueError with column, row and value."""
+    """The same table, checked: a breach is a ValueError with column, row, value and remedy."""
     rules = _rules(table_name, frame.columns)
     remedy = _REMEDY.get(table_name, _CLEAN)
     _check_columns(table_name, frame, rules)

@@ -116,7 +116,7 @@ class TableLayout:
     delimiter: str = "auto"
     decimal: str = "."
     encoding: str = "utf-8"
-    """Of text tables; delimiter ``"auto"`` finds it."""
+    """Form of text tables; delimiter ``"auto"`` finds it."""
     header: int | None = None
     """Line of the column names, counting from 0; None finds it."""
     names: tuple[str, ...] = ()

@@ -120,7 +120,7 @@ class Recording:
     name: str
     """Name of the raw file below the machine's folder."""
     sha256: str = ""
-    """Of the raw file's bytes."""
+    """Hash of the raw file's bytes."""
     file: Path | None = None
     """Its Parquet; None where the raw file is no table, is a copy or could not be read."""
     start: str | None = None

@@ -30,9 +30,9 @@ class WearSource(Ranged, section="wear_records.wear"):
     """
 
     name: str
-    """Of the column or condition."""
+    """Name of the column or condition."""
     unit: str = WEAR_UNIT
-    """Of the number where it is recorded without one."""
+    """Unit of the number where it is recorded without one."""
     worn: tuple[str, ...] = ()
     unworn: tuple[str, ...] = ()
     """Words of a tool that is worn and of one that is not; empty where wear is a number."""
@@ -62,23 +62,16 @@ class WearSource(Ranged, section="wear_records.wear"):
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionTable:
-    r"""A table beside the recordings with one row for each.
-
-    Parameters
-    ----------
-    file : str
-        Its raw file below the machine's folder, among the tables of section ``records``.
-    key : str
-        Column by which a recording's row is found.
-    name : str
-        Regular expression on the recording's name whose first group is the key's value
-        (``"experiment_(\d+)"``); empty where the key holds names of files, below the machine's
-        folder or beside the table.
-    """
+    r"""A table beside the recordings with one row for each."""
 
     file: str
+    """Raw file of the table below the machine's folder, among the tables of section ``records``."""
     key: str
+    """Column by which a recording's row is found."""
     name: str = ""
+    """Regular expression on the recording's name whose first group is the key's value
+    (``"experiment_(\\d+)"``); empty where the key holds names of files, below the machine's folder
+    or beside the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +85,7 @@ class InCut(Ranged, section="wear_records.in_cut"):
     """
 
     channel: Channel
-    """Of words (a phase of the process), or of numbers whose level tells."""
+    """Channel of words (a phase of the process), or of numbers whose level counts."""
     values: tuple[str, ...] = ()
     """Patterns of the words of a cut."""
     least: NotNegative | None = None

@@ -60,7 +60,7 @@ class CleanMachine:
     warm_up_programs: tuple[str, ...] = ()
     """Programs that only warm the machine up."""
     time_zone: str = UTC
-    """Of the plant's clock, as ``America/New_York``: days, and with them golden sets, go from
+    """Zone of the plant's clock, as ``America/New_York``: days, and golden sets with them, go from
     midnight to midnight of it."""
 
     def __post_init__(self) -> None:

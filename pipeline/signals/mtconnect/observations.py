@@ -202,7 +202,7 @@ def sequence_of(text: str) -> int:
 
 
 def nanoseconds(text: str) -> int:
-    """As :func:`iso_ns`; a text that is no such time is a :class:`MalformedError`."""
+    """Nanoseconds of :func:`iso_ns`; a text that is no such time is a :class:`MalformedError`."""
     ns = iso_ns(text)
     if ns is None:
         raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time of 1678 to 2261")

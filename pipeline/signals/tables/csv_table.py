@@ -322,7 +322,7 @@ def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayo
 
 
 def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
-    """As :func:`rows_of` for files whose records are one line each."""
+    """Rows as :func:`rows_of` gives them, for files whose records are one line each."""
     invalid: list[tuple[int, str, int]] = []
 
     def skip(row: pyarrow.csv.InvalidRow) -> str:
@@ -365,7 +365,7 @@ def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
 
 
 def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> Rows:
-    """As :func:`rows_of`, one record after the other; a quoted cell may go over several lines."""
+    """Rows, one record after the other; a quoted cell may go over several lines."""
     places = [dialect.names.index(name) for name in needed]
     cells: list[list[str]] = [[] for _ in needed]
     numbers: list[int] = []

@@ -72,7 +72,7 @@ def _copied(life: ToolLife, learnt: dict[str, str]) -> list[SourceFile]:
 
 
 def _conditions(life: ToolLife, training: list[ToolLife]) -> dict[str, Fact]:
-    """Of each condition the value of the life that lies furthest from what training lives have."""
+    """Value of each condition, of the life that lies furthest from what training lives have."""
     found = {}
     for name, values in life.windows.conditions.items():
         others = [one.windows.conditions[name] for one in training]

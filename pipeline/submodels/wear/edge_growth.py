@@ -44,13 +44,13 @@ class EdgeGrowth:
     """By ``NAMES``."""
     tools: int
     recordings: int
-    """That they were fitted on."""
+    """Tools and recordings that they were fitted on."""
     wear_um: tuple[float, float]
     """Least and greatest wear of those."""
     error_percent: float
     """Median of the relative error of the mean force after the fit."""
     material: str = ""
-    """Of conf/material/, that was cut; empty where nobody said it."""
+    """Material of conf/material/ that was cut; empty where nobody said it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,7 +60,7 @@ class MeanForces:
     force: Floats
     """On the tool along the feed and to the left of it [N]; shape (M, 2)."""
     land: Floats
-    """Of it for each of ``NAMES`` [m^2]: design of the edge coefficients times the wear;
+    """Area by which each of ``NAMES`` adds to it [m^2]: design of the edge coefficients times the wear;
     shape (M, 2, 2)."""
     wear: Floats
     """Wear [um]; shape (M,)."""

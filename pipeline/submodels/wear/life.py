@@ -73,7 +73,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     """Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
     where it points the other way, as that on the workpiece does; empty without forces."""
     material: str = ""
-    """Of conf/material/, that the tools cut; the growth of forces holds for it."""
+    """Material of conf/material/ that the tools cut; the growth of forces holds for it."""
     taylor: Taylor | None = None
     """What a catalogue says of these tools in this material."""
 
@@ -200,7 +200,7 @@ class LifeLaw:
 
     criterion_um: float
     reading_error_um: float
-    """Of the settings."""
+    """Criterion, and standard deviation of a reading, by the settings [um]."""
     worn: tuple[WornTool, ...]
     """Tools that it was fitted on."""
     kinds: tuple[str, ...]
@@ -208,15 +208,15 @@ class LifeLaw:
     v_ref_m_min: float
     """Cutting speed at which the offsets hold."""
     mean: tuple[float, ...]
-    """Of log length [log m]: intercept, offset of each type, slope over log v_c."""
+    """Estimate of log length [log m]: intercept, offset of each type, slope over log v_c."""
     covariance: tuple[tuple[float, ...], ...]
-    """Of ``mean``, against ``scale`` squared."""
+    """Covariance of ``mean``, over ``scale`` squared."""
     scale: float
     dof: float
-    """Of the t distribution of tools about the line [1], its degrees of freedom."""
+    """Scale of the t distribution of tools about the line [1], its degrees of freedom."""
     share_mean: tuple[float, ...]
     share_sd: tuple[float, ...]
-    """Of the logarithm of the share of the length spent at each of ``LEVELS`` [1]."""
+    """Mean of the logarithm of the share of the length spent at each of ``LEVELS`` [1]."""
 
     def log_length(self, kind: str, v_c: float) -> tuple[float, float]:
         """Centre and scale of a further tool's log length until the criterion [log m]."""
