@@ -205,7 +205,7 @@ class CutLimit(Ranged, section="limits"):
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
-    """Share of the drive's rated power at each speed [1]; above 1 for drives that bear it briefly."""
+    """Share of the drive's rated power [1]; above 1 for drives that bear it for minutes."""
     following_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),

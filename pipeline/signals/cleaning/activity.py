@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series, held
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.columns import SEGMENT_KINDS
 
 CONTROLLER = ("execution", "controller_mode", "emergency_stop", "program", "tool_number",

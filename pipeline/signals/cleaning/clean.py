@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.parallel import mapped
 from pipeline.schema.days import day_end, day_of, day_start
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning import tables
 from pipeline.signals.cleaning.activity import (
     CONTROLLER,
@@ -37,7 +38,7 @@ from pipeline.signals.cleaning.recorded import (
     near,
     rows_of,
 )
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.store import sha256_of
 
 Summary = dict[str, Any]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning import gaps as found_gaps
 from pipeline.signals.cleaning.gaps import NO_MACHINE_GAPS, Gap, MachineGaps, ReportingInterval
 from pipeline.signals.cleaning.glitches import Audit, without_glitches
@@ -23,7 +24,7 @@ from pipeline.signals.cleaning.series import (
     removed_holes,
     resampled,
 )
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS, Column
 
 Carry = dict[str, Any]

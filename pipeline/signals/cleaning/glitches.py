@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.columns import Column
 
 COUNTERS_OF_TIME = ("total_time", "auto_time", "cut_time")

@@ -12,8 +12,9 @@ turn, and whether a machine that was switched off engages again.
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series, empty, held
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 
 ANGLE_STEP = 1e-3
 """Smallest change of angle that is a motion [DEGREE]."""

@@ -16,9 +16,10 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Ints
 from pipeline.schema.days import days_of
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.alarms import Said, conditions
 from pipeline.signals.cleaning.gaps import counted_intervals
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS
 from pipeline.signals.store import sha256_of
 from pipeline.signals.units import conversion

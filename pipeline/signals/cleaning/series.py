@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.schema.si import NS
+from pipeline.signals.cleaning.settings import CleanSettings
 
 Values = npt.NDArray[Any]
 

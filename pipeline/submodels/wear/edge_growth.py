@@ -17,13 +17,13 @@ import numpy as np
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
+from pipeline.schema.si import N_MM2, UM
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.life import Engaged, WearLifeSettings, engaged
 
 NAMES = ("K_te_over_VB", "K_re_over_VB")
 """Order of the fitted coefficients, in N/mm of depth for each mm of land."""
 UNIT = "N/mm^2"
-PASCAL = 1e6
 EDGE = (COEFFICIENTS.index("K_te"), COEFFICIENTS.index("K_re"))
 WHOLE = 0.85
 """Least force of a window against the greatest of its recording, so that the tool is all in [1]."""
@@ -60,8 +60,8 @@ class MeanForces:
     force: Floats
     """On the tool along the feed and to the left of it [N]; shape (M, 2)."""
     land: Floats
-    """Area by which each of ``NAMES`` adds to it [m^2]: design of the edge coefficients times the wear;
-    shape (M, 2, 2)."""
+    """Area by which each of ``NAMES`` adds to it [m^2]: design of the edge coefficients times
+    the wear; shape (M, 2, 2)."""
     wear: Floats
     """Wear [um]; shape (M,)."""
     tool: np.ndarray
@@ -90,7 +90,7 @@ def mean_forces(windows: WearWindows, settings: WearLifeSettings) -> MeanForces:
     wear = np.asarray(windows.wear[first], np.float64)
     return MeanForces(
         force=np.stack(sums, axis=1) / count[:, None], wear=wear, tool=windows.tool[first],
-        land=_edges(cuts, first) * (wear * 1e-6)[:, None, None], cut=_cut(windows, cuts, first),
+        land=_edges(cuts, first) * (wear * UM)[:, None, None], cut=_cut(windows, cuts, first),
     )  # fmt: skip
 
 
@@ -142,7 +142,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
     half = float(stdtrit(len(tools) - 1, 0.975)) * spread
     method = f"mean forces of {len(rows.wear)} cuts, {len(tools)} tools left out in turn"
     parameters = {
-        name: _parameter(float(value) / PASCAL, float(width) / PASCAL, method)
+        name: _parameter(float(value) / N_MM2, float(width) / N_MM2, method)
         for name, value, width in zip(NAMES, found, half, strict=True)
     }
     return EdgeGrowth(

@@ -24,6 +24,7 @@ from pipeline.cutting.economics.tool_life import Taylor, life
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.schema.si import MINUTE, MM
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 
@@ -124,9 +125,9 @@ def engaged(windows: WearWindows, settings: WearLifeSettings) -> Engaged:
     arc = np.arccos(np.clip(1.0 - 2.0 * width / diameter, -1.0, 1.0))
     up = np.isin(_words(windows, settings.cut), settings.up)
     return Engaged(
-        kind=kind, flutes=flutes, v_c=np.pi * diameter * speed * 1e-3,
-        f_z=number(settings.feed, "mm/min") / (speed * flutes) * 1e-3,
-        a_p=number(settings.depth, "mm") * 1e-3,
+        kind=kind, flutes=flutes, v_c=np.pi * diameter * speed * MM,
+        f_z=number(settings.feed, "mm/min") / (speed * flutes) * MM,
+        a_p=number(settings.depth, "mm") * MM,
         phi_st=np.where(up, 0.0, np.pi - arc), phi_ex=np.where(up, arc, np.pi),
     )  # fmt: skip
 
@@ -216,7 +217,7 @@ class LifeLaw:
     """Scale of the t distribution of tools about the line [1], its degrees of freedom."""
     share_mean: tuple[float, ...]
     share_sd: tuple[float, ...]
-    """Mean of the logarithm of the share of the length spent at each of ``LEVELS`` [1]."""
+    """Logarithm of the share of the length spent, mean and deviation, at each of ``LEVELS`` [1]."""
 
     def log_length(self, kind: str, v_c: float) -> tuple[float, float]:
         """Centre and scale of a further tool's log length until the criterion [log m]."""
@@ -363,8 +364,8 @@ def _catalogue(use: ToolUse, settings: WearLifeSettings) -> float | None:
         return None
     reference = {"f_z": settings.taylor.f_z_ref_mm, "a_p": settings.taylor.a_p_ref_mm,
                  "a_e": settings.taylor.a_e_ref_mm}  # fmt: skip
-    conditions = {name: value * 1e-3 for name, value in reference.items() if value is not None}
-    return float(life(settings.taylor, use.v_c / 60.0, conditions)) / 60.0  # type: ignore[arg-type]
+    conditions = {name: value * MM for name, value in reference.items() if value is not None}
+    return float(life(settings.taylor, use.v_c / MINUTE, conditions)) / MINUTE  # type: ignore[arg-type]
 
 
 def _curve(use: ToolUse) -> tuple[Floats, Floats] | None:
