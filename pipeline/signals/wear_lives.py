@@ -23,7 +23,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.signals.conditions import Condition, ConditionSources, unit_of
 from pipeline.signals.parts import as_words, parts_of, samples_sha256
 from pipeline.signals.recordings import WORDS, Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_records import WEAR_UNIT, ConditionTable, InCut, WearRecords
 from pipeline.signals.wear_windows import LifeFile, Lives, ToolLife, WearWindows, Words
@@ -258,13 +258,13 @@ def _windows(part: _Part, records: WearRecords, known: bool) -> WearWindows:
     for name in names:
         if name in samples.lacking:
             raise ValueError(samples.lacking[name])
-    whole = samples.complete(names) & part.rows
-    at = np.flatnonzero(whole & _in_cut(part, records.in_cut))
+    in_cut = samples.complete(names) & part.rows & _in_cut(part, records.in_cut)
+    at = np.flatnonzero(in_cut)
     if not len(at):
         raise ValueError("no row of it is in cut with a value in each channel")
     pieces, starts = [], []
-    for piece in uniform_segments(samples.time[at]):
-        values = np.stack([piece.on_grid(samples.channels[name][at]) for name in names])
+    for piece in samples.segments(in_cut):
+        values = np.stack([piece.on_grid(samples.channels[name]) for name in names])
         values = _at_rate(values, piece, records.rate_Hz)
         for first in range(0, values.shape[1] - records.length + 1, records.length):
             pieces.append(values[:, first : first + records.length])

@@ -17,7 +17,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.signals.parts import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.sampling import UniformSegment
 from pipeline.submodels.rounding import grid_step
 
 MOTION = ("reference", "position", "error")
@@ -42,8 +42,8 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
     command: Channel | None = None
     """Torque command or current of the drive: a measurement, which only estimation may use."""
     lead_mm: Positive | None = None
-    """Of the screw [mm], where errors that return with each turn are to be learnt; positions are
-    then those of the machine's frame."""
+    """Lead of the screw [mm], where errors that return with each turn are to be learnt; positions
+    are then those of the machine's frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -138,7 +138,7 @@ class Run:
     group: str
     """What belongs together in splits."""
     sha256: str
-    """Of the raw bytes; of the samples where it is a part of a file."""
+    """Hash of the raw bytes; of the samples where it is a part of a file."""
     period: float = float("nan")
     """Between samples [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
@@ -146,7 +146,7 @@ class Run:
     lacking: Mapping[str, str] = field(default_factory=dict)
     """Axes that it does not show, with the reason."""
     start: float = 0.0
-    """Of its first sample in the recording [s]."""
+    """Time of its first sample in the recording [s]."""
     last: bool = False
     """Whether it is the end of a training recording, held out by time."""
 
@@ -231,29 +231,25 @@ def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRec
     if not shown:
         return [replace(blank, lacking=lacking)]
     whole = samples.complete([name for names in shown.values() for name in names]) & rows
-    at = np.flatnonzero(whole)
     try:
-        pieces = uniform_segments(samples.time[at])
+        pieces = samples.segments(whole)
     except ValueError as error:
         return [_nothing(blank, records, str(error))]
     found = []
     for number, piece in enumerate(pieces, start=1):
-        axes = {letter: _axis(letter, records.axes[letter], samples, piece, at) for letter in shown}
+        axes = {letter: _axis(letter, records.axes[letter], samples, piece) for letter in shown}
         name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
         run = replace(
             blank, name=name, period=piece.period, axes=axes, lacking=lacking, start=piece.start
         )
         whole_file = len(pieces) == 1 and blank.name == blank.file
         found.append(run if whole_file else replace(run, sha256=content_hash(run)))
-    return found or [_nothing(blank, records, "it has more gaps than rows")]
+    return found
 
 
-def _axis(
-    letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment, at: Any
-) -> AxisRun:
+def _axis(letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment) -> AxisRun:
     grid = {
-        name: _on_grid(piece, samples.channels[f"{letter} {name}"][at])
-        for name in channels.channels
+        name: _on_grid(piece, samples.channels[f"{letter} {name}"]) for name in channels.channels
     }
     error = grid.get("error")
     return AxisRun(

@@ -13,12 +13,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.verdict import Fact
-from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
+from pipeline.signals.recordings import Channel, LogItems, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
 
 KELVIN = 273.15
@@ -245,15 +244,12 @@ def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthReco
 
 def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRecording:
     """Recording in a log of MTConnect: a channel's column is a data item, its value holds."""
-    items = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
-    items = items.sort_values("time", kind="stable")
-    if not len(items):
+    log = LogItems.read(path)
+    if not len(log):
         return GrowthRecording(name=one.name, reason="it holds no observation: record it again")
-    seconds = (items["time"] - items["time"].iloc[0]).dt.total_seconds().to_numpy(float)
     numbers: dict[str, Floats] = {}
     for name, channel in records.channels.items():
-        rows = (items["data_item"] == channel.column).to_numpy()
-        if not rows.any():
+        if not len(log.times(channel.column)):
             reason = f"it has no data item {channel.column!r}: {channel.remedy}"
             return GrowthRecording(name=one.name, reason=reason)
         try:
@@ -261,12 +257,10 @@ def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRe
         except ValueError as error:
             reason = f"its data item {channel.column!r} is in {channel.unit or 'no unit'}: {error}"
             return GrowthRecording(name=one.name, reason=f"{reason}: name its unit")
-        values = np.full(len(items), np.nan)
-        values[rows] = channel.factor * (factor * items["number"].to_numpy(float)[rows] + offset)
-        last = np.maximum.accumulate(np.where(rows, np.arange(len(items)), 0))
         # where an item was unavailable it stays so until its next value
-        numbers[name] = np.where(np.cumsum(rows) > 0, values[last], np.nan)
-    samples = Samples(time=seconds, channels=numbers)
+        held = log.held(channel.column, log.time)
+        numbers[name] = channel.factor * (factor * held + offset)
+    samples = Samples(time=log.time, channels=numbers)
     none = [not np.isfinite(numbers[name]).any() for name in records.temperatures]
     return _checked(_profile(one.name, samples, records, none, holds=True))
 
