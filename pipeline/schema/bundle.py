@@ -120,13 +120,7 @@ class Champions:
 
 
 def read_champions(path: Path) -> Champions:
-    """The champions in ``champions.json``; none where there is no such file.
-
-    Raises
-    ------
-    StoreError
-        When the file is not one.
-    """
+    """The champions in ``champions.json``; none where there is no such file."""
     if not path.exists():
         return Champions()
     return read_json(path, Champions, f"restore it with `git checkout {path.name}`")

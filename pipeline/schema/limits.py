@@ -60,13 +60,7 @@ class Margins(Ranged, section="margins"):
 
 @dataclass(frozen=True, kw_only=True)
 class MachiningPractice(Ranged, section="practice"):
-    """What holds for any part: how far F and S may go from the program, and what stays as it is.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """What holds for any part: how far F and S may go from the program, and what stays as it is."""
 
     change: Annotated[
         tuple[float, ...],
@@ -123,13 +117,7 @@ def check_change(name: str, change: tuple[float, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CutLimit(Ranged, section="limits"):
-    """Limits of a part's cut, in the units of tables; a limit that is None does not hold.
-
-    Raises
-    ------
-    ValueError
-        When a limit is not positive, or a range is empty.
-    """
+    """Limits of a part's cut, in the units of tables; a limit that is None does not hold."""
 
     load_N: Annotated[
         float | None,

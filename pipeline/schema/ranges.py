@@ -78,13 +78,9 @@ Count = Annotated[int, Range(least=1)]
 class Ranged:
     """Base of dataclasses whose fields declare ranges.
 
-    ``section`` names the class in messages as a person knows it: the section of params.yaml.  A
+    ``section`` names the class in messages as a person knows it: the section of params.yaml. A
     field without a value (``None``) is not checked; of a list, a tuple or a mapping each number is.
-
-    Raises
-    ------
-    ValueError
-        When a value lies outside its range; the message has section, name, value, unit and range.
+    A value outside its range is a ValueError with section, name, value, unit and range.
     """
 
     section: ClassVar[str] = ""

@@ -327,7 +327,7 @@ def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource | Non
 
 def _unpacked(head: bytes) -> bytes:
     """The beginning of what is packed with gzip; it may break off, or be broken."""
-    if not head.startswith(b"\x1f\x8b"):
+    if not head.startswith(GZIP_MAGIC):
         return head
     try:
         return zlib.decompressobj(wbits=31).decompress(head, _HEAD)

@@ -43,14 +43,7 @@ WORDS = "words"
 
 @dataclass(frozen=True, kw_only=True)
 class Channel(Ranged, section="channel"):
-    """Declaration of one channel: where it stands in a recording, and what it measures.
-
-    Raises
-    ------
-    ValueError
-        When the quantity is not in ``QUANTITIES`` and no unit is given, the unit does not measure
-        the quantity, or the factor is zero or not finite.
-    """
+    """Declaration of one channel: where it stands in a recording, and what it measures."""
 
     column: str
     """Name of the column, or a pattern of it (``"*pulses*"``), whose first match counts."""

@@ -21,13 +21,7 @@ CLASS_UNIT = "1"
 
 @dataclass(frozen=True, kw_only=True)
 class WearSource(Ranged, section="wear_records.wear"):
-    """Where the wear of the tool stands: a number, or words for worn and not worn.
-
-    Raises
-    ------
-    ValueError
-        When there are words of one class only, or the unit is none of a length.
-    """
+    """Where the wear of the tool stands: a number, or words for worn and not worn."""
 
     name: str
     """Name of the column or condition."""
@@ -76,13 +70,7 @@ class ConditionTable:
 
 @dataclass(frozen=True, kw_only=True)
 class InCut(Ranged, section="wear_records.in_cut"):
-    """Which rows of a recording are in cut.
-
-    Raises
-    ------
-    ValueError
-        When a channel of words has no values, or one of numbers has some.
-    """
+    """Which rows of a recording are in cut."""
 
     channel: Channel
     """Channel of words (a phase of the process), or of numbers whose level counts."""
@@ -107,14 +95,7 @@ class InCut(Ranged, section="wear_records.in_cut"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearRecords(Ranged, section="wear_records"):
-    """Recordings that show the wear of tools, and the windows that are made of them.
-
-    Raises
-    ------
-    ValueError
-        When there is no channel, ``progress`` is no continuous condition, or a condition is both
-        continuous and discrete.
-    """
+    """Recordings that show the wear of tools, and the windows that are made of them."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""

@@ -64,13 +64,9 @@ def state_segments(
     """Average a day over steps and cut it into segments in which every input is known.
 
     Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
-    end a segment; a longer gap does.  With ``bridge_s = inf`` nothing does.  A segment begins with
-    a measured target and lasts at least ``shortest_s`` seconds.
-
-    Raises
-    ------
-    ValueError
-        When an input or the target is no column of numbers in ``frame``; the message names it.
+    end a segment; a longer gap does. With ``bridge_s = inf`` nothing does. A segment begins with a
+    measured target and lasts at least ``shortest_s`` seconds. An input or a target that is no
+    column of numbers is a ValueError.
     """
     numbers = frame.select_dtypes("number")
     missing = [name for name in (*inputs, target) if name not in numbers.columns]

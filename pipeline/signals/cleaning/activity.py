@@ -211,14 +211,8 @@ def no_load(speed: Floats, load: Floats, settings: CleanSettings) -> NoLoadLevel
     and iron losses), so the lower fifth of the loads at a speed is its no-load level, and the
     scatter below that level is its noise.
 
-    Parameters
-    ----------
-    speed : array of float64, shape (T,)
-        Speed [REVOLUTION/MINUTE] in seconds in which it was steady; NaN rows are left out.
-    load : array of float64, shape (T,)
-        Load [PERCENT].
-    settings : CleanSettings
-        ``turning_rpm``, ``load_margin``, ``load_spreads``.
+    ``speed`` [REVOLUTION/MINUTE] is that of the seconds in which it was steady, ``load`` [PERCENT];
+    shape (T,) each, and rows with NaN are left out.
     """
     good = (np.abs(speed) > settings.turning_rpm) & ~np.isnan(load)
     classes, loads = _speed_class(speed[good]), np.abs(load[good])

@@ -42,14 +42,7 @@ class PositionControl:
 
 @dataclass(frozen=True, kw_only=True)
 class CleanMachine:
-    """How the canonical signals are found in one machine's records.
-
-    Raises
-    ------
-    ValueError
-        When a signal is not in the table of signals, two signals name one data item, or no such
-        time zone is known.
-    """
+    """How the canonical signals are found in one machine's records."""
 
     signals: Mapping[str, str] = field(default_factory=dict)
     """Canonical signal -> name of the data item or of the trace channel."""
@@ -96,13 +89,7 @@ class CleanMachine:
 
 @dataclass(frozen=True, kw_only=True)
 class CleanSettings(Ranged, section="cleaning"):
-    """By which rules records are cleaned.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """By which rules records are cleaned."""
 
     period_s: Annotated[float, Range(least=1e-3, most=3600, unit="s")] = 1.0
     """Period of the state table [s]."""

@@ -162,13 +162,7 @@ class ArrayCollector:
             self.arrays.append(NamedArray(name=short, shape=shape, kind=kind, load=load, unit=unit))
 
     def found(self) -> list[NamedArray]:
-        """The named_arrays.
-
-        Raises
-        ------
-        UnreadableFile
-            When the group holds none.
-        """
+        """The arrays that were added; a group that holds none makes the file unreadable."""
         if not self.arrays:
             where = f"group {self.group!r}" if self.group else "the file"
             raise UnreadableFile(f"{where} holds no arrays: correct the group in the layout")

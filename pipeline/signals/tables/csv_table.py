@@ -7,7 +7,6 @@ record.  Both give the same rows.
 
 import csv
 import re
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -22,12 +21,14 @@ import pyarrow.csv
 from pipeline.schema.arrays import Ints
 from pipeline.signals.formats import (
     EXCERPT,
+    GZIP_MAGIC,
     RecordSource,
     Rejection,
     TableLayout,
     Trace,
     UnreadableFile,
     foreign,
+    gunzip,
 )
 from pipeline.signals.tables.table import (
     RawTable,
@@ -86,7 +87,7 @@ class Lines:
 
 def text_of(data: bytes, encoding: str) -> bytes:
     r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked."""
-    if data.startswith(b"\x1f\x8b"):
+    if data.startswith(GZIP_MAGIC):
         data = _unpacked(data)
     if kind := foreign(data):
         raise UnreadableFile(f"the file is {kind}")
@@ -110,18 +111,10 @@ def text_of(data: bytes, encoding: str) -> bytes:
 
 
 def _unpacked(data: bytes) -> bytes:
-    unpacker = zlib.decompressobj(wbits=31)
-    try:
-        text = unpacker.decompress(data)
-        while unpacker.eof and unpacker.unused_data.startswith(b"\x1f\x8b"):
-            rest, unpacker = unpacker.unused_data, zlib.decompressobj(wbits=31)
-            text += unpacker.decompress(rest)
-    except zlib.error as error:
-        raise UnreadableFile(
-            f"the gzip stream is damaged ({error}): copy the file again"
-        ) from error
-    if not unpacker.eof:
-        raise UnreadableFile("the gzip stream ends early: copy the file again")
+    reasons: list[str] = []
+    text = b"".join(gunzip(iter([data]), _BLOCK, reasons.append))
+    if reasons:
+        raise UnreadableFile(f"{reasons[0]}: copy the file again")
     return text
 
 

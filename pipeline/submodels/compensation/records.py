@@ -26,13 +26,7 @@ MOTION = ("reference", "position", "error")
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorChannels(Ranged, section="compensation_records.axes"):
-    """Channels of one axis.
-
-    Raises
-    ------
-    ValueError
-        When neither both positions nor the error are named.
-    """
+    """Channels of one axis: both positions, or the error."""
 
     reference: Channel | None = None
     position: Channel | None = None
@@ -67,13 +61,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationRecords(Ranged, section="compensation_records"):
-    """Recordings that show following errors.
-
-    Raises
-    ------
-    ValueError
-        When no axis is named, or ``group`` is none of ``parts``.
-    """
+    """Recordings that show following errors."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
@@ -161,19 +149,8 @@ def read_runs(
 ) -> list[Run]:
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    records : CompensationRecords
-        Of the machine's file.
-    is_training : callable
-        Whether a recording, or a part of one, is learnt from, by its name and its raw file.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits the patterns.
+    ``is_training`` says of a recording, or a part of one, by its name and its raw file whether it
+    is learnt from.
     """
     declared = {
         f"{letter} {name}": channel

@@ -41,13 +41,7 @@ RPM = 60 / (2 * np.pi)
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationRecords(Ranged, section="deformation_records"):
-    """Recordings of growth in the machine's file.
-
-    Raises
-    ------
-    ValueError
-        With fewer than three temperatures, or the place of a sensor that is none of them.
-    """
+    """Recordings of growth in the machine's file."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
@@ -175,19 +169,7 @@ def read_profiles(
 ) -> list[GrowthRecording]:
     """Recordings of growth of a machine, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    records : DeformationRecords
-        Of the machine's file.
-    preferred : callable
-        Whether the recording of a name is the one to keep of several with the same bytes.
-
-    Raises
-    ------
-    ValueError
-        When a pattern fits no file.
+    ``preferred`` says of a name whether it is the one to keep of several with the same bytes.
     """
     found = read_recordings(
         signals, records.channels, patterns=records.recordings, preferred=preferred,

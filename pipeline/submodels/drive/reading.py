@@ -359,12 +359,9 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Check that the channel ``name`` of a torque command is not in a unit of motion.
+    """Refuse the channel ``name`` of a torque command in a unit of motion.
 
-    Raises
-    ------
-    ValueError
-        When it is: a command may be in amperes, volts, percent or counts.
+    A command may be in amperes, volts, percent or counts.
     """
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:

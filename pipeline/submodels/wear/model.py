@@ -41,13 +41,7 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class WearFitSettings(Ranged, section="wear_fit"):
-    """How methods are fitted and compared.
-
-    Raises
-    ------
-    ValueError
-        When a method is none of those that there are.
-    """
+    """How methods are fitted and compared."""
 
     folds: Annotated[int, Range(least=2, most=50)] = 5
     """Parts of the training tools that are left out in turn, at most one a tool."""
