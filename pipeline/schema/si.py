@@ -9,7 +9,7 @@ from math import pi
 
 MM, UM = 1e-3, 1e-6
 """Millimetre and micrometre [m]."""
-MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86_400
 """Minute, hour and day [s]; a frequency [1/s] times ``MINUTE`` is one for each minute."""
 NS = 1_000_000_000
 """Nanoseconds in one second [1]."""
