@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Finite, Positive, Range, Ranged
+from pipeline.schema.si import KW
 
-KW = 1e3
 RPM = 1 / 60
 
 

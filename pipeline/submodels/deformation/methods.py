@@ -21,8 +21,9 @@ from pipeline.nets.settings import (
     TrainingSettings,
 )
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.si import UM
 from pipeline.submodels.deformation.features import Inputs
-from pipeline.submodels.deformation.records import RPM, UM
+from pipeline.submodels.deformation.records import RPM
 from pipeline.thermal import growth_fit
 from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion

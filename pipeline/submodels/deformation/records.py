@@ -16,14 +16,13 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.si import UM
 from pipeline.schema.verdict import Fact
 from pipeline.signals.recordings import Channel, LogItems, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
 
 KELVIN = 273.15
 """Zero of the Celsius scale [K]."""
-UM = 1e-6
-"""One micrometre [m]."""
 OFFSET_UM = 10.0
 """First reading up to which a probe may have been zeroed [um], beside what it moves."""
 FEWEST_SENSORS = 3
