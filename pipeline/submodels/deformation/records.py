@@ -16,13 +16,11 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
-from pipeline.schema.si import UM
+from pipeline.schema.si import RPM, UM, ZERO_CELSIUS
 from pipeline.schema.verdict import Fact
 from pipeline.signals.recordings import Channel, LogItems, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
 
-KELVIN = 273.15
-"""Zero of the Celsius scale [K]."""
 OFFSET_UM = 10.0
 """First reading up to which a probe may have been zeroed [um], beside what it moves."""
 FEWEST_SENSORS = 3
@@ -34,8 +32,6 @@ FEWEST_SAMPLES = 10
 """Fewest samples of growth in a recording [1]; fewer show no transient."""
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
 """Names of the channels beside the sensors, in tables too."""
-RPM = 60 / (2 * np.pi)
-"""One rad/s in rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,15 +280,15 @@ def _profile(
         return on_grid(clock, values, grid, records.longest_gap_s)
 
     temperatures = np.column_stack([
-        np.full(len(grid), np.nan) if gone else held(sensor, offset=-KELVIN)
+        np.full(len(grid), np.nan) if gone else held(sensor, offset=-ZERO_CELSIUS)
         for sensor, gone in zip(records.temperatures, empty, strict=True)
     ])  # fmt: skip
     growth = held(GROWTH, 1 / UM)
     growth[_frozen_since(growth, temperatures, records.period_s) :] = np.nan
     if (start > 0 or not records.probe_is_zeroed) and np.isfinite(growth).any():
         growth = growth - growth[np.isfinite(growth)][0]
-    speed = held(SPEED, RPM) if records.speed else np.zeros(len(grid))
-    ambient = held(AMBIENT, offset=-KELVIN) if records.ambient else np.full(len(grid), np.nan)
+    speed = held(SPEED, 1 / RPM) if records.speed else np.zeros(len(grid))
+    ambient = held(AMBIENT, offset=-ZERO_CELSIUS) if records.ambient else np.full(len(grid), np.nan)
     if records.ambient:
         ambient = filled(ambient, coldest_at_start(temperatures))
     state = State(
