@@ -78,7 +78,7 @@ Count = Annotated[int, Range(least=1)]
 class Ranged:
     """Base of dataclasses whose fields declare ranges.
 
-    ``section`` names the class in messages as a person knows it: the section of params.yaml. A
+    ``section`` names the class in messages as a person knows it: the section of params.yaml.  A
     field without a value (``None``) is not checked; of a list, a tuple or a mapping each number is.
     A value outside its range is a ValueError with section, name, value, unit and range.
     """

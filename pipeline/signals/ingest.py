@@ -193,7 +193,7 @@ def ingest(
     """Read every file of a machine in ``raw`` that changed since the last time into ``out``.
 
     A file that none of ``sources`` names is rejected with that reason; ``progress`` is called with
-    each file's name before it is read. A source that is not laid out as its files are is a
+    each file's name before it is read.  A source that is not laid out as its files are is a
     ValueError.
     """
     if not raw.is_dir():

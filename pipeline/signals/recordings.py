@@ -206,7 +206,7 @@ def read_recordings(
 
     No channel is read before :meth:`Recording.load`. Of several files with the same bytes the one
     is kept whose name is ``preferred``, say for training, as a copy in another role would be a
-    leak; the others are there with the reason, and without their file. ``section`` is the key of
+    leak; the others are there with the reason, and without their file.  ``section`` is the key of
     the machine's file that names the patterns, for the ValueError where none of the files fits.
     """
     try:

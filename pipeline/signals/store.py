@@ -49,7 +49,7 @@ class Written:
 def write_observations(batches: Iterable[Batch], path: Path) -> Written:
     """Write the batches of a reader to one Parquet file, as they come.
 
-    The file appears under its name when it is whole; what a reader raises leaves no file behind. A
+    The file appears under its name when it is whole; what a reader raises leaves no file behind.  A
     batch whose counts do not add up is a ValueError.
     """
     rows = 0

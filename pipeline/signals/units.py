@@ -133,7 +133,7 @@ def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
     """Factor and offset that take a value from one unit to another: ``value * factor + offset``.
 
     Units are ordinary text (``"mm/min"``, ``"°C"``, ``"rpm"``) or MTConnect's names, ``""`` for
-    none. One that is not known, and two that do not measure the same quantity, are a ValueError.
+    none.  One that is not known, and two that do not measure the same quantity, are a ValueError.
 
     >>> conversion("inch/min", "MILLIMETER/SECOND")[0] * 60
     25.4

@@ -64,8 +64,8 @@ def state_segments(
     """Average a day over steps and cut it into segments in which every input is known.
 
     Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
-    end a segment; a longer gap does. With ``bridge_s = inf`` nothing does. A segment begins with a
-    measured target and lasts at least ``shortest_s`` seconds. An input or a target that is no
+    end a segment; a longer gap does.  With ``bridge_s = inf`` nothing does.  A segment begins with
+    a measured target and lasts at least ``shortest_s`` seconds.  An input or a target that is no
     column of numbers is a ValueError.
     """
     numbers = frame.select_dtypes("number")

@@ -101,7 +101,7 @@ class _OpenCycle:
 def cycles(found: Intervals, settings: CleanSettings) -> pd.DataFrame:
     """The cycles in a machine's intervals, with columns ``COLUMNS`` and times in UTC.
 
-    Losses of data longer than ``off_after_s`` end a cycle. ``complete``: ended by READY in
+    Losses of data longer than ``off_after_s`` end a cycle.  ``complete``: ended by READY in
     AUTOMATIC, with nothing known that cut it short.
     """
     run = _CycleBuilder(longest_loss=round(settings.off_after_s * NS))

@@ -75,7 +75,7 @@ def alarms(said: Iterable[Said], state: pd.DataFrame) -> pd.DataFrame:
     """Warnings and faults of all files, one row each, in the order of ``start``.
 
     ``state`` has ``time`` and those of :data:`AT` that the machine records, at the alarms' times or
-    about. ``end`` is missing of an alarm that no record ends.
+    about.  ``end`` is missing of an alarm that no record ends.
     """
     found: list[dict[str, Any]] = []
     active: dict[tuple[str, str], dict[str, Any]] = {}

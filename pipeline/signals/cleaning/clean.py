@@ -49,8 +49,8 @@ def clean(
 ) -> Summary:
     """Clean one machine's ``data/signals`` into its ``data/clean``.
 
-    Days that are there and still true are left alone. Returns what ``summary.json`` holds, and
-    ``written``, the days that were written now. A data item whose unit cannot become its signal's
+    Days that are there and still true are left alone.  Returns what ``summary.json`` holds, and
+    ``written``, the days that were written now.  A data item whose unit cannot become its signal's
     is a ValueError.
     """
     return _Build(signals, out, machine, settings or CleanSettings()).run()

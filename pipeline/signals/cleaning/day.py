@@ -175,7 +175,7 @@ def clean_day(
     """Clean the rows from ``start`` to ``end`` [ns] of one machine.
 
     ``rows`` are those of ``recorded.rows_of`` and of the lookahead after the day, with ``apart``:
-    reported by a logger that may run while the machine is off. ``carry`` is what the day before
+    reported by a logger that may run while the machine is off.  ``carry`` is what the day before
     left, empty for the first; ``reporting`` goes by data item, ``"*"`` for the machine as a whole.
     """
     rows = rows.sort_values(["time", "sequence"], kind="stable", ignore_index=True)

@@ -77,7 +77,7 @@ def without_glitches(
     """Remove the values of a series that cannot be true; applied to the result it removes nothing
     more.
 
-    ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost. Rows with
+    ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost.  Rows with
     ``fresh`` False are good by earlier judgement.
     """
     n = len(series.time)

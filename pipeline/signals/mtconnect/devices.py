@@ -86,7 +86,7 @@ class _Reader(XmlEvents):
 def read_devices(path: Path, device: str | None) -> DeviceModel:
     """The device model in a Devices document (XML or JSON) or a bare ``<Device>`` at ``path``.
 
-    ``device`` is name, uuid or id of the one to keep; None keeps all. A file that is no such
+    ``device`` is name, uuid or id of the one to keep; None keeps all.  A file that is no such
     document, breaks off, or has no such device is an :class:`UnreadableFile`.
     """
     whole = content(path)

@@ -95,7 +95,7 @@ def shape_of(
 ) -> Shape:
     """The shape of an observation with the element ``tag`` and its attributes.
 
-    ``section`` is SAMPLE, EVENT, CONDITION, or UNKNOWN for a lone one. One that names no item, and
+    ``section`` is SAMPLE, EVENT, CONDITION, or UNKNOWN for a lone one.  One that names no item, and
     a condition without a level, is a :class:`MalformedError`.
     """
     item_id = _word(attributes.get("dataItemId") or attributes.get("itemId")) or None
@@ -212,7 +212,7 @@ def nanoseconds(text: str) -> int:
 def iso_ns(text: str) -> int | None:
     """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
 
-    Digits after the ninth of the fraction are cut off. Second 60 is the first of the next minute.
+    Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
     None for a text that is no such time, or of a year outside 1678 to 2261.
     """
     fraction, away = text[20:-1], 0

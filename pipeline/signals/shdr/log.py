@@ -42,8 +42,8 @@ PATIENCE = 100_000
 def read(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
     """Read a log, plain or gzip, in batches of about a quarter of a million records.
 
-    ``devices``, ``device`` and ``values`` of ``source`` declare its items. A file that is empty, or
-    no line of which has the form of a log, is an :class:`UnreadableFile`.
+    ``devices``, ``device`` and ``values`` of ``source`` declare its items.  A file that is empty,
+    or no line of which has the form of a log, is an :class:`UnreadableFile`.
     """
     # Compiled code is slow to load, and most who import this module only ask what it reads.
     from pipeline.signals.shdr.fast import Scanner

@@ -75,7 +75,7 @@ def read_hdf5(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of an HDF5 file; a row's line is its number, from 1.
 
     The layout's ``group`` is the path of a group or of a compound dataset, columns are paths below
-    it. An attribute ``unit`` or ``units`` counts as stated by the file.
+    it.  An attribute ``unit`` or ``units`` counts as stated by the file.
     """
     import h5py
 
@@ -139,7 +139,7 @@ def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a WAV file; a row's line is the number of its sample, from 1.
 
     Channels are ``#1``, ``#2``. Counts are shares of full scale, and become a quantity by
-    ``full_scale`` of their column. The file states the rate.
+    ``full_scale`` of their column.  The file states the rate.
     """
     import warnings
 

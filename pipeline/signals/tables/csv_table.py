@@ -243,7 +243,7 @@ _LONGEST_RECORD = 50  # lines; a quote that stays open longer is a stray one
 _BLOCK = 1 << 26
 _SHAPE = re.compile(r"([.,]\d*)?([eE][-+]?\d*)?\s*$")
 
-Rows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
+CellRows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
@@ -304,7 +304,7 @@ def _in_blanks(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
     raise UnreadableFile("no line of names has as many words as the rows: give the layout's names")
 
 
-def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> Rows:
+def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> CellRows:
     """Cells of the needed columns as text, the line of each row (from 1), and rejected rows."""
     if dialect.first >= len(lines):
         empty = {name: pa.chunked_array([pa.array([], pa.string())]) for name in needed}
@@ -314,7 +314,7 @@ def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayo
     return rows_by_arrow(lines, dialect, needed)
 
 
-def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
+def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> CellRows:
     """Rows as :func:`rows_of` gives them, for files whose records are one line each."""
     invalid: list[tuple[int, str, int]] = []
 
@@ -357,7 +357,7 @@ def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
     return {n: c.filter(keep) for n, c in columns.items()}, numbers[~blank], rejected
 
 
-def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> Rows:
+def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> CellRows:
     """Rows, one record after the other; a quoted cell may go over several lines."""
     places = [dialect.names.index(name) for name in needed]
     cells: list[list[str]] = [[] for _ in needed]

@@ -27,8 +27,8 @@ def life_cases(
     """Lives of a machine's tools.
 
     A tool is in training as soon as one of its recordings is, so that none is learnt from and
-    judged on. A window of another life with the samples of one in training makes the case name the
-    training recording among its files: the judge then refuses it as seen. Of tools ``in_use`` the
+    judged on.  A window of another life with the samples of one in training makes the case name the
+    training recording among its files: the judge then refuses it as seen.  Of tools ``in_use`` the
     recordings after the last measurement of their wear are kept, with NaN.
     """
     found = read_lives(signals, records, roles.is_training, in_use=in_use)
