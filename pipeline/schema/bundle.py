@@ -149,8 +149,7 @@ def model_hash(folder: Path) -> str:
 
 
 def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
-    """The bundle of a machine's sub-models ``names`` that lie in ``data/models`` or
-    ``data/champion``.
+    """The bundle of a machine's sub-models that lie in ``data/models`` or ``data/champion``.
 
     A model or a verdict that is missing, broken or of another machine is a :class:`StoreError`.
     """

@@ -30,9 +30,7 @@ def first_judged(verdict: Verdict) -> Score | None:
 
 
 def write_plots(verdict: Verdict, predictions: "pd.DataFrame", folder: Path) -> None:
-    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; without a score they have no
-    row.
-    """
+    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; without a score they are empty."""
     import pandas as pd
 
     folder.mkdir(parents=True, exist_ok=True)

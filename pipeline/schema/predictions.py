@@ -57,7 +57,5 @@ def write_predictions(frame: "pd.DataFrame", path: Path) -> None:
 
 
 def read_predictions(path: Path) -> "pd.DataFrame":
-    """Stored predictions; a file that is missing, broken or lacks a column is a
-    :class:`StoreError`.
-    """
+    """Stored predictions; a file that is missing, broken or lacks a column is a StoreError."""
     return read_table(path, column_types()).to_pandas()

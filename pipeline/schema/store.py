@@ -23,9 +23,7 @@ class StoreError(ValueError):
 
 
 def json_text(document: Any) -> str:
-    """A document as it is stored, with keys in the order of its fields; NaN and infinity are
-    refused.
-    """
+    """A document as it is stored, keys in the order of its fields; NaN and infinity are refused."""
     return json.dumps(unstructured(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 def structured(value: Any, wanted: type[T], path: str) -> T:
     """A plain value of JSON or YAML as ``wanted``: a frozen dataclass, or a tuple or mapping of
-    them.
+    such.
 
     Unknown and missing keys, values of another kind and those out of range are a ValueError that
     names each key with its path below ``path``.

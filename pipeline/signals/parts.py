@@ -59,8 +59,7 @@ def share_rows(one: str, other: str) -> bool:
 
 
 def parts_of(path: Path, columns: Sequence[str], section: str) -> list[TablePart]:
-    """Parts of a table of the ingest by the values of ``columns``, in the order of their first
-    rows.
+    """Parts of an ingested table by the values of ``columns``, in the order of their first rows.
 
     ``section`` is the key of the machine's file that names the columns, for the message.
     """

@@ -13,7 +13,7 @@ from pipeline.signals.shdr.lines import LONGEST, entries_of, fields_of
 from pipeline.signals.shdr.log import read
 
 
-@pytest.fixture(params=[line_by_line, read], ids=["line by line", "scanner"])
+@pytest.fixture(params=[pytest.param(line_by_line, marks=pytest.mark.proof), read])
 def log(request: pytest.FixtureRequest, tmp_path: Path) -> Log:
     return Log(request.param, tmp_path)
 

@@ -74,8 +74,7 @@ def possible_change(signal: Column, settings: CleanSettings) -> Possible | None:
 def without_glitches(
     series: Series, signal: Column, settings: CleanSettings, cuts: Ints = NO_CUTS
 ) -> Cleaned:
-    """Remove the values of a series that cannot be true; applied to the result it removes nothing
-    more.
+    """Remove the values of a series that cannot be true; a second time it removes nothing more.
 
     ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost.  Rows with
     ``fresh`` False are good by earlier judgement.

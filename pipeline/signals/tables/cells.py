@@ -41,9 +41,7 @@ _GROUPED = (
 
 
 def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
-    """Cells as float64, null where the file has no value, and where one is no finite number; (T,)
-    each.
-    """
+    """Cells as float64, null without a value, and where one is no finite number; (T,) each."""
     cells = one_array(cells)
     bad = np.zeros(len(cells), bool)
     if pa.types.is_string(cells.type):

@@ -32,6 +32,8 @@ FEWEST_SAMPLES = 10
 """Fewest samples of growth in a recording [1]; fewer show no transient."""
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
 """Names of the channels beside the sensors, in tables too."""
+RAD_S = 1 / RPM
+"""One rad/s in rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,7 +289,7 @@ def _profile(
     growth[_frozen_since(growth, temperatures, records.period_s) :] = np.nan
     if (start > 0 or not records.probe_is_zeroed) and np.isfinite(growth).any():
         growth = growth - growth[np.isfinite(growth)][0]
-    speed = held(SPEED, 1 / RPM) if records.speed else np.zeros(len(grid))
+    speed = held(SPEED, RAD_S) if records.speed else np.zeros(len(grid))
     ambient = held(AMBIENT, offset=-ZERO_CELSIUS) if records.ambient else np.full(len(grid), np.nan)
     if records.ambient:
         ambient = filled(ambient, coldest_at_start(temperatures))

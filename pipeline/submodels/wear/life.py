@@ -231,9 +231,7 @@ class LifeLaw:
         return _left(centre, scale, self.dof, 0.0, rubbing)
 
     def left(self, use: ToolUse, *, now: float, wear: float, error: float) -> "TimeLeft":
-        """Time in the cut that is left of a tool whose wear was ``wear`` +- ``error`` [um] at
-        ``now`` [min].
-        """
+        """Time in the cut left of a tool of wear ``wear`` +- ``error`` [um] at ``now`` [min]."""
         if wear >= self.criterion_um:
             return TimeLeft(low=0.0, middle=0.0, high=0.0)
         centre, scale = self.log_length(use.kind, use.v_c)
