@@ -30,7 +30,7 @@ def first_judged(verdict: Verdict) -> Score | None:
 
 
 def write_plots(verdict: Verdict, predictions: "pd.DataFrame", folder: Path) -> None:
-    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; without a score they are empty."""
+    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; empty without a score."""
     import pandas as pd
 
     folder.mkdir(parents=True, exist_ok=True)

@@ -212,7 +212,7 @@ def _check_order(table_name: str, frame: pd.DataFrame) -> None:
 
 
 def check_files(folder: Path, tables: Mapping[str, str]) -> None:
-    """Check tables in ``folder`` against their contracts; ``tables`` maps each to a file pattern."""
+    """Check tables in ``folder`` against their contracts; ``tables`` maps each to a pattern."""
     for name, pattern in tables.items():
         for path in sorted(folder.glob(pattern)):
             try:

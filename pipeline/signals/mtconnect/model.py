@@ -168,7 +168,7 @@ def device_of(
 
 
 def data_item(attributes: dict[str, str], **where: str | None) -> DataItem:
-    """A data item from the attributes of its element; nothing can be assigned to one without an id."""
+    """A data item from the attributes of its element; one without an id is a ValueError."""
     if not attributes.get("id"):
         raise ValueError("a data item has no id")
     return DataItem(
