@@ -5,7 +5,6 @@ Catalogues speak millimetre and degree, so do the fields; the properties are in 
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from math import pi
 from typing import Annotated, Literal
 
 import numpy as np
@@ -14,10 +13,7 @@ from numpy.typing import ArrayLike
 from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import ENDLESS, check_change
 from pipeline.schema.ranges import Range, Ranged
-
-MM = 1e-3
-UM = 1e-6
-DEGREE = pi / 180
+from pipeline.schema.si import DEGREE, MM, UM
 
 LEAD_ANGLE = 45.0
 """Usual cutting edge angle of face mills [deg]."""

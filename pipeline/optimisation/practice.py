@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.economics.tool_life import MINUTE, Condition, cutting_speed, fastest
+from pipeline.cutting.economics.tool_life import Condition, cutting_speed, fastest
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import by_width, tool_range
@@ -46,6 +46,7 @@ from pipeline.optimisation.problem.limits import inverse, row_limits, stiffness
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.si import MINUTE
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
 

@@ -8,8 +8,9 @@ from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
-from pipeline.report.records import CLEANED, NS, components, nanoseconds
+from pipeline.report.records import CLEANED, components, nanoseconds
 from pipeline.report.texts import ENGLISH, Texts
+from pipeline.schema.si import NS
 
 MOST_KINDS = 5
 """Kinds of alarm on the lead's page; all of them are on that of the records."""

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from pipeline.charts.numbers import instant
 from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.facts import MachineFacts
-from pipeline.report.records import NS, source_of
+from pipeline.report.records import source_of
 from pipeline.report.texts import Texts
+from pipeline.schema.si import NS
 
 MOST_SOURCES = 8
 

@@ -15,8 +15,8 @@ from pipeline.charts.sections import Section, absent, present
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
+from pipeline.schema.si import NS
 
-NS = 1_000_000_000
 DAY_S = 86_400.0
 MOST_BETWEEN_S = 1_800.0
 """Mean time between records [s] up to which a source reports by itself, not by hand."""

@@ -11,10 +11,10 @@ import pyarrow.compute as pc
 
 from pipeline.charts.sources import SourceRegistry
 from pipeline.report.folders import MachineFolders
-from pipeline.report.records import CLEANED, NS, nanoseconds
+from pipeline.report.records import CLEANED, nanoseconds
 from pipeline.schema.days import UTC, clock, day_end, day_of, day_start, instant, zone_of
+from pipeline.schema.si import DAY, NS
 
-DAY = 86_400  # s
 BIN = 300  # s of one step of the strips and of the speed curve
 STANDS_BELOW = 1.0  # rev/min; slower is standing still, within what encoders say at rest
 USUAL_SHARE = 0.1

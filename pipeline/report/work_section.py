@@ -20,7 +20,8 @@ from pipeline.charts.numbers import (
 from pipeline.charts.sections import Figure, Figures, Section, absent, present
 from pipeline.charts.svg import anchor
 from pipeline.charts.tables import MOST_ROWS, Column, Table, code, sources, tabulated
-from pipeline.report.work import BIN, DAY, NO_NAME, NO_RECORD, Cycle, Day, Work
+from pipeline.report.work import BIN, NO_NAME, NO_RECORD, Cycle, Day, Work
+from pipeline.schema.si import DAY
 
 MOST_DAYS = 35  # of a figure; older days stand in the table
 TITLE = "What the machine did"

@@ -29,6 +29,7 @@ __all__ = [
     "program",
     "program_cut",
     "ranges",
+    "si",
     "store",
     "structure",
     "verdict",

@@ -60,7 +60,7 @@ class Bundle:
     submodels: Mapping[str, BundledModel]
     """By the name of the sub-model."""
     sha256: str
-    """Of the whole: over the names, hashes and statuses of its sub-models."""
+    """Hash of the whole: over the names, hashes and statuses of its sub-models."""
 
     @property
     def status(self) -> Status:
@@ -120,13 +120,7 @@ class Champions:
 
 
 def read_champions(path: Path) -> Champions:
-    """The champions in ``champions.json``; none where there is no such file.
-
-    Raises
-    ------
-    StoreError
-        When the file is not one.
-    """
+    """The champions in ``champions.json``; none where there is no such file."""
     if not path.exists():
         return Champions()
     return read_json(path, Champions, f"restore it with `git checkout {path.name}`")
@@ -155,21 +149,9 @@ def model_hash(folder: Path) -> str:
 
 
 def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
-    """The bundle of some sub-models that lie in ``folder``.
+    """The bundle of a machine's sub-models that lie in ``data/models`` or ``data/champion``.
 
-    Parameters
-    ----------
-    folder : Path
-        ``data/models/<machine>`` or ``data/champion/<machine>``.
-    machine : str
-        Whose.
-    names : iterable of str
-        Its sub-models.
-
-    Raises
-    ------
-    StoreError
-        When a model or a verdict is missing or broken, or is one of another machine.
+    A model or a verdict that is missing, broken or of another machine is a :class:`StoreError`.
     """
     submodels, origins = {}, set()
     digest = hashlib.sha256(machine.encode())

@@ -83,7 +83,7 @@ class StoredResidual:
     """Residual of the mechanics under one set of conditions, affine in the feed per tooth."""
 
     conditions: CutConditions
-    """Of the first of its recordings."""
+    """Conditions of the first of its recordings."""
     feeds_m: tuple[float, ...]
     """Feeds per tooth of its recordings [m]."""
     constant_N: Harmonics

@@ -24,41 +24,29 @@ LEVEL, LAG, RIGID = "constant_level", "speed_over_loop_gain", "rigid_shaft"
 
 @dataclass(frozen=True, kw_only=True)
 class AxisInCut:
-    """One axis while a program's tool is in the material, and at the same moments in air.
-
-    Parameters
-    ----------
-    axis : str
-        Its letter.
-    following_um, following_rms_um, following_air_um : float
-        Following error: greatest and root mean square in the cut, greatest in air [um].
-    following_line : int
-        Line of the program where it is greatest in the cut.
-    command, command_rms, command_air : float
-        The same of the motor's command [``command_unit``].
-    command_line : int
-        Line of the program where that is greatest in the cut.
-    command_unit : str
-        A or V.
-    force_N : float
-        Greatest force of the cut along the axis, its mean over a turn of the spindle [N].
-    half_width_um : float
-        Greatest half width of the 90 % interval of the following error in the cut [um]; infinite,
-        and not stored, where no compensation network tells it.
-    """
+    """One axis while a program's tool is in the material, and at the same moments in air."""
 
     axis: str
+    """Letter of the axis."""
     following_um: float
     following_rms_um: float
     following_air_um: float
+    """Following error: greatest and root mean square in the cut, greatest in air [um]."""
     following_line: int
+    """Line of the program where it is greatest in the cut."""
     command: float
     command_rms: float
     command_air: float
+    """The same of the motor's command [``command_unit``]."""
     command_line: int
+    """Line of the program where the command is greatest in the cut."""
     command_unit: str
+    """Unit of the command, A or V."""
     force_N: float
+    """Greatest force of the cut along the axis, its mean over a turn of the spindle [N]."""
     half_width_um: float = inf
+    """Greatest half width of the 90 % interval of the following error in the cut [um]; infinite,
+    and not stored, where no compensation network gives it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,33 +131,22 @@ class Method:
 
 @dataclass(frozen=True, kw_only=True)
 class FitFacts:
-    """Quality of a fit.
-
-    Parameters
-    ----------
-    samples : int
-        Number of rows that were fitted [1].
-    relative_error_percent : float or None
-        Of the force or the command [%].
-    bandwidth_Hz : float or None
-        Of the filter [Hz]; None for no filter.
-    delay_s : float or None
-        Of the motion behind the command [s].
-    condition : float or None
-        Of the Jacobian with columns scaled to length one [1].
-    rank : int
-        Of the same [1].
-    correlation : Correlation
-        Of the fitted parameters.
-    """
+    """Quality of a fit."""
 
     samples: int
+    """Number of rows that were fitted [1]."""
     relative_error_percent: float | None
+    """Relative error of the force or the command [%]."""
     bandwidth_Hz: float | None
+    """Bandwidth of the filter [Hz]; None for no filter."""
     delay_s: float | None = None
+    """Delay of the motion behind the command [s]."""
     condition: float | None
     rank: int
+    """Condition number (None where it is not known) and rank of the Jacobian with columns scaled to
+    length one [1]."""
     correlation: Correlation
+    """Correlation of the fitted parameters."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,55 +162,38 @@ class RecursiveMass:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveAxis:
-    """One identified axis.
-
-    Parameters
-    ----------
-    command_unit, force_unit : str
-        Of the command; of forces, the command's where the force constant is not listed.
-    feed_drive : FeedDrive
-        Mechanics.
-    servo : Servo or None
-        Loops; None where the records do not determine them.
-    servo_reason : str
-        Why there is no servo.
-    constant_level : float
-        Mean force against motion over the training recordings, the baseline of the force.
-    friction_points : tuple of FrictionPoint
-        Friction at constant speed as measured.
-    friction_curve : tuple of CurvePoint
-        Friction and offset of the model over the same speeds.
-    methods : tuple of Method
-        That were run.
-    fit, servo_fit : FitFacts
-        Of the mechanics and of the loops.
-    recursive_mass : RecursiveMass or None
-        None where no mass is determined or the sampling is too slow.
-    presliding_stiffness : float or None
-        Of friction before it slides [N/m]; None where the records do not determine it.
-    presliding_time_s : float or None
-        In which friction lets go of a standing axis, to 1/e [s]; None where the records do not
-        determine it: it holds.
-    intervals : mapping of str to Band
-        Half widths of the 90 % intervals of :data:`FORCE` [force_unit] and :data:`FOLLOWING` [um];
-        missing where too few recordings move the axis.
-    """
+    """One identified axis."""
 
     command_unit: str
     force_unit: str
+    """Unit of the command, and of forces: the command's where the force constant is not listed."""
     feed_drive: FeedDrive
+    """Mechanics."""
     servo: Servo | None
+    """Loops; None where the records do not determine them."""
     servo_reason: str = ""
+    """Why there is no servo."""
     constant_level: float = 0.0
+    """Mean force against motion over the training recordings, the baseline of the force."""
     friction_points: tuple[FrictionPoint, ...] = ()
+    """Friction at constant speed as measured."""
     friction_curve: tuple[CurvePoint, ...] = ()
+    """Friction and offset of the model over the same speeds."""
     methods: tuple[Method, ...] = ()
+    """Methods that were run."""
     fit: FitFacts
     servo_fit: FitFacts | None = None
+    """Quality of the fits of the mechanics and of the loops."""
     recursive_mass: RecursiveMass | None = None
+    """Recursive estimate; None where no mass is determined or the sampling is too slow."""
     presliding_stiffness: float | None = None
+    """Stiffness of friction before it slides [N/m]; None where the records do not determine it."""
     presliding_time_s: float | None = None
+    """Time in which friction lets go of a standing axis, to 1/e [s]; None where the records do not
+    determine it: it holds."""
     intervals: Mapping[str, Band] = field(default_factory=dict)
+    """Half widths of the 90 % intervals of :data:`FORCE` [force_unit] and :data:`FOLLOWING` [um];
+    missing where too few recordings move the axis."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -258,65 +218,44 @@ class TrainingRecording:
 
 @dataclass(frozen=True, kw_only=True)
 class Shaft:
-    """Shaft of an axis between its motor and its carriage, as positions along the axis.
-
-    Parameters
-    ----------
-    factors : tuple of float, length 7
-        Of the twist's equation in SI: C, C M_m, C B, C F_c, C D, C times the command's lag, play.
-    lead : float or None
-        Of the screw [m/rev]; None where it is not listed.
-    samples : int
-        That were fitted [1].
-    twist_um, left_um : float
-        Root mean square of the twist, and of what the fit leaves over [um].
-    """
+    """Shaft of an axis between its motor and its carriage, as positions along the axis."""
 
     factors: tuple[float, ...]
+    """Seven factors of the twist's equation in SI: C, C M_m, C B, C F_c, C D, C times the command's
+    lag, play."""
     lead: float | None
+    """Lead of the screw [m/rev]; None where it is not listed."""
     samples: int
+    """Number of samples that were fitted [1]."""
     twist_um: float
     left_um: float
+    """Root mean square of the twist, and of what the fit leaves over [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedLoop:
-    """A speed loop on the simulated axis: a step of 1000 rev/min, switched inverter; a ramp.
-
-    Parameters
-    ----------
-    kind : str
-        "PI" or "fuzzy PI".
-    gains : str
-        "as found", "Feed2025" or "tuned alike".
-    proportional, integral : float
-        K_p [N m s/rad], K_i [N m/rad]; with fuzzy rules the middles.
-    settling_ms : float or None
-        Until the speed stays within 0.1 % of the step [ms]; None for never.
-    reaching_ms : float or None
-        Until the speed stays within 2 % of the step [ms]; None for never.
-    overshoot_percent : float
-        Of the step [%].
-    ripple_percent : float or None
-        Half of the span of the speed over the last fifth of the step [%]; None where it has not
-        settled there.
-    following_um : float or None
-        Greatest following error on 100 mm at 1500 mm/min [um]; None without a position loop.
-    time_ms, speed_percent : tuple of float
-        The response.
-    """
+    """A speed loop on the simulated axis: a step of 1000 rev/min, switched inverter; a ramp."""
 
     kind: str
+    """``"PI"`` or ``"fuzzy PI"``."""
     gains: str
+    """``"as found"``, ``"Feed2025"`` or ``"tuned alike"``."""
     proportional: float
     integral: float
+    """K_p [N m s/rad], K_i [N m/rad]; with fuzzy rules the middles."""
     settling_ms: float | None
     reaching_ms: float | None
+    """Time until the speed stays within 0.1 % and within 2 % of the step [ms]; None for never."""
     overshoot_percent: float
+    """Overshoot over the step [%]."""
     ripple_percent: float | None
+    """Half of the span of the speed over the last fifth of the step [%]; None where it has not
+    settled there."""
     following_um: float | None
+    """Greatest following error on 100 mm at 1500 mm/min [um]; None without a position loop."""
     time_ms: tuple[float, ...] = ()
     speed_percent: tuple[float, ...] = ()
+    """Response: time [ms] and speed over the step [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -330,31 +269,20 @@ class SpeedLoops:
 
 @dataclass(frozen=True, kw_only=True)
 class DriveModel(Model):
-    """The drives' ``model.json``.
-
-    Parameters
-    ----------
-    axes : mapping of str to DriveAxis
-        By letter.
-    motor : DriveMotor or None
-        None without recordings of a motor's voltages and currents.
-    recordings : tuple of TrainingRecording
-        Training recordings of the axes.
-    substeps : int
-        Steps of the closed-loop simulation in one sample [1].
-    shafts : mapping of str to Shaft
-        By letter, of axes whose both ends were recorded.
-    speed_loops : SpeedLoops or None
-        PI against fuzzy PI on the axis whose motor was recorded; None without one.
-    blocks : mapping of str to mapping of str to DriveAxis
-        Of a single recording: by the name of each block of its own time the axes as the other
-        blocks tell them, by letter, which judge it.
-    """
+    """The drives' ``model.json``."""
 
     axes: Mapping[str, DriveAxis] = field(default_factory=dict)
+    """Axes by letter."""
     motor: DriveMotor | None = None
+    """Motor; None without recordings of a motor's voltages and currents."""
     recordings: tuple[TrainingRecording, ...] = ()
+    """Training recordings of the axes."""
     substeps: int = 1
+    """Number of steps of the closed-loop simulation in one sample [1]."""
     shafts: Mapping[str, Shaft] = field(default_factory=dict)
+    """Shafts by letter, of axes whose both ends were recorded."""
     speed_loops: SpeedLoops | None = None
+    """PI against fuzzy PI on the axis whose motor was recorded; None without one."""
     blocks: Mapping[str, Mapping[str, DriveAxis]] = field(default_factory=dict)
+    """Axes of a single recording as the other blocks of its time give them, by letter, which judge
+    it, by the name of each block."""

@@ -46,20 +46,10 @@ def cache_folder() -> Path:
 def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
     """A name to write to; the file is moved to ``path`` when all went well, else removed.
 
-    Inside :func:`together` it is moved at the end of that.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file; its folder is made where it is missing.  One that is there keeps its
-        permissions.  What is no ordinary file, a pipe, is written to directly.
-    follow : bool
-        Whether a symbolic link stays and its target is replaced, rather than the link.
-
-    Raises
-    ------
-    NotWrittenError
-        When the system refuses; the message names the file and the reason.
+    Inside :func:`together` it is moved at the end of that.  A folder that is missing is made, a
+    file that is there keeps its permissions, and what is no ordinary file, a pipe, is written to
+    directly.  With ``follow`` a symbolic link stays and its target is replaced.  What the system
+    refuses is a :class:`NotWrittenError`.
     """
     target, part = path, path
     try:

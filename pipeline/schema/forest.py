@@ -98,13 +98,7 @@ class Trees:
 
     @classmethod
     def restored(cls, document: Mapping[str, Any]) -> Self:
-        """The trees of a :meth:`document`.
-
-        Raises
-        ------
-        ValueError
-            When the document lacks an array, or one is none.
-        """
+        """The trees of a :meth:`document`; one that lacks an array is refused."""
         missing = [name for name in TYPES if not isinstance(document.get(name), str)]
         if missing:
             raise ValueError(f"the document of a forest has no {missing[0]}")

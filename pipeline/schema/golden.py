@@ -64,13 +64,7 @@ class GoldenSets:
 
 
 def read_golden(path: Path) -> GoldenSets | None:
-    """The frozen sets in ``data/golden/<machine>.json``; None when nothing was frozen.
-
-    Raises
-    ------
-    StoreError
-        When the file is not one.
-    """
+    """The frozen sets in ``data/golden/<machine>.json``; None when nothing was frozen."""
     if not path.exists():
         return None
     return read_json(path, GoldenSets, f"freeze it again with `kerf golden {path.stem}`")

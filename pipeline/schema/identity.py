@@ -8,7 +8,7 @@ class MachineIdentity:
     """Who a machine is."""
 
     name: str
-    """As in its file in ``conf/machine/``."""
+    """Name, as in its file in ``conf/machine/``."""
     description: str = ""
     """Make and kind, for people."""
     origin: str = "recorded"

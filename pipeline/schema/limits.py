@@ -60,13 +60,7 @@ class Margins(Ranged, section="margins"):
 
 @dataclass(frozen=True, kw_only=True)
 class MachiningPractice(Ranged, section="practice"):
-    """What holds for any part: how far F and S may go from the program, and what stays as it is.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """What holds for any part: how far F and S may go from the program, and what stays as it is."""
 
     change: Annotated[
         tuple[float, ...],
@@ -123,13 +117,7 @@ def check_change(name: str, change: tuple[float, ...]) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class CutLimit(Ranged, section="limits"):
-    """Limits of a part's cut, in the units of tables; a limit that is None does not hold.
-
-    Raises
-    ------
-    ValueError
-        When a limit is not positive, or a range is empty.
-    """
+    """Limits of a part's cut, in the units of tables; a limit that is None does not hold."""
 
     load_N: Annotated[
         float | None,
@@ -148,7 +136,7 @@ class CutLimit(Ranged, section="limits"):
             name="deflection of the tip", margin="deflection",
         ),
     ] = None  # fmt: skip
-    """Of the tool's tip, for tools without their own [um]."""
+    """Deflection of the tool's tip, for tools without their own [um]."""
     roughness_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -196,7 +184,7 @@ class CutLimit(Ranged, section="limits"):
             name="torque of the cut", margin="torque",
         ),
     ] = None  # fmt: skip
-    """Of the cut, beside the drive's own, for tools without their own [N m]."""
+    """Torque of the cut, beside the drive's own, for tools without their own [N m]."""
     power_share: Annotated[
         float,
         Range(above=0.0, most=2.0),
@@ -205,7 +193,7 @@ class CutLimit(Ranged, section="limits"):
             name="share of the drive’s power", margin="power",
         ),
     ] = 1.0  # fmt: skip
-    """Of the drive's rated power at each speed [1]; above 1 for drives that bear it for minutes."""
+    """Share of the drive's rated power [1]; above 1 for drives that bear it for minutes."""
     following_um: Annotated[
         float | None,
         Range(above=0.0, below=ENDLESS, unit="um"),
@@ -251,13 +239,7 @@ class CutLimit(Ranged, section="limits"):
 
     @classmethod
     def of_options(cls, given: Mapping[str, Any]) -> "CutLimit":
-        """Limits by the name of their field or margin; None leaves each at its default.
-
-        Raises
-        ------
-        ValueError
-            When one is out of its range.
-        """
+        """Limits by the name of their field or margin; None leaves each at its default."""
         known: dict[str, Any] = {
             name: tuple(value) if isinstance(value, list) else value
             for name, value in given.items()

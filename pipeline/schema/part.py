@@ -48,7 +48,7 @@ class Totals:
     tool_life_share: float | None = None
     tool_life_share_low: float | None = None
     tool_life_share_high: float | None = None
-    """Of tool lives used, summed over tools, and at the ends of their spread [1]."""
+    """Share of tool lives used, summed over tools, and at the ends of their spread [1]."""
     peak_load_N: float | None = None
     """Highest load across the tool's axis, predicted [N]."""
     peak_line: int | None = None
@@ -56,7 +56,7 @@ class Totals:
     beyond: int | None = None
     """Blocks that pass a limit."""
     beyond_of: Mapping[str, int] = field(default_factory=dict)
-    """Of them, by the name of the limit; limits that no block passes are left out."""
+    """Number of them by the name of the limit; limits that no block passes are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,7 +117,7 @@ class Reliability:
     exceedance: float | None
     """In draws that the answer was not made with [1]."""
     interval_95: tuple[float | None, ...]
-    """Of the exceedance [1]."""
+    """95 % interval of the exceedance [1]."""
     draws: int
     """Draws of the uncertain quantities."""
     peaks: tuple[PeakQuantile, ...]
@@ -126,7 +126,7 @@ class Reliability:
     price: Price | None
     """Optimum at nominal values, and the extra over it."""
     uncertain: tuple[UncertainQuantity, ...]
-    """That are drawn."""
+    """Quantities that are drawn."""
     limits_N: str = ""
     """Limits of the load in words: of the part, and of tools with their own."""
     without: tuple[int, ...] = ()
@@ -176,44 +176,32 @@ class FrontMember:
 
 @dataclass(frozen=True, kw_only=True)
 class BlockGroup:
-    """Blocks in a row of one F and one S, before and after.
-
-    Parameters
-    ----------
-    first_line, last_line : int
-        Of the program.
-    tool : int
-        Number.
-    feed_before, feed_after : float or None
-        F, its mean over time, in ``feed_unit``.
-    speed_before, speed_after : float or None
-        S, its mean over time [rev/min].
-    time_before_s, time_after_s, cost_before, cost_after : float or None
-        [s], [currency].
-    peak_load_before_N, peak_load_after_N : float or None
-        [N].
-    binds : str or None
-        Limit that binds for the longest; None where none does.
-    kept : str or None
-        Why F and S of all of them stay as programmed; None where one may change.
-    """
+    """Blocks in a row of one F and one S, before and after."""
 
     first_line: int
     last_line: int
+    """First and last line of the program."""
     tool: int
+    """Number of the tool."""
     feed_before: float | None
     feed_after: float | None
     feed_unit: FeedUnit
+    """F, its mean over time, before and after, and its unit."""
     speed_before: float | None
     speed_after: float | None
+    """S, its mean over time [rev/min]."""
     time_before_s: float | None
     time_after_s: float | None
     cost_before: float | None
     cost_after: float | None
+    """Time [s] and cost [currency] before and after."""
     peak_load_before_N: float | None
     peak_load_after_N: float | None
+    """Peak load before and after [N]."""
     binds: str | None
+    """Limit that binds for the longest; None where none does."""
     kept: str | None = None
+    """Why F and S of all of them stay as programmed; None where one may change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -260,12 +248,12 @@ class StoredProof:
     same: bool
     """Whether it holds."""
     sha256: str
-    """Of everything that both programs do but F and S."""
+    """Hash of everything that both programs do but F and S."""
     moves: int
     """Compared."""
     before_sha256: str
     after_sha256: str
-    """Of the two texts."""
+    """Hashes of the two texts."""
     first: str | None
     """First difference."""
     points: int = 0
@@ -333,7 +321,7 @@ class OptimisedPart:
     control: str
     """``identified``, or ``conf/machine`` where the control's values are as written there."""
     objective: Objective
-    """That was minimised."""
+    """Objective that was minimised."""
     currency: str | None
     """Currency of all costs; None where prices are not known."""
     stock: str
@@ -346,7 +334,7 @@ class OptimisedPart:
     """Certainty of the load limit; None without one."""
     before: Totals
     after: Totals
-    """Of the program as it was and as it is optimised."""
+    """Totals of the program as it was and as it is optimised."""
     gain: Gain
     """From before to after."""
     methods: tuple[MethodResult, ...]
@@ -356,13 +344,13 @@ class OptimisedPart:
     groups: tuple[BlockGroup, ...]
     """In the order of the program."""
     binding: tuple[Binding, ...]
-    """Of blocks that cut, the longest first."""
+    """Limits of blocks that cut, the longest first."""
     held: tuple[HeldRows, ...]
     """Moves whose F or S may not change."""
     words: WordCounts
-    """That differ."""
+    """F and S words that differ."""
     proof: StoredProof
-    """That only they do."""
+    """Proof that only these words differ."""
     trace: Traces
     """Load along the path."""
     verified: TwinCheck
@@ -384,7 +372,7 @@ class OptimisedPart:
     setup: SetupSheet
     """Setup of the machine for this part."""
     unit: Literal["mm", "inch"] = "mm"
-    """Of length, in which the program writes its feeds."""
+    """Unit of length in which the program writes its feeds."""
     residual: str | None = None
     """Compensation network whose residual and interval following errors hold; stored only where
     there is one."""

@@ -65,13 +65,13 @@ class FeedChange:
 
     first_line: int
     last_line: int
-    """Of the program."""
+    """First and last line of the program."""
     tool: int
     """Number."""
     operation: str = ""
     """Kind of machining; empty where it was not recognised."""
     feed_unit: FeedUnit = "mm/min"
-    """Of F."""
+    """Unit of F."""
     feed_before: float
     feed_after: float
     """F."""
@@ -140,14 +140,14 @@ class SetupTool:
     flutes: int | None
     """Number of teeth."""
     length_mm: float | None
-    """Of its length register [mm]; None where there is none."""
+    """Length in its register [mm]; None where there is none."""
     time_s: float
     in_material_s: float
     """With this tool in the spindle, and of that in the material, in the optimised program [s]."""
     life_share: float | None
     life_share_low: float | None = None
     life_share_high: float | None = None
-    """Of its life that one part uses, and at the ends of its spread [1]."""
+    """Share of its life that one part uses, and at the ends of its spread [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -30,17 +30,7 @@ def first_judged(verdict: Verdict) -> Score | None:
 
 
 def write_plots(verdict: Verdict, predictions: "pd.DataFrame", folder: Path) -> None:
-    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``.
-
-    Parameters
-    ----------
-    verdict : Verdict
-        What was judged.
-    predictions : DataFrame
-        As in :mod:`pipeline.schema.predictions`.
-    folder : Path
-        Is made where it is missing; without a score the tables have no row.
-    """
+    """Write ``predictions.csv`` and ``scores.csv`` into ``folder``; empty without a score."""
     import pandas as pd
 
     folder.mkdir(parents=True, exist_ok=True)

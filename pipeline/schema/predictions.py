@@ -39,13 +39,7 @@ def baselines(frame: "pd.DataFrame") -> list[str]:
 
 
 def write_predictions(frame: "pd.DataFrame", path: Path) -> None:
-    """Store predictions; a table without rows keeps its columns.
-
-    Raises
-    ------
-    ValueError
-        When a column is missing.
-    """
+    """Store predictions with all their columns; a table without rows keeps them."""
     import pandas as pd
     import pyarrow as pa
 
@@ -63,11 +57,5 @@ def write_predictions(frame: "pd.DataFrame", path: Path) -> None:
 
 
 def read_predictions(path: Path) -> "pd.DataFrame":
-    """Stored predictions.
-
-    Raises
-    ------
-    StoreError
-        When the file is missing, broken or lacks a column.
-    """
+    """Stored predictions; a file that is missing, broken or lacks a column is a StoreError."""
     return read_table(path, column_types()).to_pandas()

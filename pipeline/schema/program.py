@@ -24,49 +24,34 @@ class ToolTime:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedProgram:
-    """The summary of a part program that was run through an identified control.
-
-    Parameters
-    ----------
-    program : str
-        Name of the program.
-    refused : str or None
-        Why the program cannot be followed; then no time is known.
-    machine, origin : str
-        Whose control it is, and whether its records are simulated or recorded.
-    file, sha256 : str
-        The program below ``data/raw/<machine>``, and the hash of its bytes.
-    total_time_s, cutting_time_s : float or None
-        Predicted time, and that of moves at a feed [s].
-    total_time_90_s : tuple of float or None
-        90 % interval of the predicted time [s]; None where too few programs ran to tell.
-    path_length_mm : float or None
-        Path length [mm].
-    origin_mm : tuple of float or None
-        X, Y, Z where the first move starts, in the machine's frame [mm].
-    by_tool : tuple of ToolTime
-        In the order in which the tools are used.
-    by_type, by_limit : mapping of str to float
-        Time [s] by type of block, and of cutting by what limits the speed of the block.
-    blocks : int or None
-        Number of moves.
-    violations : tuple of str
-        Lines that leave the machine's travel, speeds, feeds or tool lengths, in words.
-    """
+    """The summary of a part program that was run through an identified control."""
 
     program: str
+    """Name of the program."""
     refused: str | None = None
+    """Why the program cannot be followed; then no time is known."""
     machine: str = ""
     origin: str = ""
+    """Machine whose control it is, and whether its records are simulated or recorded."""
     file: str = ""
     sha256: str = ""
+    """The program below ``data/raw/<machine>``, and the hash of its bytes."""
     total_time_s: float | None = None
+    """Predicted time [s]."""
     total_time_90_s: tuple[float, float] | None = None
+    """90 % interval of the predicted time [s]; None where too few programs ran."""
     path_length_mm: float | None = None
+    """Path length [mm]."""
     cutting_time_s: float | None = None
+    """Predicted time of moves at a feed [s]."""
     origin_mm: tuple[float, float, float] | None = None
+    """X, Y, Z where the first move starts, in the machine's frame [mm]."""
     by_tool: tuple[ToolTime, ...] = ()
+    """Times in the order in which the tools are used."""
     by_type: Mapping[str, float] = field(default_factory=dict)
     by_limit: Mapping[str, float] = field(default_factory=dict)
+    """Time [s] by type of block, and of cutting by what limits the speed of the block."""
     blocks: int | None = None
+    """Number of moves."""
     violations: tuple[str, ...] = ()
+    """Lines that leave the machine's travel, speeds, feeds or tool lengths, in words."""

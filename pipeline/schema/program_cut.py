@@ -147,7 +147,7 @@ class EdgeForces:
     """Worn, at the ends of the 95 % interval of the growth with wear [N]."""
     power_sharp_kW: float | None
     power_kW: float | None
-    """Of the cut, sharp and worn [kW]."""
+    """Power of the cut, sharp and worn [kW]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,7 +204,7 @@ class CutBlock(CutQuantities):
     """Utilisation of that limit [1]."""
     speed_rpm: float | None
     reached_feed_mm_min: float | None
-    """Of the spindle, and the highest feed reached."""
+    """Speed of the spindle, and the highest feed reached."""
     entry_deg: float | None
     exit_deg: float | None
     """Engagement angles of the greatest mean load [deg]."""
@@ -329,13 +329,13 @@ class ProgramCut:
     """The cut of a part program."""
 
     stock: Blank
-    """That is cut."""
+    """Blank that is cut."""
     material: MaterialName
     """Material of the blank."""
     currency: str | None
     """Currency of all costs; None where prices are not known."""
     limits: LoadLimit
-    """That was given."""
+    """Limit that was given."""
     dynamics: str | None
     """Source of the tips' dynamics; None without any."""
     dynamics_measured: bool

@@ -37,7 +37,7 @@ class Range:
     finite: bool = True
     """Whether infinity is refused."""
     unit: str = ""
-    """Of the number, ``""`` for none."""
+    """Unit of the number, ``""`` for none."""
 
     def holds(self, value: float) -> bool:
         """Whether ``value`` lies in the range; NaN lies in none."""
@@ -80,11 +80,7 @@ class Ranged:
 
     ``section`` names the class in messages as a person knows it: the section of params.yaml.  A
     field without a value (``None``) is not checked; of a list, a tuple or a mapping each number is.
-
-    Raises
-    ------
-    ValueError
-        When a value lies outside its range; the message has section, name, value, unit and range.
+    A value outside its range is a ValueError with section, name, value, unit and range.
     """
 
     section: ClassVar[str] = ""

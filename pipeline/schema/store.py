@@ -23,13 +23,7 @@ class StoreError(ValueError):
 
 
 def json_text(document: Any) -> str:
-    """A document as it is stored, with keys in the order of its fields.
-
-    Raises
-    ------
-    ValueError
-        When a number is infinite or NaN: what is not known is ``None``.
-    """
+    """A document as it is stored, keys in the order of its fields; NaN and infinity are refused."""
     return json.dumps(unstructured(document), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
 
 
@@ -50,34 +44,16 @@ def write_bytes(data: bytes, path: Path) -> None:
 
 
 def read_json(path: Path, wanted: type[T], remedy: str = "run `dvc repro`") -> T:
-    """The document in ``path`` as ``wanted``.
+    """The document in ``path`` as ``wanted``, the dataclass that was written.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    wanted : type
-        The dataclass that was written.
-    remedy : str
-        What a person does when the file is missing or of another version.
-
-    Raises
-    ------
-    StoreError
-        When the file is missing, is no JSON or does not fit the type; the message names file, key
-        and remedy.
+    A file that is missing, is no JSON or does not fit the type is a :class:`StoreError` that names
+    file, key and ``remedy``.
     """
     return parsed(content(path, remedy), wanted, str(path), remedy)
 
 
 def content(path: Path, remedy: str = "run `dvc repro`") -> bytes:
-    """The bytes of a stored file.
-
-    Raises
-    ------
-    StoreError
-        When it cannot be read.
-    """
+    """The bytes of a stored file; one that cannot be read is a :class:`StoreError`."""
     try:
         return path.read_bytes()
     except FileNotFoundError as error:
@@ -111,10 +87,8 @@ def read_table(
 ) -> "pa.Table":
     """A stored table, its ``columns`` of the types that they name; further columns are kept.
 
-    Raises
-    ------
-    StoreError
-        When the file is missing, is no Parquet, or lacks a column or has one of another type.
+    A file that is missing, is no Parquet, or lacks a column or has one of another type is a
+    :class:`StoreError`.
     """
     import pyarrow as pa
     import pyarrow.parquet as pq

@@ -19,22 +19,11 @@ T = TypeVar("T")
 
 
 def structured(value: Any, wanted: type[T], path: str) -> T:
-    """A plain value as ``wanted``.
+    """A plain value of JSON or YAML as ``wanted``: a frozen dataclass, or a tuple or mapping of
+    such.
 
-    Parameters
-    ----------
-    value : object
-        Of JSON or YAML: mappings, lists, numbers, words.
-    wanted : type
-        A frozen dataclass, or a tuple or mapping of them.
-    path : str
-        Where the value stands, for messages.
-
-    Raises
-    ------
-    ValueError
-        When there are unknown or missing keys, or values of another kind or out of range; the
-        message names each key with its path.
+    Unknown and missing keys, values of another kind and those out of range are a ValueError that
+    names each key with its path below ``path``.
     """
     if is_dataclass(wanted) and not isinstance(value, dict):
         raise ValueError(f"{path} is {value!r:.60}, a mapping of keys is needed")

@@ -44,7 +44,7 @@ class Score(Figures):
     """What was predicted."""
     group: str
     regime: str
-    """Of the cases; the group ``"all"`` is all of one role together."""
+    """Group and regime of the cases; the group ``"all"`` is all of one role together."""
     role: Role
     """Role of the cases."""
     n: int
@@ -163,7 +163,7 @@ class Verdict:
     submodel: str
     machine: str
     origin: Origin
-    """Of what."""
+    """Sub-model, machine, and origin of its records."""
     status: Status
     """Status of the sub-model."""
     reasons: tuple[str, ...]
@@ -255,7 +255,7 @@ class UsedModel:
     submodel: str
     """``control``, ``drive`` or ``cutting``."""
     figures: str
-    """That rest on it, in words."""
+    """Figures that rest on it, in words."""
     status: UsedStatus
     """Status of its verdict."""
     reason: str = ""

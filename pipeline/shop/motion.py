@@ -14,8 +14,6 @@ import numpy as np
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 
-RPM = 2 * np.pi / 60
-"""Factor from rev/min to rad/s."""
 HALVINGS = 60
 """Bisections of an interval of speeds: down to the rounding of a float."""
 _JERK = np.array([1.0, 0.0, -1.0, 0.0, -1.0, 0.0, 1.0])

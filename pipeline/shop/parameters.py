@@ -35,8 +35,6 @@ from pipeline.shop.wear.parameters import Wear
 
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
-DAY = 86400
-"""Length of a day [s]."""
 
 
 def stamp(start: np.datetime64, seconds: float, digits: int = 3) -> str:

@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.parameters import DAY, ShopParameters
+from pipeline.schema.si import DAY
+from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.timeline import (
     WARM_UP,
     Alarm,

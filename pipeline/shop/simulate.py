@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import DAY
 from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.feed_records import write_feed
@@ -17,7 +18,7 @@ from pipeline.shop.drives.records import write_drives
 from pipeline.shop.drives.shafts import write_shafts
 from pipeline.shop.files import write_text
 from pipeline.shop.growth.records import write_growth
-from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.records import sensors
 from pipeline.shop.records.agent_log import Log, write_day
 from pipeline.shop.records.data_items import write_devices

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.shop.motion import RPM
+from pipeline.schema.si import RPM
 from pipeline.shop.parameters import BearingParameters, MotorParameters, SpindleParameters
 
 NODES = ("winding", "stator", "rotor", "front_bearing", "rear_bearing", "housing", "head", "bed",

@@ -13,7 +13,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.shop.parameters import DAY
+from pipeline.schema.si import DAY
 
 NO_PROGRAM = "O0000"
 Motion = Literal["mill", "drill", "finish", "contour", "run"]

@@ -11,6 +11,8 @@ from typing import Literal
 import numpy as np
 import pyarrow as pa
 
+from pipeline.schema.si import DEGREE, MM, RPM, ZERO_CELSIUS
+
 Between = Literal["hold", "linear"]
 
 
@@ -36,8 +38,6 @@ class Column:
     """Whether the signal is a word (a state, a program's name) instead of a number."""
 
 
-RPM = 2 * np.pi / 60  # rad/s in one revolution/minute
-
 _STATES = (
     ("availability", "whether the machine answers"),
     ("execution", "what the controller is doing: ACTIVE, READY, FEED_HOLD, INTERRUPTED, STOPPED"),
@@ -60,9 +60,9 @@ def _axes() -> list[Column]:
         up = axis.upper()
         columns += [
             Column(name=f"{axis}_position", unit="MILLIMETER", meaning=f"actual position of {up}",
-                   low=-1e5, high=1e5, factor=1e-3, between="linear"),
+                   low=-1e5, high=1e5, factor=MM, between="linear"),
             Column(name=f"{axis}_feedrate", unit="MILLIMETER/SECOND",
-                   meaning=f"feed rate of axis {up}", low=-5e3, high=5e3, factor=1e-3),
+                   meaning=f"feed rate of axis {up}", low=-5e3, high=5e3, factor=MM),
             Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
                    low=-500, high=500, factor=1e-2),
         ]  # fmt: skip
@@ -70,9 +70,9 @@ def _axes() -> list[Column]:
         up = axis.upper()
         columns += [
             Column(name=f"{axis}_angle", unit="DEGREE", meaning=f"actual angle of {up}",
-                   low=-1e6, high=1e6, factor=np.pi / 180),
+                   low=-1e6, high=1e6, factor=DEGREE),
             Column(name=f"{axis}_angular_velocity", unit="DEGREE/SECOND",
-                   meaning=f"angular velocity of {up}", low=-1e5, high=1e5, factor=np.pi / 180),
+                   meaning=f"angular velocity of {up}", low=-1e5, high=1e5, factor=DEGREE),
             Column(name=f"{axis}_load", unit="PERCENT", meaning=f"load of axis {up} drive",
                    low=-500, high=500, factor=1e-2),
         ]  # fmt: skip
@@ -88,7 +88,7 @@ def _spindles() -> list[Column]:
             Column(name=f"{prefix}spindle_load", unit="PERCENT",
                    meaning=f"load of {which} against its rating", low=-500, high=500, factor=1e-2),
             Column(name=f"{prefix}spindle_temperature", unit="CELSIUS",
-                   meaning=f"temperature of {which}", low=-30, high=200, offset=273.15,
+                   meaning=f"temperature of {which}", low=-30, high=200, offset=ZERO_CELSIUS,
                    between="linear"),
         ]  # fmt: skip
     return columns
@@ -100,12 +100,12 @@ def _others() -> list[Column]:
                meaning="1 while the spindle is held by its position loop (a C axis), 0 otherwise",
                low=0, high=1),
         Column(name="ambient_temperature", unit="CELSIUS", meaning="air around the machine",
-               low=-40, high=70, offset=273.15, between="linear"),
+               low=-40, high=70, offset=ZERO_CELSIUS, between="linear"),
         Column(name="coolant_temperature", unit="CELSIUS",
                meaning="coolant that reaches the spindle, in its tank or at its inlet",
-               low=-20, high=90, offset=273.15, between="linear"),
+               low=-20, high=90, offset=ZERO_CELSIUS, between="linear"),
         Column(name="path_feedrate", unit="MILLIMETER/SECOND", meaning="actual feed along the path",
-               low=-5e3, high=5e3, factor=1e-3),
+               low=-5e3, high=5e3, factor=MM),
         Column(name="feed_override", unit="PERCENT", meaning="feed override", low=0, high=500,
                factor=1e-2),
         Column(name="rapid_override", unit="PERCENT", meaning="rapid override", low=0, high=500,
@@ -124,13 +124,7 @@ COLUMNS: dict[str, Column] = {c.name: c for c in _states() + _axes() + _spindles
 
 
 def column(name: str) -> Column:
-    """The column called ``name``.
-
-    Raises
-    ------
-    ValueError
-        When no such signal is in the table; the message lists the nearest names.
-    """
+    """The column called ``name``; for an unknown one a ValueError that lists the nearest names."""
     if name not in COLUMNS:
         import difflib
 

@@ -33,13 +33,7 @@ class Condition:
     """Where it stands, as the end of a sentence: ``"its name"``, ``"runs.parquet"``."""
 
     def to(self, unit: str) -> float:
-        """The number in ``unit``.
-
-        Raises
-        ------
-        ValueError
-            When it is a word, or ``unit`` measures another quantity.
-        """
+        """The number in ``unit``; a word, or a unit of another quantity, is a ValueError."""
         if isinstance(self.value, str):
             raise ValueError(f"{self.value!r} is a word, no number in {unit}")
         factor, offset = conversion(self.unit, unit)
@@ -70,11 +64,8 @@ class ConditionSources:
     ) -> dict[str, Condition]:
         """Conditions of ``recording``; ``row`` holds those of ``runs.parquet``.
 
-        Raises
-        ------
-        ValueError
-            When two sources contradict each other, or the regular expression is none or names what
-            is no condition.
+        Sources that contradict each other, and a regular expression that is none or names what is
+        no condition, are a ValueError.
         """
         found: dict[str, Condition] = {}
         self._add(found, self._given(self.everywhere, f"{self.section}.conditions"))

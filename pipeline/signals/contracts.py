@@ -83,26 +83,18 @@ ACCEPTED: dict[str, tuple[str, Callable[["pd.Series[Any]"], bool]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What a column of a table may hold.
-
-    Parameters
-    ----------
-    accepts : str
-        A key of :data:`ACCEPTED`.
-    nullable : bool
-        Whether values may be missing.
-    among : tuple of str
-        The words that it may hold; empty for all.
-    low, high : float
-        Least and greatest value, in ``unit``.
-    """
+    """What a column of a table may hold."""
 
     accepts: str
+    """Key of :data:`ACCEPTED`."""
     nullable: bool = False
+    """Whether values may be missing."""
     among: tuple[str, ...] = ()
+    """Words that the column may hold; empty for all."""
     low: float = -np.inf
     high: float = np.inf
     unit: str = ""
+    """Least and greatest value, in ``unit``."""
 
     def broken(self, values: "pd.Series[Any]") -> tuple[str, Any]:
         """What belongs in place of the values that break the rule, and which rows these are."""
@@ -121,25 +113,7 @@ class Rule:
 
 
 def check(table_name: str, frame: pd.DataFrame) -> pd.DataFrame:
-    """Check a table against its contract.
-
-    Parameters
-    ----------
-    table_name : str
-        One of ``TABLES``.
-    frame : DataFrame
-        The table as pandas reads it.
-
-    Returns
-    -------
-    DataFrame
-        The same table.
-
-    Raises
-    ------
-    ValueError
-        When there is no such contract, or with the column, row and value that break it.
-    """
+    """The same table, checked: a breach is a ValueError with column, row, value and remedy."""
     rules = _rules(table_name, frame.columns)
     remedy = _REMEDY.get(table_name, _CLEAN)
     _check_columns(table_name, frame, rules)
@@ -164,13 +138,7 @@ def check(table_name: str, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _rules(table_name: str, present: Iterable[str]) -> dict[str, Rule]:
-    """Rule of each column of a table; wide ones have those of the signals that are present.
-
-    Raises
-    ------
-    ValueError
-        When there is no such table.
-    """
+    """Rule of each column of a table; wide ones have those of the signals that are present."""
     if table_name not in TABLES:
         raise ValueError(f"table {table_name!r} has no contract; name one of {', '.join(TABLES)}")
     if table_name not in SCHEMAS:
@@ -244,20 +212,7 @@ def _check_order(table_name: str, frame: pd.DataFrame) -> None:
 
 
 def check_files(folder: Path, tables: Mapping[str, str]) -> None:
-    """Check tables on disk against their contracts.
-
-    Parameters
-    ----------
-    folder : Path
-        ``data/signals/<machine>`` or ``data/clean/<machine>``.
-    tables : mapping of str to str
-        Name of the table -> pattern of its files in ``folder``.
-
-    Raises
-    ------
-    ValueError
-        With the file, column, row and value that break a contract.
-    """
+    """Check tables in ``folder`` against their contracts; ``tables`` maps each to a pattern."""
     for name, pattern in tables.items():
         for path in sorted(folder.glob(pattern)):
             try:

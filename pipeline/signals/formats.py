@@ -116,7 +116,7 @@ class TableLayout:
     delimiter: str = "auto"
     decimal: str = "."
     encoding: str = "utf-8"
-    """Of text tables; delimiter ``"auto"`` finds it."""
+    """Form of text tables; delimiter ``"auto"`` finds it."""
     header: int | None = None
     """Line of the column names, counting from 0; None finds it."""
     names: tuple[str, ...] = ()
@@ -175,16 +175,10 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 
 def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> Iterator[bytes]:
-    """Unpack a gzip stream of any number of members.
+    """Unpack a gzip stream of any number of members, in pieces of at most ``chunk`` bytes.
 
-    Parameters
-    ----------
-    raw : iterator of bytes
-        The stream in pieces.
-    chunk : int
-        Bytes that a piece of the result has at most.
-    damaged : callable
-        Called with the reason when the stream ends early; what came before has been yielded.
+    Where the stream ends early, ``damaged`` is called with the reason; what came before was
+    yielded.
     """
     unpack, inside = zlib.decompressobj(31), False
     for packed in raw:
@@ -231,11 +225,6 @@ def format_of(path: Path) -> Format:
 
     Logs and text tables cannot be distinguished by their bytes: a name that ends in ``.csv`` or
     ``.tsv`` is a table, all other text a log.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file cannot be opened.
     """
     try:
         with path.open("rb") as file:
@@ -338,7 +327,7 @@ def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource | Non
 
 def _unpacked(head: bytes) -> bytes:
     """The beginning of what is packed with gzip; it may break off, or be broken."""
-    if not head.startswith(b"\x1f\x8b"):
+    if not head.startswith(GZIP_MAGIC):
         return head
     try:
         return zlib.decompressobj(wbits=31).decompress(head, _HEAD)

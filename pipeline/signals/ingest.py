@@ -190,25 +190,11 @@ def ingest(
     *,
     progress: Callable[[str], None] = lambda name: None,
 ) -> Ingested:
-    """Read every raw file that changed since the last time into ``out``.
+    """Read every file of a machine in ``raw`` that changed since the last time into ``out``.
 
-    Parameters
-    ----------
-    raw : Path
-        Folder of a machine's files as found.
-    out : Path
-        Folder of Parquet files and manifest; see the data page of the documentation.
-    sources : sequence of RecordSource
-        What kinds of files there are; a file that none names is rejected with that reason.
-    identity : MachineIdentity
-        Written into the manifest.
-    progress : callable
-        Called with each file's name before it is read.
-
-    Raises
-    ------
-    ValueError
-        When ``raw`` does not exist or a source is not laid out as its files are.
+    A file that none of ``sources`` names is rejected with that reason; ``progress`` is called with
+    each file's name before it is read.  A source that is not laid out as its files are is a
+    ValueError.
     """
     if not raw.is_dir():
         raise ValueError(f"{raw} does not exist: put the machine's files there")

@@ -59,21 +59,9 @@ def share_rows(one: str, other: str) -> bool:
 
 
 def parts_of(path: Path, columns: Sequence[str], section: str) -> list[TablePart]:
-    """Parts of a table of the ingest, in the order of their first rows.
+    """Parts of an ingested table by the values of ``columns``, in the order of their first rows.
 
-    Parameters
-    ----------
-    path : Path
-        Parquet of the table.
-    columns : sequence of str
-        Whose values tell parts apart.
-    section : str
-        Key of the machine's file that names them, for the message.
-
-    Raises
-    ------
-    ValueError
-        When the table has no column of that name.
+    ``section`` is the key of the machine's file that names the columns, for the message.
     """
     names = pq.read_schema(path).names
     for name in columns:

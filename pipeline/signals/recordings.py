@@ -5,8 +5,8 @@ A recording is one Parquet file in ``data/signals/<machine>/traces/``, with its 
 (:class:`Channel`) and where its conditions stand
 (:class:`~pipeline.signals.conditions.ConditionSources`); the vocabulary of both is open.  What a
 recording lacks is a sentence in :attr:`Samples.lacking` or :attr:`Recording.reason`, never an
-exception: only settings that are wrong for all recordings raise.  Uniform grids and the regularity
-of clocks are the subject of :mod:`pipeline.signals.sampling`.
+exception: only settings that are wrong for all recordings raise.  A table becomes segments on even
+grids (:meth:`Samples.segments`), a log values that hold (:class:`LogItems`).
 """
 
 import json
@@ -25,6 +25,7 @@ from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.structure import structured
 from pipeline.signals.conditions import Condition, ConditionSources, conditions_in_runs, unit_of
 from pipeline.signals.recorder_faults import RecorderFault, without_faults
+from pipeline.signals.sampling import UniformSegment, uniform_segments
 from pipeline.signals.units import conversion
 
 QUANTITIES: Mapping[str, str] = {
@@ -42,14 +43,7 @@ WORDS = "words"
 
 @dataclass(frozen=True, kw_only=True)
 class Channel(Ranged, section="channel"):
-    """Declaration of one channel: where it stands in a recording, and what it measures.
-
-    Raises
-    ------
-    ValueError
-        When the quantity is not in ``QUANTITIES`` and no unit is given, the unit does not measure
-        the quantity, or the factor is zero or not finite.
-    """
+    """Declaration of one channel: where it stands in a recording, and what it measures."""
 
     column: str
     """Name of the column, or a pattern of it (``"*pulses*"``), whose first match counts."""
@@ -103,6 +97,8 @@ class Samples:
     """Channels of words; ``""`` where a row has none; shape (T,)."""
     lacking: Mapping[str, str] = field(default_factory=dict)
     """Declared channels that the recording does not give, with the reason and the remedy."""
+    absent: frozenset[str] = frozenset()
+    """Those of ``lacking`` that were not recorded: no such column, or no value in it."""
 
     def complete(self, names: Iterable[str] | None = None) -> Bools:
         """Rows with a time and a value in each of the channels ``names`` (all); shape (T,)."""
@@ -112,6 +108,14 @@ class Samples:
             rows = rows & np.isfinite(self.channels[name])
         return rows
 
+    def segments(self, rows: Bools) -> list[UniformSegment]:
+        """Stretches of ``rows`` without a gap on even grids; rows without a time are left out."""
+        at = np.flatnonzero(rows & np.isfinite(self.time))
+        pieces = uniform_segments(self.time[at])
+        if not pieces:
+            raise ValueError("it has more gaps than rows")
+        return [replace(piece, rows=at[piece.rows]) for piece in pieces]
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
@@ -120,7 +124,7 @@ class Recording:
     name: str
     """Name of the raw file below the machine's folder."""
     sha256: str = ""
-    """Of the raw file's bytes."""
+    """Hash of the raw file's bytes."""
     file: Path | None = None
     """Its Parquet; None where the raw file is no table, is a copy or could not be read."""
     start: str | None = None
@@ -141,13 +145,7 @@ class Recording:
     """Faults of its channels; where one is certain, the channel is not read."""
 
     def load(self, names: Iterable[str] | None = None) -> Samples:
-        """Read the channels ``names`` (all that are declared) from the Parquet file.
-
-        Raises
-        ------
-        ValueError
-            When a name is not declared.
-        """
+        """Read the channels ``names`` (all that are declared) from the Parquet file."""
         chosen = list(self.declared) if names is None else list(names)
         if strange := [name for name in chosen if name not in self.declared]:
             raise ValueError(
@@ -173,12 +171,14 @@ class Recording:
             time = _time(table)
         except ValueError as error:
             return Samples(lacking=dict.fromkeys(chosen, str(error)))
-        numbers, units, words, lacking = {}, {}, {}, {}
+        numbers, units, words, lacking, absent = {}, {}, {}, {}, set()
         for name, channel in channels.items():
             try:
                 column = columns[name]
                 if column is None:
-                    raise ValueError(f"it has no channel {channel.column!r}: {channel.remedy}")
+                    raise _NotRecordedError(
+                        f"it has no channel {channel.column!r}: {channel.remedy}"
+                    )
                 if channel.quantity == WORDS:
                     texts = table[column].cast(pa.string()).to_pylist()
                     words[name] = np.array([text or "" for text in texts])
@@ -186,7 +186,11 @@ class Recording:
                     numbers[name], units[name] = _values(table, column, channel)
             except ValueError as error:
                 lacking[name] = str(error)
-        return Samples(time=time, channels=numbers, units=units, words=words, lacking=lacking)
+                absent |= {name} if isinstance(error, _NotRecordedError) else set()
+        return Samples(
+            time=time, channels=numbers, units=units, words=words, lacking=lacking,
+            absent=frozenset(absent),
+        )  # fmt: skip
 
 
 def read_recordings(
@@ -200,29 +204,10 @@ def read_recordings(
 ) -> list[Recording]:
     """Recordings of a machine whose names fit ``patterns``, in the order of their names.
 
-    No channel is read before :meth:`Recording.load`.
-
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``, as the ingest wrote it.
-    channels : mapping of str to Channel
-        Declared channels.
-    patterns : sequence of str
-        Patterns of the names of raw files below the machine's folder.
-    conditions : ConditionSources, optional
-        Where conditions stand beside ``runs.parquet``.
-    preferred : callable
-        Whether the recording of a name is the one to keep of several with the same bytes: those
-        for training, say, as a copy in another role would be a leak.  The others are there with
-        the reason, and without their file.
-    section : str
-        Key of the machine's file that names the patterns, for messages.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits ``patterns``.
+    No channel is read before :meth:`Recording.load`. Of several files with the same bytes the one
+    is kept whose name is ``preferred``, say for training, as a copy in another role would be a
+    leak; the others are there with the reason, and without their file.  ``section`` is the key of
+    the machine's file that names the patterns, for the ValueError where none of the files fits.
     """
     try:
         files = json.loads((signals / "manifest.json").read_text())["files"]
@@ -286,6 +271,48 @@ def _recording(signals: Path, name: str, entry: Mapping[str, Any]) -> Recording:
     )  # fmt: skip
 
 
+class _NotRecordedError(ValueError):
+    """A channel that the recorder did not write."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogItems:
+    """Numbers of a log's data items, each of which holds until its next report."""
+
+    time: Floats
+    """Since the first row [s], ascending; shape (N,)."""
+    item: Any
+    """Name of the data item; shape (N,)."""
+    number: Floats
+    """NaN where the item became unavailable or reported a word; shape (N,)."""
+
+    @staticmethod
+    def read(path: Path) -> "LogItems":
+        """Observations in ``path``, as the ingest wrote them."""
+        table = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
+        table = table.sort_values("time", kind="stable")
+        since = table["time"] - table["time"].iloc[0] if len(table) else table["time"].diff()
+        return LogItems(
+            time=since.dt.total_seconds().to_numpy(float), item=table["data_item"].to_numpy(object),
+            number=table["number"].to_numpy(float),
+        )  # fmt: skip
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def times(self, item: str) -> Floats:
+        """Times at which an item reported [s]."""
+        return self.time[self.item == item]
+
+    def held(self, item: str, times: Floats) -> Floats:
+        """Last number of an item at ``times`` [s]; NaN before its first."""
+        rows = self.item == item
+        values = np.append(self.number[rows], np.nan)
+        last = np.searchsorted(self.time[rows], times, side="right") - 1
+        held: Floats = values[last]
+        return held
+
+
 def _column(names: Sequence[str], column: str) -> str | None:
     """The column called so, else the first that fits the pattern."""
     if column in names:
@@ -294,20 +321,14 @@ def _column(names: Sequence[str], column: str) -> str | None:
 
 
 def _values(table: pa.Table, column: str, channel: Channel) -> tuple[Floats, str]:
-    """Values of a column of numbers in SI, NaN where it has none, and their unit.
-
-    Raises
-    ------
-    ValueError
-        When it holds words or no value at all, or is in a unit of another quantity.
-    """
+    """Values of a column of numbers in SI, NaN where it has none, and their unit."""
     kind = table.schema.field(column)
     if not (pa.types.is_floating(kind.type) or pa.types.is_integer(kind.type)):
         raise ValueError(f"its channel {column!r} holds words: name a channel of numbers")
     values: Floats = table[column].cast(pa.float64()).to_numpy(zero_copy_only=False).copy()
     values[~np.isfinite(values)] = np.nan
     if np.isnan(values).all():
-        raise ValueError(f"its channel {column!r} holds no value: {channel.remedy}")
+        raise _NotRecordedError(f"its channel {column!r} holds no value: {channel.remedy}")
     recorded = unit_of(kind)
     unit = recorded or channel.unit
     if channel.quantity:
@@ -324,13 +345,7 @@ def _values(table: pa.Table, column: str, channel: Channel) -> tuple[Floats, str
 
 
 def _time(table: pa.Table) -> Floats:
-    """Time of the rows since the start [s].
-
-    Raises
-    ------
-    ValueError
-        When the recording has no rows or no time.
-    """
+    """Time of the rows since the start [s]."""
     if "t" not in table.column_names and "time" not in table.column_names:
         raise ValueError("it has no time: name its time column or its rate in the table's layout")
     if not table.num_rows:

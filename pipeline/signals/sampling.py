@@ -54,18 +54,7 @@ class UniformSegment:
 
 
 def sampling_period(t: Floats) -> float:
-    """Sampling period from time stamps [s].
-
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Time stamps [s], N at least 2.
-
-    Raises
-    ------
-    ValueError
-        When no stamp is later than the one before.
-    """
+    """Sampling period [s] from two time stamps or more."""
     steps = np.diff(t)
     forward = steps[steps > 0]
     if not len(forward):
@@ -76,7 +65,7 @@ def sampling_period(t: Floats) -> float:
 
 
 def uniform_segments(t: Floats) -> list[UniformSegment]:
-    """Segments of a recording on uniform grids.
+    """Segments of a recording on uniform grids, from the time stamps [s] of its N rows.
 
     A row whose stamp repeats that of the row before belongs in the gap behind it, if there is one,
     and is a copy otherwise.  Up to ``LONGEST_BRIDGE`` missing rows are interpolated and marked as
@@ -84,15 +73,7 @@ def uniform_segments(t: Floats) -> list[UniformSegment]:
     the grid by less than ``ROUNDING_JITTER`` are rounded: their rows count as evenly spaced.  Where
     they deviate more, the samples themselves were taken unevenly and are interpolated.
 
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Time stamps [s], in the order of the rows.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than ``SHORTEST_SEGMENT`` rows, or the stamps have no period.
+    Fewer than ``SHORTEST_SEGMENT`` rows, or stamps without a period, are a ValueError.
     """
     if len(t) < SHORTEST_SEGMENT:
         raise ValueError(f"it has {len(t)} rows, {SHORTEST_SEGMENT} are the least that can be used")

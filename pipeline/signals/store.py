@@ -47,26 +47,10 @@ class Written:
 
 
 def write_observations(batches: Iterable[Batch], path: Path) -> Written:
-    """Write batches to one Parquet file, as they come.
+    """Write the batches of a reader to one Parquet file, as they come.
 
-    The file appears under its name when it is whole; what a reader raises leaves no file behind.
-
-    Parameters
-    ----------
-    batches : iterable of Batch
-        As a reader yields them.
-    path : Path
-        The file; its folder is made where it is missing.
-
-    Returns
-    -------
-    Written
-        Counts, times and rejections.
-
-    Raises
-    ------
-    ValueError
-        When a batch's counts do not add up, or its table is not of ``OBSERVATIONS``.
+    The file appears under its name when it is whole; what a reader raises leaves no file behind.  A
+    batch whose counts do not add up is a ValueError.
     """
     rows = 0
     counts = [0, 0]
@@ -163,20 +147,7 @@ def _iso(ns: int) -> str:
 
 
 def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> int:
-    """Write what could not be read, file by file.
-
-    Parameters
-    ----------
-    rejected : mapping of str to iterables of Rejection
-        Path of the raw file below the machine's folder -> its rejections, in order.
-    path : Path
-        The Parquet file.
-
-    Returns
-    -------
-    int
-        Number of rows.
-    """
+    """Write what could not be read, by the path of the raw file; returns the number of rows."""
     said = [
         {"file": file, "line": r.line, "reason": r.reason, "excerpt": r.excerpt}
         for file, some in rejected.items()

@@ -130,25 +130,11 @@ _LONGEST = 60  # characters; no unit is longer, and no text may keep pint busy
 
 
 def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
-    """Factor and offset that take a value from one unit to another.
+    """Factor and offset that take a value from one unit to another: ``value * factor + offset``.
 
-    Parameters
-    ----------
-    from_unit, to_unit : str
-        Ordinary text (``"mm/min"``, ``"°C"``, ``"rpm"``) or MTConnect's names; ``""`` for none.
+    Units are ordinary text (``"mm/min"``, ``"°C"``, ``"rpm"``) or MTConnect's names, ``""`` for
+    none.  One that is not known, and two that do not measure the same quantity, are a ValueError.
 
-    Returns
-    -------
-    tuple of float
-        ``(factor, offset)`` with ``value_to = value_from * factor + offset``.
-
-    Raises
-    ------
-    ValueError
-        When a unit is not known or the two do not measure the same quantity.
-
-    Examples
-    --------
     >>> conversion("inch/min", "MILLIMETER/SECOND")[0] * 60
     25.4
     >>> conversion("°C", "CELSIUS")
@@ -164,22 +150,7 @@ def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
 def mtconnect_factor(native: str, units: str, scale: float = 1.0) -> tuple[float, float]:
     """Factor and offset from an adapter's ``nativeUnits`` to the document's ``units``.
 
-    Parameters
-    ----------
-    native, units : str
-        The attributes ``nativeUnits`` and ``units`` of a data item.
-    scale : float
-        ``nativeScale``: the number in the log is the measured value times this.
-
-    Returns
-    -------
-    tuple of float
-        ``(factor, offset)``: ``value_units = value_native * factor + offset``.
-
-    Raises
-    ------
-    ValueError
-        As :func:`conversion`, or when ``scale`` is zero or not finite.
+    ``scale`` is ``nativeScale``: the number in the log is the measured value times this.
     """
     if not (0 < abs(scale) < float("inf")):
         raise ValueError(f"nativeScale {scale} of {native!r} divides nothing: give a finite number")
@@ -190,10 +161,7 @@ def mtconnect_factor(native: str, units: str, scale: float = 1.0) -> tuple[float
 def mtconnect_unit(unit: str) -> str:
     """MTConnect's unit for the quantity that ``unit`` measures; ``unit`` itself when it has none.
 
-    Raises
-    ------
-    ValueError
-        When the unit is not known, or is a letter that stands for several quantities.
+    A unit that is not known, or is a letter that stands for several quantities, is a ValueError.
     """
     text = _normalised(unit)
     if text in MTCONNECT_UNITS or not text:

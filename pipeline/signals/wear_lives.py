@@ -23,7 +23,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.signals.conditions import Condition, ConditionSources, unit_of
 from pipeline.signals.parts import as_words, parts_of, samples_sha256
 from pipeline.signals.recordings import WORDS, Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_records import WEAR_UNIT, ConditionTable, InCut, WearRecords
 from pipeline.signals.wear_windows import LifeFile, Lives, ToolLife, WearWindows, Words
@@ -44,28 +44,11 @@ def read_lives(
 ) -> Lives:  # fmt: skip
     """Lives of all tools in a machine's signals.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``, as the ingest wrote it.
-    records : WearRecords
-        Of the machine's file.
-    is_training : callable
-        Whether a raw file is learnt from, by its name: of files with the same bytes it is kept.
-    known : bool
-        Whether wear and conditions have to be recorded.  Where not, what is missing of them is NaN
-        or ``""`` in the windows, and nothing is interpolated: of a recording whose wear is to be
-        estimated.
-    in_use : collection of str
-        Tools whose recordings before the first and after the last measurement are kept, with NaN
-        for their wear.
-    given : callable
-        Further conditions of a recording by its name, which go before those that were recorded.
-
-    Raises
-    ------
-    ValueError
-        When no recording fits the patterns, or the table of conditions cannot be read.
+    Of raw files with the same bytes one is kept for which ``is_training``. Where wear and
+    conditions need not be ``known``, what is missing of them is NaN or ``""`` in the windows and
+    nothing is interpolated: of a recording whose wear is to be estimated.  Of tools ``in_use`` the
+    recordings before the first and after the last measurement are kept, with NaN for their wear.
+    Conditions ``given`` by the name of a recording go before those that were recorded.
     """
     left_out: dict[str, str] = {}
     by_tool: dict[str, list[_Cut]] = {}
@@ -222,13 +205,7 @@ class ConditionRows:
 
     @staticmethod
     def read(signals: Path, source: ConditionTable) -> "ConditionRows":
-        """The table as the ingest wrote it.
-
-        Raises
-        ------
-        ValueError
-            When it was not ingested, or has no column of the key.
-        """
+        """The table as the ingest wrote it."""
         where = f"wear_records.table.file = {source.file!r}"
         entry = json.loads((signals / "manifest.json").read_text())["files"].get(source.file)
         if entry is None:
@@ -256,13 +233,7 @@ class ConditionRows:
         return ConditionRows(source=source, rows=rows)
 
     def row(self, recording: str) -> dict[str, Condition]:
-        """Conditions of a recording.
-
-        Raises
-        ------
-        ValueError
-            When the table has no row of it, or several.
-        """
+        """Conditions of a recording, of which the table has one row."""
         if self.source.name:
             match = re.search(self.source.name, recording)
             keys = [_plain(match.group(1))] if match else []
@@ -282,24 +253,18 @@ def _plain(key: str) -> str:
 
 
 def _windows(part: _Part, records: WearRecords, known: bool) -> WearWindows:
-    """Windows of a recording, with what was recorded of each.
-
-    Raises
-    ------
-    ValueError
-        When a channel or condition is missing, it is too slow, or no stretch is long enough.
-    """
+    """Windows of a recording, with what was recorded of each."""
     samples, names = part.samples, [f"{CHANNEL}{name}" for name in records.channels]
     for name in names:
         if name in samples.lacking:
             raise ValueError(samples.lacking[name])
-    whole = samples.complete(names) & part.rows
-    at = np.flatnonzero(whole & _in_cut(part, records.in_cut))
+    in_cut = samples.complete(names) & part.rows & _in_cut(part, records.in_cut)
+    at = np.flatnonzero(in_cut)
     if not len(at):
         raise ValueError("no row of it is in cut with a value in each channel")
     pieces, starts = [], []
-    for piece in uniform_segments(samples.time[at]):
-        values = np.stack([piece.on_grid(samples.channels[name][at]) for name in names])
+    for piece in samples.segments(in_cut):
+        values = np.stack([piece.on_grid(samples.channels[name]) for name in names])
         values = _at_rate(values, piece, records.rate_Hz)
         for first in range(0, values.shape[1] - records.length + 1, records.length):
             pieces.append(values[:, first : first + records.length])
@@ -425,13 +390,7 @@ def _in_cut(part: _Part, settings: InCut | None) -> Bools:
 
 
 def _at_rate(values: Floats, piece: UniformSegment, rate: float) -> Floats:
-    """Channels (C, T) of an even stretch at ``rate`` [Hz], behind a low-pass where it is lower.
-
-    Raises
-    ------
-    ValueError
-        When the stretch was recorded more slowly.
-    """
+    """Channels (C, T) of an even stretch at ``rate`` [Hz], behind a low-pass where it is lower."""
     recorded = 1.0 / piece.period
     if recorded < (1.0 - SLOWER) * rate:
         raise ValueError(

@@ -21,18 +21,12 @@ CLASS_UNIT = "1"
 
 @dataclass(frozen=True, kw_only=True)
 class WearSource(Ranged, section="wear_records.wear"):
-    """Where the wear of the tool stands: a number, or words for worn and not worn.
-
-    Raises
-    ------
-    ValueError
-        When there are words of one class only, or the unit is none of a length.
-    """
+    """Where the wear of the tool stands: a number, or words for worn and not worn."""
 
     name: str
-    """Of the column or condition."""
+    """Name of the column or condition."""
     unit: str = WEAR_UNIT
-    """Of the number where it is recorded without one."""
+    """Unit of the number where it is recorded without one."""
     worn: tuple[str, ...] = ()
     unworn: tuple[str, ...] = ()
     """Words of a tool that is worn and of one that is not; empty where wear is a number."""
@@ -62,37 +56,24 @@ class WearSource(Ranged, section="wear_records.wear"):
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionTable:
-    r"""A table beside the recordings with one row for each.
-
-    Parameters
-    ----------
-    file : str
-        Its raw file below the machine's folder, among the tables of section ``records``.
-    key : str
-        Column by which a recording's row is found.
-    name : str
-        Regular expression on the recording's name whose first group is the key's value
-        (``"experiment_(\d+)"``); empty where the key holds names of files, below the machine's
-        folder or beside the table.
-    """
+    r"""A table beside the recordings with one row for each."""
 
     file: str
+    """Raw file of the table below the machine's folder, among the tables of section ``records``."""
     key: str
+    """Column by which a recording's row is found."""
     name: str = ""
+    """Regular expression on the recording's name whose first group is the key's value
+    (``"experiment_(\\d+)"``); empty where the key holds names of files, below the machine's folder
+    or beside the table."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class InCut(Ranged, section="wear_records.in_cut"):
-    """Which rows of a recording are in cut.
-
-    Raises
-    ------
-    ValueError
-        When a channel of words has no values, or one of numbers has some.
-    """
+    """Which rows of a recording are in cut."""
 
     channel: Channel
-    """Of words (a phase of the process), or of numbers whose level tells."""
+    """Channel of words (a phase of the process), or of numbers whose level counts."""
     values: tuple[str, ...] = ()
     """Patterns of the words of a cut."""
     least: NotNegative | None = None
@@ -114,14 +95,7 @@ class InCut(Ranged, section="wear_records.in_cut"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearRecords(Ranged, section="wear_records"):
-    """Recordings that show the wear of tools, and the windows that are made of them.
-
-    Raises
-    ------
-    ValueError
-        When there is no channel, ``progress`` is no continuous condition, or a condition is both
-        continuous and discrete.
-    """
+    """Recordings that show the wear of tools, and the windows that are made of them."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""

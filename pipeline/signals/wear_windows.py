@@ -108,13 +108,7 @@ class WearWindows:
 
     @staticmethod
     def joined(parts: Sequence["WearWindows"]) -> "WearWindows":
-        """Windows of several parts of one machine, one after the other.
-
-        Raises
-        ------
-        ValueError
-            When there are none, or their channels, rates or lengths differ.
-        """
+        """Windows of several parts of one machine, of one set of channels, rate and length."""
         if not parts:
             raise ValueError("there are no windows to join: give one part at least")
         first = parts[0]

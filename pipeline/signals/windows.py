@@ -42,13 +42,7 @@ def absent_items(clean: Path) -> dict[str, list[str]]:
 
 
 def read_state(clean: Path, day: str) -> pd.DataFrame:
-    """The state table of one day, indexed by time in the zone of the plant.
-
-    Raises
-    ------
-    ValueError
-        When there is none for that day.
-    """
+    """The state table of one day, indexed by time in the zone of the plant."""
     path = clean / "state" / f"{day}.parquet"
     if not path.exists():
         raise ValueError(
@@ -71,12 +65,8 @@ def state_segments(
 
     Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
     end a segment; a longer gap does.  With ``bridge_s = inf`` nothing does.  A segment begins with
-    a measured target and lasts at least ``shortest_s`` seconds.
-
-    Raises
-    ------
-    ValueError
-        When an input or the target is no column of numbers in ``frame``; the message names it.
+    a measured target and lasts at least ``shortest_s`` seconds.  An input or a target that is no
+    column of numbers is a ValueError.
     """
     numbers = frame.select_dtypes("number")
     missing = [name for name in (*inputs, target) if name not in numbers.columns]

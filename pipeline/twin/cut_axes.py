@@ -15,6 +15,7 @@ from pipeline.gcode.moves import AXES
 from pipeline.machine.control.interpolate import Trace
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import AxisInCut
+from pipeline.schema.si import UM
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_force import CutForce, cut_force
 from pipeline.twin.drive import IdentifiedDrive
@@ -30,7 +31,6 @@ from pipeline.twin.program_axes import (
 
 NEWTON = "N"
 """Unit of the forces of a drive whose force constant is known."""
-MICROMETRE = 1e-6
 PER_TOOTH, MOST_SUBSTEPS = 8, 32
 """Least samples in a tooth period, and the most in one interpolation period for that."""
 
@@ -110,14 +110,14 @@ def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisIn
         return ()
     axes = []
     for letter, one in found.cut.items():
-        error, command = one.error[inside] / MICROMETRE, one.command[inside]
+        error, command = one.error[inside] / UM, one.command[inside]
         air = found.air[letter]
         behind, drawn = int(np.argmax(np.abs(error))), int(np.argmax(np.abs(command)))
         axes.append(AxisInCut(
             axis=letter,
             following_um=_figure(np.abs(error).max()),
             following_rms_um=_figure(np.sqrt(np.mean(error**2))),
-            following_air_um=_figure(np.abs(air.error[inside]).max() / MICROMETRE),
+            following_air_um=_figure(np.abs(air.error[inside]).max() / UM),
             following_line=int(lines[one.row[inside[behind]]]),
             command=_figure(np.abs(command).max()),
             command_rms=_figure(np.sqrt(np.mean(command**2))),
@@ -127,7 +127,7 @@ def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisIn
             force_N=_figure(np.abs(found.load.force[inside, AXES.index(letter)]).max()),
             half_width_um=(
                 inf if one.half_width is None
-                else _figure(one.half_width[inside].max() / MICROMETRE)
+                else _figure(one.half_width[inside].max() / UM)
             ),
         ))  # fmt: skip
     return tuple(axes)

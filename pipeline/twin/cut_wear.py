@@ -13,8 +13,9 @@ from typing import Literal
 import numpy as np
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.tool import UM, Tool
+from pipeline.cutting.tool import Tool
 from pipeline.schema.program_cut import CutWarning, EdgeForces, ToolEdge
+from pipeline.schema.si import UM
 from pipeline.twin.cut import Cut, with_force_laws
 from pipeline.twin.cut_blocks import StationArcs, cut_blocks
 from pipeline.twin.cut_coefficients import ToolCoefficients, WornLand

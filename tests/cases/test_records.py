@@ -31,6 +31,7 @@ from pipeline.submodels.control.runs import read_runs
 from pipeline.submodels.deformation.features import input_maker
 from pipeline.submodels.deformation.methods import growth_record
 from pipeline.submodels.deformation.records import State
+from tests.signals.shdr_log import line_by_line
 from tests.submodels.deformation.growth_files import made
 
 ITEM = '<DataItem id="{id}" name="{name}" category="{category}" type="{type}"/>'
@@ -66,7 +67,7 @@ def logged(folder: Path, text: str, **options: str) -> tuple[dict[str, list[floa
     path = folder / "log.txt"
     path.write_text(text)
     source = RecordSource(format="shdr", files="*.txt", devices="Devices.xml", **options)  # type: ignore[arg-type]
-    ways = [said(list(way(path, source, folder))) for way in (log.read_reference, log.read_fast)]
+    ways = [said(list(way(path, source, folder))) for way in (line_by_line, log.read)]
     assert ways[0] == ways[1]
     return ways[0][0], [rejection.reason for rejection in ways[0][1]]
 

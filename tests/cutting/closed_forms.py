@@ -9,12 +9,13 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.economics.tool_life import MINUTE, Taylor
+from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.mean_force import cutting_arcs, regressors
 from pipeline.cutting.force.waveform import SLICES, _window, basis
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import MINUTE
 
 
 def thickness(f_z: ArrayLike, phi: ArrayLike, *, kappa: ArrayLike = np.pi / 2) -> Floats:

@@ -21,15 +21,13 @@ from tests.fuzz.seeds import DOCUMENTS, LOGS, TREES, WORDS
 
 READERS = {
     "shdr": LOGS,
-    "shdr_fast": LOGS,
     "mtconnect_xml": DOCUMENTS,
-    "mtconnect_xml_fast": DOCUMENTS,
     "mtconnect_json": TREES,
 }
-"""Readers and their fast paths, with the corpus that each starts from."""
+"""Readers, with the corpus that each starts from."""
 
 COMPILED = {
-    "pipeline.signals.mtconnect": ("tokens", "scan"),
+    "pipeline.signals": ("literals",),
     "pipeline.signals.shdr": ("scan",),
     "pipeline.signals.tables": ("matlab",),
 }
@@ -40,18 +38,14 @@ LONGEST = 4096
 
 
 def reader(name: str) -> Callable[..., Any]:
-    """The function ``read`` of a reader, or its fast path."""
+    """The function ``read`` of a reader."""
     from pipeline.signals.mtconnect import json_document as mtconnect_json
     from pipeline.signals.mtconnect import xml_document as mtconnect_xml
     from pipeline.signals.shdr import log as shdr
 
-    if name == "mtconnect_xml_fast":
-        mtconnect_xml.FAST_FROM = 0
     return {
-        "shdr": shdr.read_reference,
-        "shdr_fast": shdr.read_fast,
+        "shdr": shdr.read,
         "mtconnect_xml": mtconnect_xml.read,
-        "mtconnect_xml_fast": mtconnect_xml.read,
         "mtconnect_json": mtconnect_json.read,
     }[name]
 
@@ -92,7 +86,6 @@ def fuzz(name: str, runs: int, *, seed: int, limit: int, crashes: Path) -> None:
     folder = Path(tempfile.mkdtemp())
     corpus = folder / "corpus"
     corpus.mkdir()
-    form = "shdr" if name.startswith("shdr") else name.removesuffix("_fast")
     compiled = [f"{room}.{module}" for room, modules in COMPILED.items() for module in modules]
     with atheris.instrument_imports(include=["pipeline.signals"], exclude=compiled):
         read = reader(name)
@@ -100,7 +93,7 @@ def fuzz(name: str, runs: int, *, seed: int, limit: int, crashes: Path) -> None:
         # no input is charged for it.
         for number, data in enumerate(READERS[name]):
             (corpus / str(number)).write_bytes(data)
-            check(read, corpus / str(number), form)
+            check(read, corpus / str(number), name)
     words = (w.encode("utf-8", "surrogatepass") for w in WORDS)
     lines = ['"' + "".join(f"\\x{byte:02x}" for byte in word) + '"\n' for word in words]
     (folder / "words").write_text("".join(lines))
@@ -110,7 +103,7 @@ def fuzz(name: str, runs: int, *, seed: int, limit: int, crashes: Path) -> None:
 
     def one_input(data: bytes) -> None:
         path.write_bytes(data)
-        accepted = check(read, path, form) is not None
+        accepted = check(read, path, name) is not None
         counts["inputs"] += 1
         counts["accepted"] += accepted
         if counts["inputs"] == runs:

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.signals.mtconnect import xml_document
 from tests.fuzz.fuzz_readers import COMPILED, READERS, check, reader
 from tests.fuzz.seeds import WORDS
 
@@ -43,13 +42,7 @@ def mutations(draw: st.DrawFn, corpus: tuple[bytes, ...]) -> bytes:
 
 @pytest.fixture(params=READERS)
 def way(request: pytest.FixtureRequest) -> Iterator[str]:
-    before = xml_document.FAST_FROM
     yield request.param
-    xml_document.FAST_FROM = before
-
-
-def form(way: str) -> str:
-    return "shdr" if way.startswith("shdr") else way.removesuffix("_fast")
 
 
 @pytest.mark.parametrize("examples", [40, pytest.param(1000, marks=pytest.mark.proof)])
@@ -60,7 +53,7 @@ def test_every_input_is_accounted_for(examples: int, way: str, tmp_path: Path) -
     @given(mutations(READERS[way]))
     def accounted(data: bytes) -> None:
         path.write_bytes(data)
-        check(reader(way), path, form(way))
+        check(reader(way), path, way)
 
     accounted()
 
@@ -69,7 +62,7 @@ def test_the_corpus_is_read(way: str, tmp_path: Path) -> None:
     """Who starts from files that are all refused finds nothing."""
     for number, data in enumerate(READERS[way]):
         (tmp_path / str(number)).write_bytes(data)
-        assert check(reader(way), tmp_path / str(number), form(way)), number
+        assert check(reader(way), tmp_path / str(number), way), number
 
 
 def test_compiled_modules_are_known_to_the_program() -> None:

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from pipeline.machine.axis.speed_trial import (
-    RPM,
     TUNED,
     SpeedTrial,
     compare_speed_loops,
@@ -24,6 +23,7 @@ from pipeline.machine.axis.speed_trial import (
     with_speed_loop,
 )
 from pipeline.machine.axis.three_loop_axis import servo_axis, servo_motor
+from pipeline.schema.si import RPM
 from pipeline.search.genetic import GeneticSettings, minimise
 from tests.small_project import ROOT
 from tests.test_notebooks import executed, images

@@ -8,9 +8,9 @@ import pytest
 from pipeline.machine.axis.drive_train import sliding_friction
 from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.loops import FuzzyParameters, increments
-from pipeline.machine.axis.speed_trial import RPM
 from pipeline.machine.axis.three_loop import ThreeLoopTrace, follow_position, follow_speed, shafts
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, servo_axis
+from pipeline.schema.si import RPM
 from tests.machine.motor_frames import steady_voltages
 
 H = 1e-4

@@ -5,10 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.schema.si import RPM
 from pipeline.shop.control.display import display
 from pipeline.shop.control.planner import Control, Operator, Plan, Ramp, section
 from pipeline.shop.control.postprocessor import PartProgram, Post, Step, Tool
-from pipeline.shop.motion import RPM, profile, rest_to_rest
+from pipeline.shop.motion import profile, rest_to_rest
 from pipeline.shop.parameters import ControlParameters, MotorParameters
 
 A, J = 3000.0, 40000.0  # mm/s2, mm/s3

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from pipeline.schema.si import RPM
 from pipeline.shop.drives.motor import (
     FIELD,
     HOLD,
@@ -22,7 +23,6 @@ from pipeline.shop.drives.motor import (
     speed_steps,
 )
 from pipeline.shop.drives.parameters import Drives
-from pipeline.shop.motion import RPM
 
 from .conftest import shop_parameters
 

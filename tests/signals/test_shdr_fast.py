@@ -8,16 +8,16 @@ import pyarrow as pa
 import pytest
 from hypothesis import strategies as st
 from proof_sizes import few_and_many
-from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, outcome, rows_of
+from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, line_by_line, outcome, rows_of
 
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.shdr.log import read_fast, read_reference
+from pipeline.signals.shdr.log import read
 
 
 def _as_python_reads_it(tmp_path: Path, text: str) -> None:
     path = tmp_path / "log.txt"
     path.write_text(f"{TIME}|a|{text}\n")
-    (row,) = rows_of(list(read_fast(path, SOURCE, tmp_path)))
+    (row,) = rows_of(list(read(path, SOURCE, tmp_path)))
     try:
         expected = float(text)
     except ValueError:
@@ -148,9 +148,9 @@ def _alike(
     (folder / "Devices.xml").write_text(DEVICES)
     path = folder / "log.txt"
     path.write_bytes(f"{TIME}|a|1\n".encode() + b"".join(lines))
-    plain = outcome(read_reference, path, source, chunk)
-    assert outcome(read_fast, path, source, chunk) == plain
-    assert outcome(read_reference, path, source, 1 << 20) == plain
+    plain = outcome(line_by_line, path, source, chunk)
+    assert outcome(read, path, source, chunk) == plain
+    assert outcome(line_by_line, path, source, 1 << 20) == plain
 
 
 test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs = few_and_many(
@@ -163,7 +163,7 @@ test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs 
 def _refused_alike(tmp_path_factory: pytest.TempPathFactory, data: bytes, packed: bool) -> None:
     path = tmp_path_factory.getbasetemp() / "bytes.txt"
     path.write_bytes(b"\x1f\x8b" + data if packed else data)
-    assert outcome(read_fast, path, SOURCE, 64) == outcome(read_reference, path, SOURCE, 64)
+    assert outcome(read, path, SOURCE, 64) == outcome(line_by_line, path, SOURCE, 64)
 
 
 test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = few_and_many(
@@ -174,9 +174,7 @@ test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = 
 def _equal_with_many_words(path: Path, names: int) -> None:
     lines = [f"{TIME}|k{i}|v{i}\n" for i in range(names)]  # more than the scanner takes in
     path.write_text("".join(lines * 2))
-    assert outcome(read_fast, path, SOURCE, 1 << 20) == outcome(
-        read_reference, path, SOURCE, 1 << 20
-    )
+    assert outcome(read, path, SOURCE, 1 << 20) == outcome(line_by_line, path, SOURCE, 1 << 20)
 
 
 def test_many_names_and_many_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,9 +197,7 @@ def _recordings() -> Path:
 def _equal_days(paths: list[Path], root: Path) -> None:
     source = RecordSource(format="shdr", files="*", devices="Devices.xml", device="Mazak01")
     for path in paths:
-        for batches in zip(
-            read_fast(path, source, root), read_reference(path, source, root), strict=True
-        ):
+        for batches in zip(read(path, source, root), line_by_line(path, source, root), strict=True):
             fast, plain = batches
             assert fast.read == plain.read and fast.rejected == plain.rejected == []
             for name in NAMES:
@@ -233,9 +229,9 @@ def _every_text_is_read_or_refused(compared: int) -> None:
     assert len(logs) > 60
     readable = set()
     for path in logs:
-        found = outcome(read_fast, path, SOURCE, 1 << 20)
+        found = outcome(read, path, SOURCE, 1 << 20)
         if path.stat().st_size <= compared:
-            assert found == outcome(read_reference, path, SOURCE, 1 << 20)
+            assert found == outcome(line_by_line, path, SOURCE, 1 << 20)
         if len(found) == 3:
             readable.add(path.name)
     # Exactly the logs are logs: not the programs, the lists of settings, the bits of XML.

@@ -1,19 +1,19 @@
-"""Reference path through SHDR logs: forms of records, lines, times and bytes."""
+"""SHDR logs, by the scanner and line by line: forms of records, lines, times and bytes."""
 
 import gzip
 from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, rows_of, said
+from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, line_by_line, said
 
 from pipeline.signals.formats import UnreadableFile
 from pipeline.signals.mtconnect.observations import iso_ns
 from pipeline.signals.shdr.lines import LONGEST, entries_of, fields_of
-from pipeline.signals.shdr.log import SMALL, read, read_fast, read_reference
+from pipeline.signals.shdr.log import read
 
 
-@pytest.fixture(params=[read_reference, read_fast], ids=["reference", "fast"])
+@pytest.fixture(params=[pytest.param(line_by_line, marks=pytest.mark.proof), read])
 def log(request: pytest.FixtureRequest, tmp_path: Path) -> Log:
     return Log(request.param, tmp_path)
 
@@ -355,13 +355,3 @@ def test_what_is_no_log_is_unreadable(
     monkeypatch.setattr("pipeline.signals.shdr.log.PATIENCE", 10_000)
     with pytest.raises(UnreadableFile, match=reason):
         log.batches(data)
-
-
-def test_read_is_one_of_the_two(tmp_path: Path) -> None:
-    for size in (10, 5_000):
-        path = tmp_path / f"{size}.txt"
-        path.write_text("".join(f"{TIME}|a{i % 7}|{i}|b|W{i % 5}\n" for i in range(size)))
-        assert (path.stat().st_size < SMALL) == (size == 10)
-        assert rows_of(list(read(path, SOURCE, tmp_path))) == rows_of(
-            list(read_reference(path, SOURCE, tmp_path))
-        )

@@ -21,9 +21,7 @@ from pipeline.cutting.economics.tool_life import not_negative
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
-
-KW = 1e3
-KWH = 3.6e6
+from pipeline.schema.si import HOUR, KW, KWH, MINUTE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,8 +129,6 @@ def energy(
 
 Amount = Annotated[float, Range(least=0.0, below=1e12)]
 """Price or time of one item."""
-HOUR = 3600.0
-MINUTE = 60.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,9 +13,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Finite, Positive, Range, Ranged
-
-KW = 1e3
-RPM = 1 / 60
+from pipeline.schema.si import KW, MINUTE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,17 +63,17 @@ class SpindleDrive(Ranged, section="spindle_drive"):
     @property
     def base_speed(self) -> float:
         """[rev/s]."""
-        return self.base_speed_rpm * RPM
+        return self.base_speed_rpm / MINUTE
 
     @property
     def top_speed(self) -> float:
         """[rev/s]."""
-        return self.top_speed_rpm * RPM
+        return self.top_speed_rpm / MINUTE
 
     @property
     def minimum_speed(self) -> float:
         """[rev/s]."""
-        return self.minimum_speed_rpm * RPM
+        return self.minimum_speed_rpm / MINUTE
 
 
 def power_curve(n: ArrayLike, *, rated: float, base_speed: float) -> Floats:

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.si import MINUTE, MM
 
 
 def not_negative(
@@ -50,9 +51,6 @@ def not_negative(
         raise ValueError(f"{name} = {array[~good].flat[0]} must be 0 or more, {upper}")
     return array
 
-
-MINUTE = 60.0
-MM = 1e-3
 
 Condition = Literal["f_z", "a_p", "a_e"]
 NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})

@@ -18,9 +18,9 @@ from pipeline.cutting.engagement.sweep_workspace import tool_profiles
 from pipeline.cutting.tool import Tool
 from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.si import MM
 
 BODIES = ("shank", "holder")
-MM = 1e-3
 
 
 class Contacts(NamedTuple):

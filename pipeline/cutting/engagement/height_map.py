@@ -19,8 +19,8 @@ import numpy as np
 
 from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, Stock
 from pipeline.schema.arrays import Bools, Floats, Singles
+from pipeline.schema.si import MM
 
-MM = 1e-3
 MOST_CELLS = 40_000_000
 """160 MB; two maps, before and after, stay within memory."""
 _SHIFT_OF_ROW = (sqrt(5) - 1) / 2

@@ -12,8 +12,9 @@ of the chisel edge in the thrust are 40 to 70 %.
 import numpy as np
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.tool import DEGREE, Tool
+from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import DEGREE
 
 LENGTH = 0.18
 """Length of the chisel edge over the diameter [1]."""

@@ -8,7 +8,7 @@ up and down.  All of it is simulated.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from math import nan, pi
+from math import nan
 from typing import Protocol
 
 import numpy as np
@@ -19,9 +19,7 @@ from pipeline.machine.axis.three_loop import follow_position, follow_speed
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Ranged
-
-RPM = 2 * pi / 60
-"""One revolution per minute [rad/s]."""
+from pipeline.schema.si import RPM
 
 TUNED = {
     "PI": {"proportional": (0.05, 10.0), "integral": (2.0, 4000.0)},

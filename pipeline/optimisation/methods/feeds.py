@@ -28,6 +28,7 @@ from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.words import ROUNDING, rounded_down
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.part import Objective
+from pipeline.schema.si import HOUR
 
 SLACK = 1e-9
 """Kept free of the greatest F, as a share, so that no rounding of products passes a limit."""
@@ -35,7 +36,6 @@ ROUNDED = 1.01 * ROUNDING
 """Kept free of the least F, as a share: words round F down."""
 TINY = 1e-9
 """Less than any F that a word holds."""
-HOUR = 3600.0
 REACHED = 1.0 - 1e-6
 """Share of its F from which on a row counts as fast as that."""
 STEP = 1e-4

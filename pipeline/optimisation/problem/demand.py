@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.economics.cost import KW, KWH, life_price
+from pipeline.cutting.economics.cost import life_price
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.force.load_table import TORQUE
 from pipeline.gcode.moves import METRE
@@ -23,6 +23,7 @@ from pipeline.machine.control.path import Motion, Path
 from pipeline.optimisation.problem.arrays import Bounds, Ranges, feed_units
 from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import CutLimit
+from pipeline.schema.si import KW, KWH
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import CutBlocks
 from pipeline.twin.cut_cost import Life, coolant_on

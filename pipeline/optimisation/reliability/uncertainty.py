@@ -28,12 +28,13 @@ import numpy as np
 
 from pipeline.cutting.force.chip_law import laws_lines, outside_share
 from pipeline.cutting.force.force_law import N_MM, ForceLaw
-from pipeline.cutting.tool import UM, Tool
+from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.part import UncertainQuantity
+from pipeline.schema.si import UM
 from pipeline.schema.verdict import UsedStatus, Verdict
 from pipeline.twin.cut_coefficients import (
     COEFFICIENTS,

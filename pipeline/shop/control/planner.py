@@ -16,15 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.si import RPM
 from pipeline.shop.control.postprocessor import PartProgram, Step
-from pipeline.shop.motion import (
-    RPM,
-    Profile,
-    change_distance,
-    profile,
-    reachable_speed,
-    rest_to_rest,
-)
+from pipeline.shop.motion import Profile, change_distance, profile, reachable_speed, rest_to_rest
 from pipeline.shop.parameters import ControlParameters, MotorParameters
 
 STRAIGHT = 1e-9

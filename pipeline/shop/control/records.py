@@ -8,12 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.schema.si import DAY
 from pipeline.shop.control.display import STOPPED, Display, display, log_lines
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME, Control, Operator, Plan
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.files import write_text
-from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.parameters import ShopParameters, stamp
 
 OPENING = 8.0 * 3600
 """Start of the first run [s of the day]."""

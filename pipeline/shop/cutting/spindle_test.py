@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import RPM
 from pipeline.shop.control.display import display, log_lines
 from pipeline.shop.control.part_programs import begin_program
 from pipeline.shop.control.planner import Control, Operator
 from pipeline.shop.control.postprocessor import PartProgram, Tool, word
 from pipeline.shop.cutting.force import Motion, cut_length, pass_forces, wear
 from pipeline.shop.cutting.parameters import Conditions, Cutting, SpindleTests
-from pipeline.shop.motion import RPM, lagged
+from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ControlParameters, ShopParameters, SpindleParameters
 from pipeline.shop.spindle import available_power, no_load_power
 

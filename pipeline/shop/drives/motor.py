@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import RPM
 from pipeline.shop.drives.parameters import Axis, AxisMotor
-from pipeline.shop.motion import RPM
 
 U_D, U_Q, I_D, I_Q, SPEED, WARMTH, TORQUE = range(7)
 """Columns of the result of :func:`driven`: V, V, A, A, rad/s, K, N m."""

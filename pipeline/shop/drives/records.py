@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import RPM
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME
 from pipeline.shop.drives import commands
@@ -22,7 +23,6 @@ from pipeline.shop.drives.motor import RATE as MOTOR_RATE
 from pipeline.shop.drives.motor import motor_truth, speed_steps
 from pipeline.shop.drives.parameters import RATE, Axis, ServoTool
 from pipeline.shop.files import rows_text, torn, write_text
-from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import ShopParameters
 
 AXIS_COLUMNS = {

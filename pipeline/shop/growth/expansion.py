@@ -10,6 +10,7 @@ import math
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import RPM
 from pipeline.shop.growth.network import (
     CELLS,
     COLUMN_CELLS,
@@ -19,7 +20,6 @@ from pipeline.shop.growth.network import (
     housing_cells,
 )
 from pipeline.shop.growth.parameters import Growth
-from pipeline.shop.motion import RPM
 
 MODULUS, POISSON = 2.1e11, 0.3
 """Of steel [Pa], [1]."""

@@ -12,8 +12,8 @@ import numpy as np
 
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import RPM
 from pipeline.shop.growth.network import Network, Path, bearing_pieces, motor_cells
-from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import BearingParameters, ShopParameters
 from pipeline.shop.spindle import (
     copper_share,

@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.si import DAY
 from pipeline.shop.files import write_text
-from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.records import log_faults as faults
 from pipeline.shop.records.data_items import DataItem, data_items
 from pipeline.shop.records.log_faults import Burst, LogFile, LogTruth, Loss, Unobserved

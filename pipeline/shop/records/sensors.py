@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.si import DAY
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged, slewed
-from pipeline.shop.parameters import DAY, AirParameters, ShopParameters, stamp
+from pipeline.shop.parameters import AirParameters, ShopParameters, stamp
 from pipeline.shop.spindle import BED, COOLANT, FRONT, HOUSING, REAR, Inputs, heat, state_at_rest
 from pipeline.shop.timeline import Execution, Mode, Timeline, carried
 

@@ -14,11 +14,12 @@ import numpy as np
 
 from pipeline.schema import store
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import DAY
 from pipeline.shop.cutting.force import Motion
 from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.wear.force import cut_forces, workpiece
 from pipeline.shop.wear.parameters import PlannedLife, Wear
 from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool

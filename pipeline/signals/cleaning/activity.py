@@ -19,8 +19,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series, held
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.columns import SEGMENT_KINDS
 
 CONTROLLER = ("execution", "controller_mode", "emergency_stop", "program", "tool_number",
@@ -38,15 +39,7 @@ class Intervals:
 
 
 def intervals(series: Mapping[str, Series], end: int) -> Intervals:
-    """Intervals between any two changes, up to ``end`` [ns].
-
-    Parameters
-    ----------
-    series : mapping of str to Series
-        Canonical signal -> words, with its "not known" rows.
-    end : int
-        Where the last interval ends.
-    """
+    """Intervals between any two changes of the controller's words, up to ``end`` [ns]."""
     used = {name: s.before(end) for name, s in series.items() if name in CONTROLLER}
     cuts = [np.asarray(s.time) for s in used.values()]
     time = np.unique(np.concatenate(cuts)) if cuts else np.array([], dtype=np.int64)
@@ -106,21 +99,10 @@ class _OpenCycle:
 
 
 def cycles(found: Intervals, settings: CleanSettings) -> pd.DataFrame:
-    """The cycles in a machine's intervals.
+    """The cycles in a machine's intervals, with columns ``COLUMNS`` and times in UTC.
 
-    Parameters
-    ----------
-    found : Intervals
-        With ``execution``; ``controller_mode``, ``program``, ``tool_number``, ``part_count``,
-        ``emergency_stop`` where the machine reports them.
-    settings : CleanSettings
-        ``off_after_s``: longer losses of data end a cycle.
-
-    Returns
-    -------
-    DataFrame
-        Columns ``COLUMNS``; times in UTC.  ``complete``: ended by READY in AUTOMATIC, with nothing
-        known that cut it short.
+    Losses of data longer than ``off_after_s`` end a cycle.  ``complete``: ended by READY in
+    AUTOMATIC, with nothing known that cut it short.
     """
     run = _CycleBuilder(longest_loss=round(settings.off_after_s * NS))
     names = list(found.state)
@@ -229,14 +211,8 @@ def no_load(speed: Floats, load: Floats, settings: CleanSettings) -> NoLoadLevel
     and iron losses), so the lower fifth of the loads at a speed is its no-load level, and the
     scatter below that level is its noise.
 
-    Parameters
-    ----------
-    speed : array of float64, shape (T,)
-        Speed [REVOLUTION/MINUTE] in seconds in which it was steady; NaN rows are left out.
-    load : array of float64, shape (T,)
-        Load [PERCENT].
-    settings : CleanSettings
-        ``turning_rpm``, ``load_margin``, ``load_spreads``.
+    ``speed`` [REVOLUTION/MINUTE] is that of the seconds in which it was steady, ``load`` [PERCENT];
+    shape (T,) each, and rows with NaN are left out.
     """
     good = (np.abs(speed) > settings.turning_rpm) & ~np.isnan(load)
     classes, loads = _speed_class(speed[good]), np.abs(load[good])
@@ -275,21 +251,9 @@ _SETTLE_S = 2
 def segments(
     state: pd.DataFrame, settings: CleanSettings, warm_up_programs: tuple[str, ...] = ()
 ) -> pd.DataFrame:
-    """The segments of a state table.
+    """Start, end (UTC) and kind of the segments of a state table, ascending in time.
 
-    Parameters
-    ----------
-    state : DataFrame
-        ``time`` and those of the columns ``USED`` that the machine has, ascending in time.
-    settings : CleanSettings
-        Margins and shortest durations.
-    warm_up_programs : tuple of str
-        Programs that only warm up.
-
-    Returns
-    -------
-    DataFrame
-        Columns start, end (UTC), kind.
+    Of its columns ``time`` and those of ``USED`` count that the machine has.
     """
     if state.empty:
         return _segment_table(np.array([], dtype=np.int64), np.array([], dtype=np.int64), [])

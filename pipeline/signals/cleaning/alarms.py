@@ -72,20 +72,10 @@ def _words(attributes: str | None) -> str:
 
 
 def alarms(said: Iterable[Said], state: pd.DataFrame) -> pd.DataFrame:
-    """Warnings and faults, one row each.
+    """Warnings and faults of all files, one row each, in the order of ``start``.
 
-    Parameters
-    ----------
-    said : iterable of Said
-        Of all files.
-    state : DataFrame
-        ``time``, and those of :data:`AT` that the machine records, at the alarms' times or about.
-
-    Returns
-    -------
-    DataFrame
-        The columns of :data:`~pipeline.signals.columns.ALARMS`, in the order of ``start``; ``end``
-        is missing of an alarm that no record ends.
+    ``state`` has ``time`` and those of :data:`AT` that the machine records, at the alarms' times or
+    about.  ``end`` is missing of an alarm that no record ends.
     """
     found: list[dict[str, Any]] = []
     active: dict[tuple[str, str], dict[str, Any]] = {}

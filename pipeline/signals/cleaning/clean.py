@@ -13,6 +13,7 @@ import pandas as pd
 
 from pipeline.parallel import mapped
 from pipeline.schema.days import day_end, day_of, day_start
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning import tables
 from pipeline.signals.cleaning.activity import (
     CONTROLLER,
@@ -37,7 +38,7 @@ from pipeline.signals.cleaning.recorded import (
     near,
     rows_of,
 )
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.store import sha256_of
 
 Summary = dict[str, Any]
@@ -46,29 +47,11 @@ Summary = dict[str, Any]
 def clean(
     signals: Path, out: Path, *, machine: CleanMachine, settings: CleanSettings | None = None
 ) -> Summary:
-    """Clean one machine.
+    """Clean one machine's ``data/signals`` into its ``data/clean``.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    out : Path
-        ``data/clean/<machine>``; days that are there and still true are left alone.
-    machine : CleanMachine
-        Where the signals are found.
-    settings : CleanSettings, optional
-        By which rules.
-
-    Returns
-    -------
-    dict
-        What ``summary.json`` holds: seconds in each state and counts by rule, by day and in all;
-        and ``written``, the days that were written now.
-
-    Raises
-    ------
-    ValueError
-        When a data item's unit cannot become its signal's.
+    Days that are there and still true are left alone.  Returns what ``summary.json`` holds, and
+    ``written``, the days that were written now.  A data item whose unit cannot become its signal's
+    is a ValueError.
     """
     return _Build(signals, out, machine, settings or CleanSettings()).run()
 

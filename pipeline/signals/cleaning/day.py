@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning import gaps as found_gaps
 from pipeline.signals.cleaning.gaps import NO_MACHINE_GAPS, Gap, MachineGaps, ReportingInterval
 from pipeline.signals.cleaning.glitches import Audit, without_glitches
@@ -23,7 +24,7 @@ from pipeline.signals.cleaning.series import (
     removed_holes,
     resampled,
 )
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS, Column
 
 Carry = dict[str, Any]
@@ -173,19 +174,9 @@ def clean_day(
 ) -> Day:
     """Clean the rows from ``start`` to ``end`` [ns] of one machine.
 
-    Parameters
-    ----------
-    rows : DataFrame
-        As of ``recorded.rows_of``, from ``start`` to ``end`` and the lookahead after it, and
-        ``apart``: reported by a logger that may run while the machine is off.
-    start, end : int
-        The day [ns].
-    carry : dict
-        What the day before left; empty for the first.
-    reporting : mapping of str to ReportingInterval
-        By data item, and ``"*"`` for the machine as a whole.
-    machine, settings
-        Where signals are, and by which rules they are cleaned.
+    ``rows`` are those of ``recorded.rows_of`` and of the lookahead after the day, with ``apart``:
+    reported by a logger that may run while the machine is off.  ``carry`` is what the day before
+    left, empty for the first; ``reporting`` goes by data item, ``"*"`` for the machine as a whole.
     """
     rows = rows.sort_values(["time", "sequence"], kind="stable", ignore_index=True)
     twice = rows.duplicated(["time", "data_item", "key", "number", "text"])

@@ -21,8 +21,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 
 BINS_PER_OCTAVE = 8
 _LOWEST = -10  # octave: about 1 ms

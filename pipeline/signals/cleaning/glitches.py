@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.columns import Column
 
 COUNTERS_OF_TIME = ("total_time", "auto_time", "cut_time")
@@ -73,23 +74,10 @@ def possible_change(signal: Column, settings: CleanSettings) -> Possible | None:
 def without_glitches(
     series: Series, signal: Column, settings: CleanSettings, cuts: Ints = NO_CUTS
 ) -> Cleaned:
-    """Remove the values of a series that cannot be true.
+    """Remove the values of a series that cannot be true; a second time it removes nothing more.
 
-    Parameters
-    ----------
-    series : Series
-        Ascending in time; rows with ``fresh`` False are good by earlier judgement.
-    signal : Column
-        Which signal it is: its range, and by its unit what it can do.
-    settings : CleanSettings
-        Steps and slews.
-    cuts : array of int64, shape (K,)
-        Times [ns] at which the machine as a whole was lost.
-
-    Returns
-    -------
-    Cleaned
-        Applied to its own ``series`` it removes nothing more.
+    ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost.  Rows with
+    ``fresh`` False are good by earlier judgement.
     """
     n = len(series.time)
     removed, rule = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)

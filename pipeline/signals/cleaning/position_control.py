@@ -12,8 +12,9 @@ turn, and whether a machine that was switched off engages again.
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.series import Series, empty, held
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.signals.cleaning.settings import CleanSettings
 
 ANGLE_STEP = 1e-3
 """Smallest change of angle that is a motion [DEGREE]."""
@@ -33,27 +34,12 @@ def position_control(
     mode: Series | None = None,
     initial: float = np.nan,
 ) -> Series:
-    """Position control at each time at which angle or speed is reported.
+    """Position control (0 released, 1 engaged, NaN not known) when angle or speed is reported.
 
-    Parameters
-    ----------
-    angle, speed : Series
-        Clean angle [DEGREE] and speed [REVOLUTION/MINUTE], with their "not known" rows.
-    settings : CleanSettings
-        ``turning_rpm``; ``off_after_s``: after more time without data the state is not known.
-    rate : Series, optional
-        Clean angular velocity [DEGREE/SECOND]: a motion may end between two reports of the angle.
-    tool_speed : Series, optional
-        Clean speed of the spindle that carries driven tools [REVOLUTION/MINUTE].
-    mode : Series, optional
-        Clean rotary mode: SPINDLE, INDEX or CONTOUR.
-    initial : float
-        State before the first row: 0, 1 or NaN.
-
-    Returns
-    -------
-    Series
-        0 released, 1 engaged, NaN not known.
+    ``angle`` [DEGREE], ``speed`` [REVOLUTION/MINUTE], the angular velocity ``rate`` [DEGREE/SECOND]
+    and ``tool_speed`` of the spindle that carries driven tools are clean and hold their "not known"
+    rows; ``mode`` says SPINDLE, INDEX or CONTOUR. ``initial`` is the state before the first row;
+    after more than ``off_after_s`` without data the state is not known.
     """
     rate = empty(text=False) if rate is None else rate
     tool_speed = empty(text=False) if tool_speed is None else tool_speed

@@ -16,9 +16,10 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Ints
 from pipeline.schema.days import days_of
+from pipeline.schema.si import NS
 from pipeline.signals.cleaning.alarms import Said, conditions
 from pipeline.signals.cleaning.gaps import counted_intervals
-from pipeline.signals.cleaning.settings import NS, CleanMachine, CleanSettings
+from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS
 from pipeline.signals.store import sha256_of
 from pipeline.signals.units import conversion
@@ -94,11 +95,8 @@ def _sparse(counts: Ints) -> dict[str, int]:
 def rows_of(path: Path, machine: CleanMachine, settings: CleanSettings) -> pd.DataFrame:
     """The rows of one file in the order of time.
 
-    Returns
-    -------
-    DataFrame
-        time [int64 ns], data_item, number, text, key, sequence, instance, spoken (has a value),
-        wanted (is one of the machine's items), restated, trace (of a recording).
+    Columns: time [int64 ns], data_item, number, text, key, sequence, instance, spoken (has a
+    value), wanted (is one of the machine's items), restated, trace (of a recording).
     """
     if path.parent.name == "traces":
         return _trace_rows(path, machine, settings)
@@ -208,12 +206,8 @@ def near(absent: list[str], logged: list[str]) -> dict[str, list[str]]:
 def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, float]]:
     """Factor and offset of the items whose unit is not their signal's.
 
-    Items without a unit are taken to be in their signal's.
-
-    Raises
-    ------
-    ValueError
-        When a unit cannot become the signal's, with the item and both units.
+    Items without a unit are taken to be in their signal's; a unit that cannot become it is a
+    ValueError with the item and both units.
     """
     units = _units(signals)
     found = {}

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.signals.cleaning.settings import NS, CleanSettings
+from pipeline.schema.si import NS
+from pipeline.signals.cleaning.settings import CleanSettings
 
 Values = npt.NDArray[Any]
 
@@ -80,12 +81,7 @@ Span = tuple[int, int]
 def on_spans(spoken: Ints, settings: CleanSettings) -> list[Span]:
     """Times in operation: the machine reported something known at least every ``off_after_s``.
 
-    Parameters
-    ----------
-    spoken : array of int64, shape (T,)
-        Ascending times [ns] at which any item had a value.
-    settings : CleanSettings
-        ``off_after_s``.
+    ``spoken`` are the ascending times [ns] at which any item had a value, shape (T,).
     """
     if not len(spoken):
         return []
@@ -140,21 +136,11 @@ def linear(series: Series, at: Ints, longest_s: float) -> Floats:
 def resampled(
     series: Series, between: str, at: Ints, *, typical_s: float, settings: CleanSettings
 ) -> Values:
-    """A series on a grid.
+    """A series, with its "not known from here on" rows, on a grid [ns]; shape (T,).
 
-    Parameters
-    ----------
-    series : Series
-        With its "not known from here on" rows.
-    between : {"hold", "linear"}
-        How the value goes on.
-    at : array of int64, shape (T,)
-        Grid [ns].
-    typical_s : float
-        Median interval between reports of the item [s], NaN where it is not known; a value that is
-        reported on change stands still over long intervals.
-    settings : CleanSettings
-        ``linear_intervals``.
+    ``between`` is ``"hold"`` or ``"linear"``; ``typical_s`` the median interval between reports of
+    the item [s], NaN where it is not known: a value that is reported on change stands still over
+    long intervals.
     """
     if series.text or between == "hold":
         return held(series, at)

@@ -6,10 +6,8 @@ from typing import Annotated
 
 from pipeline.schema.days import UTC, check_zone
 from pipeline.schema.ranges import Range, Ranged
+from pipeline.schema.si import DAY
 from pipeline.signals.columns import COLUMNS, column
-
-NS = 1_000_000_000
-"""Nanoseconds in one second."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,14 +42,7 @@ class PositionControl:
 
 @dataclass(frozen=True, kw_only=True)
 class CleanMachine:
-    """How the canonical signals are found in one machine's records.
-
-    Raises
-    ------
-    ValueError
-        When a signal is not in the table of signals, two signals name one data item, or no such
-        time zone is known.
-    """
+    """How the canonical signals are found in one machine's records."""
 
     signals: Mapping[str, str] = field(default_factory=dict)
     """Canonical signal -> name of the data item or of the trace channel."""
@@ -60,7 +51,7 @@ class CleanMachine:
     warm_up_programs: tuple[str, ...] = ()
     """Programs that only warm the machine up."""
     time_zone: str = UTC
-    """Of the plant's clock, as ``America/New_York``: days, and with them golden sets, go from
+    """Zone of the plant's clock, as ``America/New_York``: days, and golden sets with them, go from
     midnight to midnight of it."""
 
     def __post_init__(self) -> None:
@@ -98,27 +89,21 @@ class CleanMachine:
 
 @dataclass(frozen=True, kw_only=True)
 class CleanSettings(Ranged, section="cleaning"):
-    """By which rules records are cleaned.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """By which rules records are cleaned."""
 
     period_s: Annotated[float, Range(least=1e-3, most=3600, unit="s")] = 1.0
     """Period of the state table [s]."""
-    off_after_s: Annotated[float, Range(least=1, most=7 * 86400, unit="s")] = 900.0
+    off_after_s: Annotated[float, Range(least=1, most=7 * DAY, unit="s")] = 900.0
     """A machine that is silent for longer was off [s]; shorter gaps stay in the table as nulls."""
-    lookahead_s: Annotated[float, Range(least=60, most=86400, unit="s")] = 3600.0
+    lookahead_s: Annotated[float, Range(least=60, most=DAY, unit="s")] = 3600.0
     """How far a day looks into the next one, to judge and to join its last values [s]."""
     silence_factor: Annotated[float, Range(least=1, most=1000)] = 5.0
     """A silence is this many times as long as an item's habitual interval [1]."""
-    silence_min_s: Annotated[float, Range(least=0.1, most=86400, unit="s")] = 10.0
+    silence_min_s: Annotated[float, Range(least=0.1, most=DAY, unit="s")] = 10.0
     """No silence is shorter [s]."""
-    bridge_s: Annotated[float, Range(least=0, most=86400, unit="s")] = 60.0
+    bridge_s: Annotated[float, Range(least=0, most=DAY, unit="s")] = 60.0
     """Longest run of removed values over which a signal still counts as known [s]."""
-    settle_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 60.0
+    settle_s: Annotated[float, Range(least=1, most=DAY, unit="s")] = 60.0
     """A level that lasts this long is a new level, not a glitch [s]."""
     temperature_step_K: Annotated[float, Range(least=0.1, most=50, unit="K")] = 5.0
     temperature_slew_K_per_s: Annotated[float, Range(least=1e-4, most=10, unit="K/s")] = 0.1
@@ -131,9 +116,9 @@ class CleanSettings(Ranged, section="cleaning"):
     """Values further apart than this many typical intervals are held, not joined by a line [1]."""
     turning_rpm: Annotated[float, Range(least=0.1, most=1000, unit="rev/min")] = 5.0
     """A spindle turns above this speed [rev/min]."""
-    cold_after_s: Annotated[float, Range(least=60, most=30 * 86400, unit="s")] = 7200.0
+    cold_after_s: Annotated[float, Range(least=60, most=30 * DAY, unit="s")] = 7200.0
     """A machine that was off for this long starts cold [s]."""
-    warm_up_min_s: Annotated[float, Range(least=1, most=86400, unit="s")] = 120.0
+    warm_up_min_s: Annotated[float, Range(least=1, most=DAY, unit="s")] = 120.0
     """Shortest warm-up [s]."""
     segment_min_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 3.0
     """Shorter segments join the one before [s]."""
@@ -150,5 +135,5 @@ class CleanSettings(Ranged, section="cleaning"):
                 f"lookahead_s = {self.lookahead_s} s is shorter than off_after_s = "
                 f"{self.off_after_s} s; a day must see whether the machine goes on after midnight"
             )
-        if 86400 % self.period_s:
+        if DAY % self.period_s:
             raise ValueError(f"period_s = {self.period_s} s does not divide a day of 86400 s")

@@ -1,8 +1,7 @@
 """Documents of MTConnect agents: device models and observations, in XML and JSON.
 
 Streams, Devices, Assets and Error documents of versions 1.0 to 2.7, one or many in a file.  Times
-are nanoseconds since 1970 in UTC, values stand in the units of the document.  XML as agents write
-it is read by a fast path in compiled code, all else by the reference path; both give the same rows.
+are nanoseconds since 1970 in UTC, values stand in the units of the document.
 Source: ANSI/MTC1.4, MTConnect 2.x parts 2 and 3.
 """
 

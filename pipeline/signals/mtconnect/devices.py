@@ -84,19 +84,10 @@ class _Reader(XmlEvents):
 
 
 def read_devices(path: Path, device: str | None) -> DeviceModel:
-    """The device model in the document at ``path``.
+    """The device model in a Devices document (XML or JSON) or a bare ``<Device>`` at ``path``.
 
-    Parameters
-    ----------
-    path : Path
-        An MTConnectDevices document (XML or JSON), or a bare ``<Device>``.
-    device : str or None
-        Name, uuid or id of the device to keep; None keeps all.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is no such document, breaks off, or has no such device.
+    ``device`` is name, uuid or id of the one to keep; None keeps all.  A file that is no such
+    document, breaks off, or has no such device is an :class:`UnreadableFile`.
     """
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
@@ -113,13 +104,7 @@ def read_devices(path: Path, device: str | None) -> DeviceModel:
 
 
 def chosen(model: DeviceModel, device: str | None) -> DeviceModel:
-    """The part of ``model`` that belongs to ``device`` (name, uuid or id); all of it for None.
-
-    Raises
-    ------
-    UnreadableFile
-        When no device is called so; the message names those there are.
-    """
+    """The part of ``model`` that belongs to ``device`` (name, uuid or id); all of it for None."""
     if device is None:
         return model
     which = [d for d in model.devices if d.is_called(device)]
@@ -132,13 +117,7 @@ def chosen(model: DeviceModel, device: str | None) -> DeviceModel:
 
 
 def device_model(source: RecordSource, root: Path) -> DeviceModel | None:
-    """The device model that ``source`` names, None when it names none.
-
-    Raises
-    ------
-    UnreadableFile
-        When that document cannot be read.
-    """
+    """The device model that ``source`` names, None when it names none."""
     if source.devices is None:
         return None
     try:
@@ -211,13 +190,7 @@ def word(value: Any) -> str:
 
 
 def model_of_json(text: bytes) -> DeviceModel:
-    """The model in a JSON document.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is no JSON, or declares no device.
-    """
+    """The model in a JSON document."""
     import orjson
 
     try:

@@ -30,36 +30,21 @@ from pipeline.signals.mtconnect.observations import (
     asset_time,
     shape_of,
 )
-from pipeline.signals.mtconnect.reference import (
+from pipeline.signals.mtconnect.rows import RECORDS, Rows
+from pipeline.signals.mtconnect.xml_events import content
+from pipeline.signals.mtconnect.xml_observations import (
     Selection,
     device_name,
     foreign_reason,
     instance_of,
     selection,
 )
-from pipeline.signals.mtconnect.rows import RECORDS, Rows
-from pipeline.signals.mtconnect.xml_events import content
 
 _VALUES = ("value", "result", "samples", "entries")
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
-    """What the JSON documents in the file at ``path`` say.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it is read as a whole.
-    source : RecordSource
-        ``devices`` and ``device`` are used.
-    root : Path
-        Folder that ``source.devices`` is relative to.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is no JSON, or nothing of MTConnect.
-    """
+    """What the JSON documents in the file at ``path`` say; the file is read as a whole."""
     trees, broken = _trees(content(path).everything())
     names = {device_name(attributes_in(d)) for tree in trees for d in _device_streams(tree)}
     chosen = selection(source, device_model(source, root), lambda: len(names) > 1)

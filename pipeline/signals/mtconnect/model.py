@@ -25,13 +25,7 @@ NAME_TYPES = frozenset([
 
 
 def element_name(kind: str) -> str:
-    """Name of the element of a type: ``PATH_FEEDRATE`` becomes ``PathFeedrate``, ``x:FOO`` ``Foo``.
-
-    Parameters
-    ----------
-    kind : str
-        A type of a data item, with or without a vendor's prefix.
-    """
+    """Name of a type's element: ``PATH_FEEDRATE`` becomes ``PathFeedrate``, ``x:FOO`` ``Foo``."""
     return "".join(word.capitalize() for word in kind.rpartition(":")[2].split("_"))
 
 
@@ -50,14 +44,7 @@ def number_of(text: str) -> float | None:
 
 
 def is_name(kind: str | None) -> bool:
-    """Whether the values of an event are names.
-
-    Parameters
-    ----------
-    kind : str or None
-        Its type (``TOOL_ID``) or its element (``ToolId``, ``ToolIdDiscrete``), with or without a
-        vendor's prefix; None when it is not known.
-    """
+    """Whether the values of an event are names, by type (``TOOL_ID``) or element (``ToolId``)."""
     if not kind:
         return False
     own = kind.rpartition(":")[2]
@@ -181,13 +168,7 @@ def device_of(
 
 
 def data_item(attributes: dict[str, str], **where: str | None) -> DataItem:
-    """A data item from the attributes of its element.
-
-    Raises
-    ------
-    ValueError
-        When it has no id: nothing in a stream could be assigned to it.
-    """
+    """A data item from the attributes of its element; one without an id is a ValueError."""
     if not attributes.get("id"):
         raise ValueError("a data item has no id")
     return DataItem(

@@ -76,13 +76,7 @@ class Naming:
         return self.model.by_id(item_id) if self.model and item_id else None
 
     def label(self, device: str, item: DataItem | None, name: str, item_id: str = "") -> str:
-        """``data_item`` of an observation that ``device`` made.
-
-        Raises
-        ------
-        MalformedError
-            When it is but a name that the Devices document has for several items.
-        """
+        """``data_item`` of an observation that ``device`` made; the name of several is refused."""
         if item and self.model:
             name = self.model.own_name(item)
             device = item.device or device
@@ -99,25 +93,10 @@ class Naming:
 def shape_of(
     section: str, tag: str, attributes: dict[str, Any], device: str, naming: Naming
 ) -> Shape:
-    """The shape of an observation.
+    """The shape of an observation with the element ``tag`` and its attributes.
 
-    Parameters
-    ----------
-    section : str
-        Where it stands: ``SAMPLE``, ``EVENT``, ``CONDITION``, or ``UNKNOWN`` for a lone one.
-    tag : str
-        Local name of its element.
-    attributes : dict
-        Its attributes.
-    device : str
-        The device whose stream it stands in.
-    naming : Naming
-        How items are named.
-
-    Raises
-    ------
-    MalformedError
-        When it names no item, or a condition no level.
+    ``section`` is SAMPLE, EVENT, CONDITION, or UNKNOWN for a lone one.  One that names no item, and
+    a condition without a level, is a :class:`MalformedError`.
     """
     item_id = _word(attributes.get("dataItemId") or attributes.get("itemId")) or None
     name = _word(attributes.get("name")) or item_id
@@ -161,13 +140,7 @@ def asset_shape(
 
 
 def asset_time(timestamp: str | None) -> int:
-    """Time [ns since 1970] of an asset by its own timestamp, or else by its document's.
-
-    Raises
-    ------
-    MalformedError
-        When it has none, or one that is no time.
-    """
+    """Time [ns since 1970] of an asset by its own timestamp, or else by its document's."""
     if not timestamp:
         raise MalformedError("the asset has no timestamp and its document no creationTime")
     return nanoseconds(timestamp)
@@ -204,13 +177,7 @@ def _word(value: Any) -> str | None:
 
 
 def json_of(attributes: dict[str, Any]) -> str | None:
-    """Attributes as JSON with sorted keys; None when there are none.
-
-    Raises
-    ------
-    MalformedError
-        When they are nested so deeply that nobody could have meant it.
-    """
+    """Attributes as JSON with sorted keys; None when there are none."""
     if not attributes:
         return None
     try:
@@ -220,13 +187,7 @@ def json_of(attributes: dict[str, Any]) -> str | None:
 
 
 def positive(value: Any) -> float:
-    """A rate [Hz].
-
-    Raises
-    ------
-    MalformedError
-        When it is no positive number.
-    """
+    """A rate [Hz]; what is no positive number is a :class:`MalformedError`."""
     number = number_of(str(value))
     if number is None or number <= 0:
         raise MalformedError(f"the sample rate {str(value)[:60]!r} is no positive number of HERTZ")
@@ -234,26 +195,14 @@ def positive(value: Any) -> float:
 
 
 def sequence_of(text: str) -> int:
-    """An unsigned number of 64 bits.
-
-    Raises
-    ------
-    MalformedError
-        When ``text`` is none.
-    """
+    """An unsigned number of 64 bits; any other text is a :class:`MalformedError`."""
     if _digits(text) and len(text) <= 20 and (n := int(text)) <= LAST_SEQUENCE:
         return n
     raise MalformedError(f"the sequence {text[:60]!r} is no unsigned 64-bit number")
 
 
 def nanoseconds(text: str) -> int:
-    """As :func:`iso_ns`.
-
-    Raises
-    ------
-    MalformedError
-        When ``text`` is no such time, or one outside the years 1678 to 2261.
-    """
+    """Nanoseconds of :func:`iso_ns`; a text that is no such time is a :class:`MalformedError`."""
     ns = iso_ns(text)
     if ns is None:
         raise MalformedError(f"the timestamp {text[:60]!r} is no ISO 8601 time of 1678 to 2261")
@@ -264,11 +213,7 @@ def iso_ns(text: str) -> int | None:
     """Nanoseconds since 1970 of an ISO 8601 time; UTC when it names no zone.
 
     Digits after the ninth of the fraction are cut off.  Second 60 is the first of the next minute.
-
-    Returns
-    -------
-    int or None
-        None when ``text`` is no such time or its year is outside 1678 to 2261.
+    None for a text that is no such time, or of a year outside 1678 to 2261.
     """
     fraction, away = text[20:-1], 0
     if text[19:20] == "." and text[-1] == "Z" and _digits(fraction):  # nearly all
@@ -327,10 +272,7 @@ Value = tuple[str | None, float | None, str | None, bool]
 def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
     """Time [ns since 1970] and value of each row that an observation gives.
 
-    Raises
-    ------
-    MalformedError
-        When its value does not fit its shape.
+    A value that does not fit the shape is a :class:`MalformedError`.
     """
     if shape.manner == "condition":
         if isinstance(value, list):

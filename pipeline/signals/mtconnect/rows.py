@@ -117,15 +117,10 @@ class Rows:
         self.rejected.append(Rejection(line=line, reason=reason, excerpt=excerpt[:EXCERPT]))
 
     def add(self, shape: Shape, time: int, sequence: int, instance: int | None, value: Any) -> None:
-        """Keep one record: all its rows.
+        """Keep one record: all its rows, or none where the value does not fit the shape.
 
         ``time`` is in nanoseconds since 1970, ``value`` the text of the observation or a list of
         the entries inside it.
-
-        Raises
-        ------
-        MalformedError
-            When the value does not fit the shape; no row is added then.
         """
         for at, (key, number, text, removed) in values_of(shape, time, value):
             attributes = shape.attributes
@@ -145,13 +140,7 @@ class Rows:
         place: int,
         value: Any,
     ) -> None:
-        """Keep one record whose time and sequence are still text.
-
-        Raises
-        ------
-        MalformedError
-            When it has no time, or one of its parts is impossible.
-        """
+        """Keep one record whose time and sequence are still text."""
         if timestamp is None:
             raise MalformedError("the observation has no timestamp")
         number = place if sequence is None else sequence_of(sequence)

@@ -1,25 +1,17 @@
 """Reader of MTConnect XML: Streams, Devices, Assets and Error documents, one or many in a file.
 
 Documents may follow each other directly or as parts of a multipart stream, in any version and
-namespace.  What an agent writes is read by the fast path, all else by the reference path; both give
-the same rows.
+namespace.
 """
 
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect.devices import device_model
-from pipeline.signals.mtconnect.reference import Document, Selection, selection
 from pipeline.signals.mtconnect.xml_events import BEGIN, FRAGMENT, Content, content, quoted
-
-if TYPE_CHECKING:
-    from pipeline.signals.mtconnect.fast import FastPath
-
-FAST_FROM = 1 << 20
-"""Bytes from which a file is worth starting the fast path."""
+from pipeline.signals.mtconnect.xml_observations import Document, selection
 
 FIRST_WITHIN = 1 << 16
 """Bytes within which a file's first document must begin."""
@@ -32,31 +24,12 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
     """What the documents in the file at ``path`` say, in batches of about 200 000 records.
 
     A record is an observation, an asset, a data item of a device document, an error that the agent
-    answered, or bytes that cannot be read.  Times of a time series are spread backwards from
-    its timestamp, which is that of its last sample.
-
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        ``devices`` and ``device`` are used.
-    root : Path
-        Folder that ``source.devices`` is relative to.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is no MTConnect document, or one with a document type declaration.
+    answered, or bytes that cannot be read.  Times of a time series are spread backwards from its
+    timestamp, which is that of its last sample.  A document type declaration is refused.
     """
     whole = content(path)
-    chosen = selection_of(whole, source, root)
-    return documents(whole, chosen, fast=whole.size >= FAST_FROM)
-
-
-def selection_of(whole: Content, source: RecordSource, root: Path) -> Selection:
-    """Selection that ``source`` makes of the file."""
-    return selection(source, device_model(source, root), lambda: _several_devices(whole))
+    chosen = selection(source, device_model(source, root), lambda: _several_devices(whole))
+    return _documents(whole, Document(whole, chosen))
 
 
 def _several_devices(whole: Content) -> bool:
@@ -69,41 +42,31 @@ def _several_devices(whole: Content) -> bool:
     return len(seen) > 1
 
 
-def documents(whole: Content, selection: Selection, *, fast: bool) -> Iterator[Batch]:
-    """Batches of one document after the other; ``fast`` lets the fast path try first."""
-    document = Document(whole, selection)
-    fast_path = _fast_path(document) if fast else None
+def _documents(whole: Content, document: Document) -> Iterator[Batch]:
+    """Batches of one document after the other."""
     at: int = whole.start
     begin: int | None = _first(whole)
     known = False
     while begin is not None:
         document.stray(at, begin)
         context = FRAGMENT if not known and _is_fragment(whole, begin) else b""
-        if fast_path and not context:
+        document.begin()
+        for _ in document.steps(begin, context):
+            # Rows are objects: few at a time, or the garbage collector walks them again and again.
             yield document.handed_over()
-            resume = yield from fast_path.run(begin)
-            known = known or resume.at != begin
-            if resume.at is None:
-                at = whole.size
-                break
-            begin, context = resume.at, resume.context
-        yield from _by_reference(document, begin, context)
+        end = document.finished
+        document.cut(document.without_root(end) if context else end)
+        yield document.handed_over()
         if not document.known:
             _refuse(document, begin, known)
         known = True
-        at = document.finished.at if context else max(document.finished.at, begin + 1)
-        begin = next_document(whole, at)
-        if document.finished.reason and context != FRAGMENT:
+        at = end.at if context else max(end.at, begin + 1)
+        following = BEGIN.search(whole.mapped, at)
+        begin = following.start() if following else None
+        if end.reason and not context:
             at = begin or whole.size  # what lies between is lost with the document
     document.stray(at, whole.size)
     yield document.handed_over()
-
-
-def _fast_path(document: Document) -> "FastPath":
-    # Compiled code is slow to load: only for files that are worth it.
-    from pipeline.signals.mtconnect.fast import FastPath
-
-    return FastPath(document)
 
 
 def _first(whole: Content) -> int:
@@ -118,25 +81,9 @@ def _first(whole: Content) -> int:
     return whole.start + found.start()
 
 
-def next_document(whole: Content, at: int) -> int | None:
-    """Where the next document begins."""
-    found = BEGIN.search(whole.mapped, at)
-    return found.start() if found else None
-
-
 def _is_fragment(whole: Content, begin: int) -> bool:
     root = _ROOT.match(whole.mapped[begin : begin + 4096])
     return root is not None and root[1].rpartition(b":")[2] in (b"Device", b"DataItem")
-
-
-def _by_reference(document: Document, begin: int, context: bytes) -> Iterator[Batch]:
-    document.begin()
-    for _ in document.steps(begin, context):
-        # Rows are objects here: few at a time, or the garbage collector walks them again and again.
-        yield document.handed_over()
-    end = document.finished
-    document.cut(document.without_root(end) if context == FRAGMENT else end)
-    yield document.handed_over()
 
 
 def _refuse(document: Document, begin: int, known: bool) -> None:

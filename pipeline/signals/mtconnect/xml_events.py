@@ -71,13 +71,7 @@ class Content:
 
 
 def content(path: Path) -> Content:
-    """The file at ``path`` as UTF-8, whatever it is encoded in.
-
-    Raises
-    ------
-    UnreadableFile
-        When it is empty, or not in the encoding that it declares.
-    """
+    """The file at ``path`` as UTF-8, whatever it is encoded in."""
     try:
         file = path.open("rb")
     except OSError as error:
@@ -168,19 +162,6 @@ def quoted(name: str) -> str:
     return f"<{name[:60]}>"
 
 
-def attributes_of(text: bytes) -> dict[str, dict[str, str]] | None:
-    """Attributes of the first element of each name in ``text``; None when it is not well formed."""
-    found: dict[str, dict[str, str]] = {}
-    parser = expat.ParserCreate("utf-8")
-    parser.StartElementHandler = found.setdefault
-    parser.StartDoctypeDeclHandler = _refuse_doctype
-    try:
-        parser.Parse(text, True)
-    except expat.ExpatError:
-        return None
-    return found
-
-
 class XmlEvents:
     """Feeds one document of ``content`` to ``start``, ``characters`` and ``end``."""
 
@@ -217,34 +198,21 @@ class XmlEvents:
         """Byte of the file that the current event begins at."""
         return self._parser.CurrentByteIndex + self._shift
 
-    def parse(
-        self, at: int, context: bytes = b"", stop: int | None = None, closing: bytes = b""
-    ) -> End:
-        """Read the document that begins (or, after ``context``, goes on) at byte ``at``.
-
-        Raises
-        ------
-        UnreadableFile
-            When it has a document type declaration.
-        """
-        for _ in self.steps(at, context, stop, closing):
+    def parse(self, at: int, context: bytes = b"") -> End:
+        """Read the document that begins (or, after ``context``, goes on) at byte ``at``."""
+        for _ in self.steps(at, context):
             pass
         return self.finished
 
-    def steps(
-        self, at: int, context: bytes = b"", stop: int | None = None, closing: bytes = b""
-    ) -> Iterator[None]:
-        """The same as :meth:`parse`, pausing after each chunk; ``finished`` is how it ended.
-
-        With ``stop`` only what stands before it is read, and then ``closing``.
-        """
+    def steps(self, at: int, context: bytes = b"") -> Iterator[None]:
+        """The same as :meth:`parse`, pausing after each chunk; ``finished`` is how it ended."""
         parser = self._parser = self._new_parser()
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
         parser.CharacterDataHandler = self.characters
         self.depth, self.closed = 0, False
         self._shift = at - len(context)
-        end = self.content.size if stop is None else stop
+        end = self.content.size
         try:
             parser.Parse(context, False)
             while at < end:
@@ -253,7 +221,7 @@ class XmlEvents:
                 at = to
                 self.between()
                 yield
-            parser.Parse(closing, True)
+            parser.Parse(b"", True)
         except expat.ExpatError as error:
             # After the root anything that is not XML belongs to the next document.
             broken = min(parser.ErrorByteIndex + self._shift, end)

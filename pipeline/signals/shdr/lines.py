@@ -249,12 +249,8 @@ def counted_ns(text: str) -> tuple[int | None, str]:
 def entries_of(text: str) -> list[tuple[str, str | None]]:
     """Entries ``key=value`` of a data set, value None where the entry is removed.
 
-    A value with blanks stands in braces or quotes.
-
-    Raises
-    ------
-    ValueError
-        When a brace or quote is not closed, or a value has no key.
+    A value with blanks stands in braces or quotes; one that is not closed, or has no key, is a
+    ValueError.
     """
     entries: list[tuple[str, str | None]] = []
     at = 0

@@ -27,13 +27,10 @@ Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, version
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile, looks_like
-from pipeline.signals.shdr.lines import CHUNK, LogBytes, Segment, segments
+from pipeline.signals.formats import Batch, RecordSource, UnreadableFile, looks_like
+from pipeline.signals.shdr.lines import CHUNK, LogBytes, segments
 from pipeline.signals.shdr.record_forms import Items
-from pipeline.signals.shdr.reference import LineReader, Row, read_segment, table_of
-
-SMALL = 1 << 17
-"""Bytes below which the scanner is not worth its start."""
+from pipeline.signals.shdr.reference import LineReader
 
 HEAD = 1 << 13
 """Bytes by which a file that is no log is recognised."""
@@ -42,71 +39,17 @@ PATIENCE = 100_000
 """Records that may be rejected before the first that has the form of a log."""
 
 
-def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
-    """Read a log.
+def read(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
+    """Read a log, plain or gzip, in batches of about a quarter of a million records.
 
-    Parameters
-    ----------
-    path : Path
-        The log, plain or gzip.
-    source : RecordSource
-        ``devices``, ``device`` and ``values`` declare its items; see there.
-    root : Path
-        Folder that ``source.devices`` is relative to.
-
-    Yields
-    ------
-    Batch
-        About a quarter of a million records, in the order of the file.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is empty, or no line of it has the form of a log.
+    ``devices``, ``device`` and ``values`` of ``source`` declare its items.  A file that is empty,
+    or no line of which has the form of a log, is an :class:`UnreadableFile`.
     """
-    if path.stat().st_size < SMALL:
-        yield from read_reference(path, source, root)
-    else:
-        yield from read_fast(path, source, root)
-
-
-def read_fast(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
-    """Read a log with the byte scanner; arguments as :func:`read`."""
+    # Compiled code is slow to load, and most who import this module only ask what it reads.
     from pipeline.signals.shdr.fast import Scanner
 
     scanner = Scanner(Items(source, root))
     yield from _recognised(path, scanner.batches(segments(LogBytes(path, chunk))), scanner.reader)
-
-
-def read_reference(
-    path: Path, source: RecordSource, root: Path, chunk: int = CHUNK
-) -> Iterator[Batch]:
-    """Read a log line by line in plain Python, the reference; arguments as :func:`read`."""
-    reader = LineReader(Items(source, root))
-    yield from _recognised(path, _reference_batches(LogBytes(path, chunk), reader), reader)
-
-
-def _reference_batches(source: LogBytes, reader: LineReader) -> Iterator[Batch]:
-    records = 0
-    for segment in segments(source):
-        rows: list[Row] = []
-        rejected: list[Rejection] = []
-        before = records
-        for part in _single_lines(segment):
-            result = read_segment(reader, part, records + 1)
-            rows += result.rows
-            rejected += result.rejected
-            records += result.records
-        n = records - before
-        yield Batch(observations=table_of(rows), read=n, kept=n - len(rejected), rejected=rejected)
-
-
-def _single_lines(segment: Segment) -> Iterator[Segment]:
-    if segment.kind != "lines":
-        yield segment
-        return
-    for number, raw in enumerate(segment.data.removesuffix(b"\n").split(b"\n"), segment.line):
-        yield Segment("lines", raw, number)
 
 
 def _recognised(path: Path, batches: Iterator[Batch], reader: LineReader) -> Iterator[Batch]:

@@ -1,17 +1,14 @@
-"""Reference path through an SHDR log: line by line in plain Python, and its rows as a table.
+"""Lines of an SHDR log in plain Python: those that the compiled scanner leaves over.
 
-It defines the meaning that the fast path has to equal.  Bytes that are not UTF-8 are read as
+They define the meaning that the scanner has to equal.  Bytes that are not UTF-8 are read as
 Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes around a line are left
 out and counted (``nulBytes``); within a line they make it unreadable.
 """
 
 import re
-from collections.abc import Sequence
 from typing import NamedTuple
 
-import pyarrow as pa
-
-from pipeline.signals.formats import EXCERPT, Rejection, observations_of
+from pipeline.signals.formats import EXCERPT, Rejection
 from pipeline.signals.mtconnect.model import number_of
 from pipeline.signals.mtconnect.observations import iso_ns
 from pipeline.signals.shdr.lines import (
@@ -203,8 +200,3 @@ def refused(line: int, reason: str, raw: bytes) -> LineResult:
     """A line that is rejected as one record."""
     excerpt = raw[: 4 * EXCERPT].decode("utf-8", "replace")[:EXCERPT]
     return LineResult([], 1, [Rejection(line=line, reason=reason, excerpt=excerpt)])
-
-
-def table_of(rows: Sequence[Row]) -> pa.Table:
-    """Rows as observations."""
-    return observations_of(dict(zip(Row._fields, zip(*rows, strict=True), strict=False)), len(rows))

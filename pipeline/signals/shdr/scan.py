@@ -270,33 +270,17 @@ def _is_level(buf: Any, start: int, stop: int) -> Any:
 @compiled
 def scan(buf: Any, closed: bool, longest: int, state: Any, rows: Any, slow: Any,
          keys: Any, plans: Any, texts: Any, hard: Any) -> int:  # fmt: skip
-    """Read lines from ``state[POSITION]`` to the end of ``buf``, where the last line ends.
+    """Read lines from ``state[POSITION]`` to the end of ``buf``, and say why that ended.
 
-    Parameters
-    ----------
-    buf : (N,) uint8 array
-        Lines, each with its line feed.
-    closed : bool
-        Whether no more names are taken in; lines with new ones are then left over.
-    longest : int
-        Bytes of the longest line that is read.
-    state : (10,) int64 array
-        Where reading stands and how full the tables are.
-    rows : tuple of (R,) arrays
-        time [ns], item, number, text code, what the row holds.
-    slow : (S, 4) int64 array
-        Lines left to the reference path: rows before it, number of the line, start, end.
-    keys, texts : tuple of arrays
-        Tables of words: slots, offsets, bytes.
-    plans : tuple of (K,) arrays
-        Form, factor and offset of each key.
-    hard : tuple of arrays
-        Rows of numbers that are not converted here, offsets of their copies, copies.
+    ``buf``: (N,) uint8, lines each with its line feed.  ``closed``: no more names are taken in,
+    lines with new ones are left over.  ``longest``: bytes of the longest line that is read.
+    ``state``: (10,) int64, where reading stands and how full the tables are.  ``rows``: (R,) arrays
+    of time [ns], item, number, text code, what the row holds.  ``slow``: (S, 4) int64, lines left
+    over: rows before it, number of the line, start, end.  ``keys``, ``texts``: tables of words:
+    slots, offsets, bytes.  ``plans``: (K,) arrays of form, factor and offset of each key.
+    ``hard``: rows of numbers that are not converted here, offsets of their copies, copies.
 
-    Returns
-    -------
-    int
-        Why it returned: ``LINES``, ``NEW_KEY`` or ``FULL``.
+    Returns ``LINES``, ``NEW_KEY`` or ``FULL``.
     """
     times, items, numbers, codes, holds = rows
     key_slots, key_offsets, key_words = keys

@@ -50,21 +50,10 @@ def raw_table(
     rate: float | None = None,
     start: str | None = None,
 ) -> RawTable:
-    """Raw table of the named_arrays that belong together.
+    """Raw table of the arrays of a file's group that belong together.
 
-    Parameters
-    ----------
-    named_arrays : sequence of NamedArray
-        All arrays of the file's group.
-    layout : TableLayout
-        Which of them are channels.
-    rate, start : float or None, str or None
-        Sampling rate [Hz] and first instant that the file itself states.
-
-    Raises
-    ------
-    UnreadableFile
-        When a column is missing, or the columns that the layout names are not of one length.
+    ``rate`` [Hz] and ``start`` are the sampling rate and first instant that the file itself states.
+    Columns that the layout names are there and of one length, or the file is unreadable.
     """
     columns = {}
     for block in named_arrays:
@@ -173,13 +162,7 @@ class ArrayCollector:
             self.arrays.append(NamedArray(name=short, shape=shape, kind=kind, load=load, unit=unit))
 
     def found(self) -> list[NamedArray]:
-        """The named_arrays.
-
-        Raises
-        ------
-        UnreadableFile
-            When the group holds none.
-        """
+        """The arrays that were added; a group that holds none makes the file unreadable."""
         if not self.arrays:
             where = f"group {self.group!r}" if self.group else "the file"
             raise UnreadableFile(f"{where} holds no arrays: correct the group in the layout")

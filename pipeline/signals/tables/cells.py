@@ -41,27 +41,7 @@ _GROUPED = (
 
 
 def numbers(cells: Cells, decimal: str = ".") -> tuple[pa.Array, Bools]:
-    """Cells as numbers.
-
-    Parameters
-    ----------
-    cells : pyarrow array, shape (T,)
-        Numbers of any type or text.
-    decimal : str
-        Mark of the decimals in text.
-
-    Returns
-    -------
-    values : pyarrow float64 array, shape (T,)
-        Null where the file has no value.
-    bad : ndarray of bool, shape (T,)
-        True where a cell is no finite number; null in ``values``.
-
-    Raises
-    ------
-    UnreadableFile
-        When the column's type holds neither numbers nor text.
-    """
+    """Cells as float64, null without a value, and where one is no finite number; (T,) each."""
     cells = one_array(cells)
     bad = np.zeros(len(cells), bool)
     if pa.types.is_string(cells.type):
@@ -160,21 +140,9 @@ _LONGEST = 9_223_000_000  # seconds that int64 nanoseconds hold, less a day for 
 
 
 def instants(cells: Cells, layout: TableLayout) -> Instants:
-    """Instants of a time column.
+    """Instants [ns since 1970 UTC] of a time column, and where a cell names none; shape (T,) each.
 
-    Parameters
-    ----------
-    cells : pyarrow array, shape (T,)
-        Timestamps, text, or numbers since 1970 (or since ``layout.start``).
-    layout : TableLayout
-        Its ``time_unit``, ``time_zone``, ``time_format``, ``start`` and ``decimal``.
-
-    Returns
-    -------
-    time : ndarray of int64, shape (T,)
-        Nanoseconds since 1970-01-01 UTC.
-    bad : ndarray of bool, shape (T,)
-        True where the cell names no instant.
+    Cells are timestamps, text, or numbers since 1970 or since ``layout.start``.
     """
     cells = one_array(cells)
     if pa.types.is_timestamp(cells.type):
@@ -213,13 +181,7 @@ def regular(place: Ints, rate: float, start: int) -> Ints:
 
 
 def start_of(layout: TableLayout) -> int:
-    """``layout.start`` [ns since 1970].
-
-    Raises
-    ------
-    ValueError
-        When it is no date and time.
-    """
+    """``layout.start`` [ns since 1970]."""
     time, bad = _iso(pa.array([layout.start or ""]), layout.time_zone)
     if bad[0]:
         raise ValueError(

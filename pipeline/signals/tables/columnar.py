@@ -37,21 +37,7 @@ from pipeline.signals.tables.table import (
 def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a Parquet file; a row's line is its number, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        With the table's layout.  A field's metadata ``unit`` counts as stated by the file.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is no Parquet, is cut, or lacks a column.
-    ValueError
-        When the layout is wrong.
+    A field's metadata ``unit`` counts as stated by the file.
     """
     import pyarrow.parquet as pq
 
@@ -88,23 +74,8 @@ def _first(error: Exception) -> str:
 def read_hdf5(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of an HDF5 file; a row's line is its number, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        With the table's layout; its ``group`` is the path of a group or of a compound dataset,
-        columns are paths below it.  An attribute ``unit`` or ``units`` counts as stated by the
-        file.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is no HDF5, is cut, or lacks a column.
-    ValueError
-        When the layout is wrong.
+    The layout's ``group`` is the path of a group or of a compound dataset, columns are paths below
+    it.  An attribute ``unit`` or ``units`` counts as stated by the file.
     """
     import h5py
 
@@ -167,23 +138,8 @@ def _dataset_values(data: Any, part: Any) -> Array:
 def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a WAV file; a row's line is the number of its sample, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        With the table's layout; channels are ``#1``, ``#2``.  Counts are shares of full scale, and
-        become a quantity by ``full_scale`` of their column.  The file states the rate.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is no WAV, is cut, is compressed, or a channel of counts has a unit without
-        its full scale.
-    ValueError
-        When the layout is wrong.
+    Channels are ``#1``, ``#2``. Counts are shares of full scale, and become a quantity by
+    ``full_scale`` of their column.  The file states the rate.
     """
     import warnings
 
@@ -248,24 +204,10 @@ _SINCE_1904 = 2_082_844_800  # seconds from the format's zero, which stands for 
 def read_tdms(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a TDMS file; a row's line is its number, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        With the table's layout; its ``group`` is the group of the channels, else columns are
-        ``group/channel``.  Without ``time`` and ``rate`` the channels' own ``wf_increment`` and
-        ``wf_start_time`` count, and channels that begin later than others stand as much lower;
-        ``unit_string`` counts as the unit stated by the file.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When npTDMS is not installed, or the file is no TDMS, is cut, or lacks a channel.
-    ValueError
-        When the layout is wrong.
+    The layout's ``group`` is the group of the channels, else columns are ``group/channel``. Without
+    ``time`` and ``rate`` the channels' own ``wf_increment`` and ``wf_start_time`` count, and
+    channels that begin later than others stand as much lower; ``unit_string`` counts as the unit
+    stated by the file.
     """
     layout = layout_of(source)
     try:
@@ -382,11 +324,6 @@ def _side_by_side(
     """Channels from the earliest start to the latest end, with nothing where one has no sample.
 
     A start between two samples of the earliest channel counts as at the nearer one.
-
-    Raises
-    ------
-    UnreadableFile
-        When channels begin at different times, and their places beside each other are not known.
     """
     rate = layout.rate or rate
     known = {label: at for label, at in starts.items() if at is not None}

@@ -7,7 +7,6 @@ record.  Both give the same rows.
 
 import csv
 import re
-import zlib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -22,12 +21,14 @@ import pyarrow.csv
 from pipeline.schema.arrays import Ints
 from pipeline.signals.formats import (
     EXCERPT,
+    GZIP_MAGIC,
     RecordSource,
     Rejection,
     TableLayout,
     Trace,
     UnreadableFile,
     foreign,
+    gunzip,
 )
 from pipeline.signals.tables.table import (
     RawTable,
@@ -85,16 +86,8 @@ class Lines:
 
 
 def text_of(data: bytes, encoding: str) -> bytes:
-    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked.
-
-    Raises
-    ------
-    UnreadableFile
-        For an empty, binary or cut file, or one in another encoding.
-    ValueError
-        When ``encoding`` is not the name of an encoding.
-    """
-    if data.startswith(b"\x1f\x8b"):
+    r"""A file's bytes as UTF-8 text with ``\n`` line ends; gzip is unpacked."""
+    if data.startswith(GZIP_MAGIC):
         data = _unpacked(data)
     if kind := foreign(data):
         raise UnreadableFile(f"the file is {kind}")
@@ -118,18 +111,10 @@ def text_of(data: bytes, encoding: str) -> bytes:
 
 
 def _unpacked(data: bytes) -> bytes:
-    unpacker = zlib.decompressobj(wbits=31)
-    try:
-        text = unpacker.decompress(data)
-        while unpacker.eof and unpacker.unused_data.startswith(b"\x1f\x8b"):
-            rest, unpacker = unpacker.unused_data, zlib.decompressobj(wbits=31)
-            text += unpacker.decompress(rest)
-    except zlib.error as error:
-        raise UnreadableFile(
-            f"the gzip stream is damaged ({error}): copy the file again"
-        ) from error
-    if not unpacker.eof:
-        raise UnreadableFile("the gzip stream ends early: copy the file again")
+    reasons: list[str] = []
+    text = b"".join(gunzip(iter([data]), _BLOCK, reasons.append))
+    if reasons:
+        raise UnreadableFile(f"{reasons[0]}: copy the file again")
     return text
 
 
@@ -159,13 +144,7 @@ def unique(names: Sequence[str]) -> list[str]:
 
 
 def dialect_of(lines: Lines, layout: TableLayout) -> Dialect:
-    """Delimiter, column names, first line of data and units of a text table.
-
-    Raises
-    ------
-    UnreadableFile
-        When no line names the columns that the layout names.
-    """
+    """Delimiter, column names, first line of data and units of a text table."""
     if layout.names:
         first = layout.header or 0
         return Dialect(
@@ -264,28 +243,11 @@ _LONGEST_RECORD = 50  # lines; a quote that stays open longer is a stray one
 _BLOCK = 1 << 26
 _SHAPE = re.compile(r"([.,]\d*)?([eE][-+]?\d*)?\s*$")
 
-Rows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
+CellRows = tuple[dict[str, pa.ChunkedArray], Ints, list[Rejection]]
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
-    """Trace of a text table.
-
-    Parameters
-    ----------
-    path : Path
-        The file; packed with gzip or not.
-    source : RecordSource
-        With the table's layout.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file as a whole is no such table.
-    ValueError
-        When the layout is wrong.
-    """
+    """Trace of a text table, packed with gzip or not."""
     layout = layout_of(source)
     body = text_of(path.read_bytes(), layout.encoding)
     lines, dialect = _laid_out(body, layout)
@@ -342,7 +304,7 @@ def _in_blanks(body: bytes, layout: TableLayout) -> tuple[Lines, Dialect]:
     raise UnreadableFile("no line of names has as many words as the rows: give the layout's names")
 
 
-def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> Rows:
+def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayout) -> CellRows:
     """Cells of the needed columns as text, the line of each row (from 1), and rejected rows."""
     if dialect.first >= len(lines):
         empty = {name: pa.chunked_array([pa.array([], pa.string())]) for name in needed}
@@ -352,8 +314,8 @@ def rows_of(lines: Lines, dialect: Dialect, needed: list[str], layout: TableLayo
     return rows_by_arrow(lines, dialect, needed)
 
 
-def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
-    """As :func:`rows_of` for files whose records are one line each."""
+def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> CellRows:
+    """Rows as :func:`rows_of` gives them, for files whose records are one line each."""
     invalid: list[tuple[int, str, int]] = []
 
     def skip(row: pyarrow.csv.InvalidRow) -> str:
@@ -395,8 +357,8 @@ def rows_by_arrow(lines: Lines, dialect: Dialect, needed: list[str]) -> Rows:
     return {n: c.filter(keep) for n, c in columns.items()}, numbers[~blank], rejected
 
 
-def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> Rows:
-    """As :func:`rows_of`, one record after the other; a quoted cell may go over several lines."""
+def rows_by_record(lines: Lines, dialect: Dialect, needed: list[str], fill: bool) -> CellRows:
+    """Rows, one record after the other; a quoted cell may go over several lines."""
     places = [dialect.names.index(name) for name in needed]
     cells: list[list[str]] = [[] for _ in needed]
     numbers: list[int] = []

@@ -36,18 +36,7 @@ class _Element:
 
 
 def level_5_arrays(data: bytes) -> Iterator[tuple[str, Array]]:
-    """Arrays of a workspace by name, structs taken apart (``run.axes.t``).
-
-    Parameters
-    ----------
-    data : bytes
-        The whole file.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is no such file, or is damaged.
-    """
+    """Arrays of a workspace by name, structs taken apart (``run.axes.t``)."""
     if len(data) < 128 or data[126:128] not in (b"IM", b"MI"):
         raise _damaged("it has no header of a MAT file")
     order = "<" if data[126:128] == b"IM" else ">"
@@ -186,22 +175,8 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a MAT file; a row's line is its number, from 1.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-    source : RecordSource
-        With the table's layout; its ``group`` is the name of a struct, or of one in another
-        (``run.axes``).  Variables of one number become ``constants`` in the trace's notes.
-    root : Path
-        Folder of the machine's raw files; tables need nothing else from it.
-
-    Raises
-    ------
-    UnreadableFile
-        When the file is no MAT file, is cut, or lacks a variable.
-    ValueError
-        When the layout is wrong.
+    The layout's ``group`` is the name of a struct, or of one in another (``run.axes``). Variables
+    of one number become ``constants`` in the trace's notes.
     """
     layout = layout_of(source)
     with path.open("rb") as file:

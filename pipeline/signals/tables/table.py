@@ -86,21 +86,10 @@ def known_signal(name: str) -> Column | None:
 
 
 def named_channels(layout: TableLayout, units: dict[str, str]) -> list[TraceChannel]:
-    """Channels that the layout names.
+    """Channels that the layout names; ``units`` are those that the file states, by raw name.
 
-    Parameters
-    ----------
-    layout : TableLayout
-        Signals and where they are found.
-    units : dict of str to str
-        Raw name -> unit that the file states.
-
-    Raises
-    ------
-    ValueError
-        When the layout gives a unit that does not fit, or a free name without one.
-    UnreadableFile
-        When the file's own unit contradicts the layout, or is not known.
+    A unit of the layout that does not fit, and a free name without one, is a ValueError; one of the
+    file that contradicts the layout, or is not known, makes the file unreadable.
     """
     channels = []
     for name, source in layout.columns.items():
@@ -224,13 +213,7 @@ class RawTable:
 
 
 def layout_of(source: RecordSource) -> TableLayout:
-    """The source's layout, checked.
-
-    Raises
-    ------
-    ValueError
-        When the layout contradicts itself; the message names the field and what to write.
-    """
+    """The source's layout; where it contradicts itself, a ValueError that says what to write."""
     layout = source.table
     if layout is None:
         raise ValueError(f"records {source.files!r} ({source.format}) need a table layout: add one")
@@ -269,20 +252,7 @@ def _check_full_scales(source: RecordSource, layout: TableLayout) -> None:
 
 
 def columns_to_read(layout: TableLayout, available: Sequence[str]) -> list[str]:
-    """Raw names to read, in the file's order.
-
-    Parameters
-    ----------
-    layout : TableLayout
-        Names the columns.
-    available : sequence of str
-        Raw names that the file has.
-
-    Raises
-    ------
-    UnreadableFile
-        When a column is missing; the message names it and the nearest ones that are there.
-    """
+    """Raw names to read, in the file's order; one that is missing makes the file unreadable."""
     named, there = named_columns(layout), set(available)
     missing = [name for name in named if name not in there]
     if missing:
@@ -313,27 +283,9 @@ def missing_columns(missing: Sequence[str], available: Iterable[str]) -> Unreada
 
 
 def assemble(raw: RawTable, layout: TableLayout) -> Trace:
-    """The trace of a raw table.
+    """The trace of a raw table, with ``read == kept + len(rejected)``.
 
-    Parameters
-    ----------
-    raw : RawTable
-        What the reader found.
-    layout : TableLayout
-        What it means.
-
-    Returns
-    -------
-    Trace
-        ``time`` [ns UTC] or ``t`` [s] first, then the signals in the layout's order, then the
-        rest; ``read == kept + len(rejected)``.
-
-    Raises
-    ------
-    UnreadableFile
-        When no row at all can be read, or a unit of the file is not known.
-    ValueError
-        When the layout itself is wrong.
+    ``time`` [ns UTC] or ``t`` [s] first, then the signals in the layout's order, then the rest.
     """
     layout = replace(layout, rate=layout.rate or raw.rate, start=layout.start or raw.start)
     reasons: dict[int, str] = {}

@@ -17,7 +17,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.signals.parts import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.sampling import UniformSegment
 from pipeline.submodels.rounding import grid_step
 
 MOTION = ("reference", "position", "error")
@@ -26,13 +26,7 @@ MOTION = ("reference", "position", "error")
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorChannels(Ranged, section="compensation_records.axes"):
-    """Channels of one axis.
-
-    Raises
-    ------
-    ValueError
-        When neither both positions nor the error are named.
-    """
+    """Channels of one axis: both positions, or the error."""
 
     reference: Channel | None = None
     position: Channel | None = None
@@ -42,8 +36,8 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
     command: Channel | None = None
     """Torque command or current of the drive: a measurement, which only estimation may use."""
     lead_mm: Positive | None = None
-    """Of the screw [mm], where errors that return with each turn are to be learnt; positions are
-    then those of the machine's frame."""
+    """Lead of the screw [mm], where errors that return with each turn are to be learnt; positions
+    are then those of the machine's frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -67,13 +61,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationRecords(Ranged, section="compensation_records"):
-    """Recordings that show following errors.
-
-    Raises
-    ------
-    ValueError
-        When no axis is named, or ``group`` is none of ``parts``.
-    """
+    """Recordings that show following errors."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
@@ -138,7 +126,7 @@ class Run:
     group: str
     """What belongs together in splits."""
     sha256: str
-    """Of the raw bytes; of the samples where it is a part of a file."""
+    """Hash of the raw bytes; of the samples where it is a part of a file."""
     period: float = float("nan")
     """Between samples [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
@@ -146,7 +134,7 @@ class Run:
     lacking: Mapping[str, str] = field(default_factory=dict)
     """Axes that it does not show, with the reason."""
     start: float = 0.0
-    """Of its first sample in the recording [s]."""
+    """Time of its first sample in the recording [s]."""
     last: bool = False
     """Whether it is the end of a training recording, held out by time."""
 
@@ -161,19 +149,8 @@ def read_runs(
 ) -> list[Run]:
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    records : CompensationRecords
-        Of the machine's file.
-    is_training : callable
-        Whether a recording, or a part of one, is learnt from, by its name and its raw file.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits the patterns.
+    ``is_training`` says of a recording, or a part of one, by its name and its raw file whether it
+    is learnt from.
     """
     declared = {
         f"{letter} {name}": channel
@@ -231,29 +208,25 @@ def _stretches(samples: Samples, rows: Any, blank: Run, records: CompensationRec
     if not shown:
         return [replace(blank, lacking=lacking)]
     whole = samples.complete([name for names in shown.values() for name in names]) & rows
-    at = np.flatnonzero(whole)
     try:
-        pieces = uniform_segments(samples.time[at])
+        pieces = samples.segments(whole)
     except ValueError as error:
         return [_nothing(blank, records, str(error))]
     found = []
     for number, piece in enumerate(pieces, start=1):
-        axes = {letter: _axis(letter, records.axes[letter], samples, piece, at) for letter in shown}
+        axes = {letter: _axis(letter, records.axes[letter], samples, piece) for letter in shown}
         name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
         run = replace(
             blank, name=name, period=piece.period, axes=axes, lacking=lacking, start=piece.start
         )
         whole_file = len(pieces) == 1 and blank.name == blank.file
         found.append(run if whole_file else replace(run, sha256=content_hash(run)))
-    return found or [_nothing(blank, records, "it has more gaps than rows")]
+    return found
 
 
-def _axis(
-    letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment, at: Any
-) -> AxisRun:
+def _axis(letter: str, channels: ErrorChannels, samples: Samples, piece: UniformSegment) -> AxisRun:
     grid = {
-        name: _on_grid(piece, samples.channels[f"{letter} {name}"][at])
-        for name in channels.channels
+        name: _on_grid(piece, samples.channels[f"{letter} {name}"]) for name in channels.channels
     }
     error = grid.get("error")
     return AxisRun(

@@ -18,8 +18,8 @@ import numpy as np
 from pipeline.cutting.force.chip_law import feeds
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
-from pipeline.cutting.tool import DEGREE
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import DEGREE
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import KnownShape, coefficient_draws, law_draws

@@ -7,9 +7,9 @@ from typing import Any, Literal
 
 from pipeline.cutting.tool import Tool
 from pipeline.schema.cutting import CutConditions
+from pipeline.schema.si import MM
 from pipeline.signals.conditions import Condition, ConditionSources
 
-MM = 1e-3
 SAME = 1e-6
 """Relative difference below which two statements agree [1]."""
 Immersion = Literal["slot", "up", "down"]

@@ -12,6 +12,7 @@ from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.svg import anchor
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.si import MINUTE
 from pipeline.submodels.cutting.runs import (
     CutRun,
     CuttingFacts,
@@ -32,8 +33,6 @@ QUARTER = 90.0
 """Angle between two lines [deg]."""
 POINTS = 120
 """Points of a curve that is drawn from its coefficients."""
-RPM = 60.0
-"""rev/min of one rev/s."""
 POLYNOMIAL = ("p0", "p1", "p2")
 """Coefficients of the no-load power over the speed in rev/s [W], [W s], [W s^2]."""
 STATUS = {"unknown": "not judged", "passed": "passed", "failed": "failed"}
@@ -180,7 +179,7 @@ def no_load_curve(model: CuttingModel | None) -> NoLoadCurve | None:
     ends = spindle.range_rpm
     if ends is not None and ends[0] < ends[1] and known and len(known) == len(values):
         speed = np.linspace(*ends, POINTS)
-        power = np.sum([value * (speed / RPM) ** k for k, value in known.items()], axis=0)
+        power = np.sum([value * (speed / MINUTE) ** k for k, value in known.items()], axis=0)
     if not len(levels) and not len(speed):
         return None
     return NoLoadCurve(speed=speed, power=power, levels=levels)

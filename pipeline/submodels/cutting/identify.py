@@ -20,13 +20,13 @@ from pipeline.schema.cutting import (
     TermsTried,
 )
 from pipeline.schema.model import Correlation, Model, Parameter
+from pipeline.schema.si import MM
 from pipeline.submodels.cutting.coefficients import (
     mean_regression,
     mean_tangential,
     modes,
     parameters,
 )
-from pipeline.submodels.cutting.conditions import MM
 from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit

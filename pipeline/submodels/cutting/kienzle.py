@@ -14,13 +14,13 @@ from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
+from pipeline.schema.si import MM
 from pipeline.submodels.cutting.regression import Regression, regression
 
 NAMES = ("kienzle.k_c11", "kienzle.m_c")
 """Names of the two constants."""
 UNITS = ("N/mm^2", "1")
 """Their units."""
-MM = 1e-3
 NODES = 48
 """Gauss nodes over an arc."""
 TYPICAL = 0.25

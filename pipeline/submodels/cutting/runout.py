@@ -21,8 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.cutting.tool import DEGREE, UM
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import DEGREE, UM
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape, named_range

@@ -12,11 +12,11 @@ from pipeline.schema.cutting import MEAN, PEAK, CutConditions, CuttingModel
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, Model
+from pipeline.schema.si import MM
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.cutting.conditions import MM
 from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import ALIKE, CutModel, restored

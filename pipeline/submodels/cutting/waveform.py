@@ -21,9 +21,10 @@ import numpy as np
 
 from pipeline.cutting.force.chip_law import REFERENCE
 from pipeline.cutting.force.waveform import basis
-from pipeline.cutting.tool import DEGREE, UM, Tool
+from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ToolGeometry
+from pipeline.schema.si import DEGREE, UM
 
 COEFFICIENTS = 6
 """Cutting-force coefficients of the linear-edge model."""

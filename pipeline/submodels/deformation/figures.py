@@ -16,11 +16,10 @@ from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, band, beyond, beyond_words, line, tick_words
 from pipeline.charts.numbers import number
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import MINUTE
 
 TOP, TEMPERATURES, GROWTH, ERROR, SPEED, GAP = 18, 120, 150, 70, 34, 28
 """Heights of the head, of the bands, and between them [px]."""
-MINUTE = 60.0
-"""One minute [s]."""
 GROUP_CURVES = ("f1", "f3", "f5")
 """CSS classes of front, middle and rear."""
 GROUP_NAMES = ("front", "middle", "rear")

@@ -17,13 +17,12 @@ from pipeline.charts.numbers import TOGETHER, counted, fixed, instant, moment
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import sources
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import HOUR
 from pipeline.schema.verdict import Role, Score, Verdict
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.deformation.comparison import GROWTH, methods_table
 from pipeline.submodels.deformation.model import DeformationModel, MethodScore
 
-HOUR = 3600.0
-"""One hour [s]."""
 GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
 """Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
 FAULT = re.compile(

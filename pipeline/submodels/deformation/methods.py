@@ -21,8 +21,9 @@ from pipeline.nets.settings import (
     TrainingSettings,
 )
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.si import UM
 from pipeline.submodels.deformation.features import Inputs
-from pipeline.submodels.deformation.records import RPM, UM
+from pipeline.submodels.deformation.records import RAD_S
 from pipeline.thermal import growth_fit
 from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
@@ -204,7 +205,7 @@ def growth_record(inputs: Inputs, growth: Floats | None = None) -> GrowthRecord:
     coldest = np.full(len(inputs), np.min(inputs.group_temperatures[:1], initial=np.inf))
     return GrowthRecord(
         time_s=inputs.time,
-        speed_rad_s=state.speed / RPM,
+        speed_rad_s=state.speed / RAD_S,
         ambient_C=state.ambient if known else coldest,
         temperatures_C=inputs.group_temperatures,
         growth_m=np.full(len(inputs), np.nan) if growth is None else growth * UM,
@@ -261,7 +262,7 @@ class _Expansion(Fitted):
 
     def predict(self, inputs: Inputs) -> Floats:
         return self.expansion.predict(
-            inputs.time, inputs.state.speed / RPM, inputs.group_temperatures
+            inputs.time, inputs.state.speed / RAD_S, inputs.group_temperatures
         ) / UM  # fmt: skip
 
     def document(self) -> dict[str, Any]:

@@ -13,18 +13,14 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.si import RPM, UM, ZERO_CELSIUS
 from pipeline.schema.verdict import Fact
-from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
+from pipeline.signals.recordings import Channel, LogItems, Recording, Samples, read_recordings
 from pipeline.signals.units import conversion
 
-KELVIN = 273.15
-"""Zero of the Celsius scale [K]."""
-UM = 1e-6
-"""One micrometre [m]."""
 OFFSET_UM = 10.0
 """First reading up to which a probe may have been zeroed [um], beside what it moves."""
 FEWEST_SENSORS = 3
@@ -36,19 +32,13 @@ FEWEST_SAMPLES = 10
 """Fewest samples of growth in a recording [1]; fewer show no transient."""
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
 """Names of the channels beside the sensors, in tables too."""
-RPM = 60 / (2 * np.pi)
+RAD_S = 1 / RPM
 """One rad/s in rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationRecords(Ranged, section="deformation_records"):
-    """Recordings of growth in the machine's file.
-
-    Raises
-    ------
-    ValueError
-        With fewer than three temperatures, or the place of a sensor that is none of them.
-    """
+    """Recordings of growth in the machine's file."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
@@ -176,19 +166,7 @@ def read_profiles(
 ) -> list[GrowthRecording]:
     """Recordings of growth of a machine, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    records : DeformationRecords
-        Of the machine's file.
-    preferred : callable
-        Whether the recording of a name is the one to keep of several with the same bytes.
-
-    Raises
-    ------
-    ValueError
-        When a pattern fits no file.
+    ``preferred`` says of a name whether it is the one to keep of several with the same bytes.
     """
     found = read_recordings(
         signals, records.channels, patterns=records.recordings, preferred=preferred,
@@ -245,15 +223,12 @@ def _growth_recording(one: Recording, records: DeformationRecords) -> GrowthReco
 
 def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRecording:
     """Recording in a log of MTConnect: a channel's column is a data item, its value holds."""
-    items = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
-    items = items.sort_values("time", kind="stable")
-    if not len(items):
+    log = LogItems.read(path)
+    if not len(log):
         return GrowthRecording(name=one.name, reason="it holds no observation: record it again")
-    seconds = (items["time"] - items["time"].iloc[0]).dt.total_seconds().to_numpy(float)
     numbers: dict[str, Floats] = {}
     for name, channel in records.channels.items():
-        rows = (items["data_item"] == channel.column).to_numpy()
-        if not rows.any():
+        if not len(log.times(channel.column)):
             reason = f"it has no data item {channel.column!r}: {channel.remedy}"
             return GrowthRecording(name=one.name, reason=reason)
         try:
@@ -261,12 +236,10 @@ def _of_log(one: Recording, path: Path, records: DeformationRecords) -> GrowthRe
         except ValueError as error:
             reason = f"its data item {channel.column!r} is in {channel.unit or 'no unit'}: {error}"
             return GrowthRecording(name=one.name, reason=f"{reason}: name its unit")
-        values = np.full(len(items), np.nan)
-        values[rows] = channel.factor * (factor * items["number"].to_numpy(float)[rows] + offset)
-        last = np.maximum.accumulate(np.where(rows, np.arange(len(items)), 0))
         # where an item was unavailable it stays so until its next value
-        numbers[name] = np.where(np.cumsum(rows) > 0, values[last], np.nan)
-    samples = Samples(time=seconds, channels=numbers)
+        held = log.held(channel.column, log.time)
+        numbers[name] = channel.factor * (factor * held + offset)
+    samples = Samples(time=log.time, channels=numbers)
     none = [not np.isfinite(numbers[name]).any() for name in records.temperatures]
     return _checked(_profile(one.name, samples, records, none, holds=True))
 
@@ -309,15 +282,15 @@ def _profile(
         return on_grid(clock, values, grid, records.longest_gap_s)
 
     temperatures = np.column_stack([
-        np.full(len(grid), np.nan) if gone else held(sensor, offset=-KELVIN)
+        np.full(len(grid), np.nan) if gone else held(sensor, offset=-ZERO_CELSIUS)
         for sensor, gone in zip(records.temperatures, empty, strict=True)
     ])  # fmt: skip
     growth = held(GROWTH, 1 / UM)
     growth[_frozen_since(growth, temperatures, records.period_s) :] = np.nan
     if (start > 0 or not records.probe_is_zeroed) and np.isfinite(growth).any():
         growth = growth - growth[np.isfinite(growth)][0]
-    speed = held(SPEED, RPM) if records.speed else np.zeros(len(grid))
-    ambient = held(AMBIENT, offset=-KELVIN) if records.ambient else np.full(len(grid), np.nan)
+    speed = held(SPEED, RAD_S) if records.speed else np.zeros(len(grid))
+    ambient = held(AMBIENT, offset=-ZERO_CELSIUS) if records.ambient else np.full(len(grid), np.nan)
     if records.ambient:
         ambient = filled(ambient, coldest_at_start(temperatures))
     state = State(

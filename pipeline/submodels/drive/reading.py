@@ -10,13 +10,11 @@ from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
-from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.arrays import Bools, Floats
 from pipeline.signals import recordings
-from pipeline.signals.recorder_faults import without_faults
-from pipeline.signals.sampling import UniformSegment, uniform_segments
+from pipeline.signals.recordings import WORDS, Channel, Samples
+from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
 from pipeline.submodels.drive.prior import (
     DrivePrior,
@@ -38,14 +36,18 @@ from pipeline.submodels.drive.records import (
     check_channels,
 )
 
-SI = {
-    "position": "m", "reference": "m", "velocity": "m/s", "velocity_reference": "m/s",
-    "acceleration": "m/s^2", "acceleration_reference": "m/s^2",
+MOTION = {
+    "position": "position", "reference": "position", "velocity": "velocity",
+    "velocity_reference": "velocity", "acceleration": "acceleration",
+    "acceleration_reference": "acceleration",
 }  # fmt: skip
+"""Channels of an axis' motion, and what they measure."""
 DISTURBANCES = ("N", "m", "m/s")
 """Units in which a disturbance is read if it is declared in one that converts to them."""
-MOTOR_SI = {"u_d": "V", "u_q": "V", "i_d": "A", "i_q": "A", "speed": "rad/s", "torque": "N m"}
-SHAFT_SI = {"motor": "m", "load": "m"}
+MOTOR = {"u_d": "voltage", "u_q": "voltage", "i_d": "current", "i_q": "current",
+         "speed": "angular_velocity", "torque": "torque"}  # fmt: skip
+SHAFT = ("motor", "load", "command")
+AIR = "air"
 COMMAND_UNITS = {"AMPERE": "A", "VOLT": "V", "NEWTON": "N", "PERCENT": "%", "": "1"}
 
 
@@ -58,27 +60,8 @@ def read_recordings(
 ) -> list[Recording]:
     """Recordings that ``records`` names, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        As ``ingest`` wrote it.
-    records : DriveRecords
-        Which recordings, and their channels.
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    is_training : callable
-        Whether the drives are fitted on the raw file of a name.
-
-    Returns
-    -------
-    list of Recording
-        A recording that shows no axis is there with the reasons.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, none of its files fits ``records.recordings``, or
-        ``records`` or ``prior`` names what none of them holds.
+    One that shows no axis is there with the reasons.  What ``records`` or ``prior`` names and none
+    of the files holds is a ValueError.
     """
     check_axes(records, prior)
     files = recordings.read_recordings(
@@ -109,43 +92,71 @@ def read_file(
 ) -> list[Recording]:
     """Recordings in one file: one for each stretch without a gap in time.
 
-    Parameters
-    ----------
-    file : Recording
-        As the ingest wrote it.
-    records, prior
-        As in :func:`read_recordings`.
-    shared : mapping of str to float
-        Constants of the other recordings, for those that the file lacks.
-    trained : bool
-        Whether the drives are fitted on it.
+    ``shared`` are constants of the other recordings, for those that the file lacks.
     """
     name = file.name
     blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
-    if file.file is None:
-        return [_nothing(blank, records, file.reason)]
+    motor, shaft = records.motor, records.shaft
+    motor = motor if motor is not None and fnmatchcase(name, motor.recordings) else None
+    shaft = shaft if shaft is not None and fnmatchcase(name, shaft.recordings) else None
     try:
-        table = without_faults(pq.read_table(file.file), file.faults)
-    except (OSError, pa.ArrowException):
-        place = f"{file.file.parent.name}/{file.file.name}"
-        return [_nothing(blank, records, f"{place} cannot be read: run `dvc repro`")]
-    try:
-        if records.motor is not None and fnmatchcase(name, records.motor.recordings):
-            return _motor(table, blank, records.motor)
-        if records.shaft is not None and fnmatchcase(name, records.shaft.recordings):
-            return _shafts(table, blank, records.shaft)
+        if motor is not None:
+            declared = _motor_channels(motor)
+        elif shaft is not None:
+            declared = _shaft_channels(shaft)
+        else:
+            declared = _axis_channels(records)
+        samples = replace(file, declared=declared).load()
+        if not len(samples.time):
+            raise Unusable(file.reason or next(iter(samples.lacking.values())))
+        if motor is not None:
+            return _motor(samples, blank)
+        if shaft is not None:
+            return _shafts(samples, blank, shaft)
         own = constants_of({name: file.constants})
         used = {one for letter in records.axes for one in names_of(prior.axis(letter))}
         if lent := sorted(used & set(shared) - set(own)):
             said = f"{', '.join(lent)} taken from the other recordings: this one does not hold it"
             blank = replace(blank, notes=(*blank.notes, said))
-        return _drives(table, blank, records, prior, {**shared, **own})
+        return _drives(samples, blank, records, prior, {**shared, **own})
     except Unusable as error:
-        return [_nothing(blank, records, str(error))]
+        return [replace(blank, lacking=dict.fromkeys(records.axes, str(error)))]
+
+
+def _axis_channels(records: DriveRecords) -> dict[str, Channel]:
+    """Channels of all axes, ``X position``, and of the rows free of cutting."""
+    declared = {
+        f"{letter} {key}": Channel(column=name, quantity=MOTION.get(key, ""))
+        for letter, axis in records.axes.items()
+        for key in (*MOTION, "command", "load")
+        if (name := getattr(axis, key)) is not None
+    }
+    if records.air is not None:
+        declared[AIR] = Channel(column=records.air.channel, quantity=WORDS)
+    return declared
+
+
+def _motor_channels(records: MotorRecords) -> dict[str, Channel]:
+    if strange := [key for key in records.channels if key not in MOTOR]:
+        raise Unusable(f"drive_records.motor.channels names {strange[0]!r}: {', '.join(MOTOR)}")
+    return {
+        key: Channel(column=name, quantity=MOTOR[key]) for key, name in records.channels.items()
+    }
+
+
+def _shaft_channels(records: ShaftRecords) -> dict[str, Channel]:
+    return {
+        f"{letter} {key}": Channel(column=name, quantity=quantity)
+        for letter, one in records.axes.items()
+        for key, name, quantity in (
+            ("motor", one.motor, "position"), ("load", one.load, "position"),
+            ("command", one.command, ""),
+        )
+    }  # fmt: skip
 
 
 def _drives(
-    table: pa.Table,
+    samples: Samples,
     blank: Recording,
     records: DriveRecords,
     prior: DrivePrior,
@@ -155,12 +166,13 @@ def _drives(
     channels: dict[str, dict[str, Floats]] = {}
     constants_of_axis: dict[str, AxisConstants] = {}
     units: dict[str, str] = {}
+    load_units: dict[str, str] = {}
     lacking: dict[str, str] = {}
     for letter, names in records.axes.items():
         try:
-            channels[letter] = _moving(table, names)
+            channels[letter], load_units[letter] = _moving(samples, letter, names)
             constants_of_axis[letter] = prior.axis(letter).resolved(constants)
-            command, unit = _command(table, names)
+            command, unit = _command(samples, letter, names)
             channels[letter] |= {"command": command}
             units[letter] = COMMAND_UNITS.get(unit, unit)
         except ValueError as error:  # what is wrong with a constant or a channel of this file
@@ -168,23 +180,22 @@ def _drives(
     channels = {letter: one for letter, one in channels.items() if letter in units or _both(one)}
     if not channels:
         return [replace(blank, lacking=lacking)]
-    air = _air(table, records.air)
-    rows, pieces = _pieces(table, [v for axis in channels.values() for v in axis.values()])
-
-    def grid(letter: str, piece: UniformSegment) -> dict[str, Floats]:
-        return {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
+    air = _air(samples, records.air)
+    pieces = _pieces(samples, [v for axis in channels.values() for v in axis.values()])
 
     def record(letter: str, on_grid: dict[str, Floats]) -> AxisRecord:
         return AxisRecord(
             command=on_grid["command"], constants=constants_of_axis[letter],
-            command_unit=units[letter],
-            load_unit=_load_unit(table, _named(table, records.axes[letter].load)),
-            load=on_grid.get("load"), **{key: on_grid.get(key) for key in SI},
+            command_unit=units[letter], load_unit=load_units[letter], load=on_grid.get("load"),
+            **{key: on_grid.get(key) for key in MOTION},
         )  # fmt: skip
 
     found = []
-    for piece, one in _parts(pieces, table.num_rows, blank):
-        grids = {letter: grid(letter, piece) for letter in channels}
+    for piece, one in _parts(pieces, len(samples.time), blank):
+        grids = {
+            letter: {key: piece.on_grid(values) for key, values in axis.items()}
+            for letter, axis in channels.items()
+        }
         found.append(
             replace(
                 one,
@@ -195,7 +206,7 @@ def _drives(
                     if _both(of)
                 },
                 lacking=lacking,
-                air=_near(piece, air[rows]) & ~piece.filled,
+                air=_near(piece, air) & ~piece.filled,
             )
         )
     return found
@@ -206,39 +217,32 @@ def _both(channels: Mapping[str, Floats]) -> bool:
     return {"reference", "position"} <= set(channels)
 
 
-def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Recording]:
+def _motor(samples: Samples, blank: Recording) -> list[Recording]:
     """Recordings of the motor in one table."""
-    found = {}
-    for key, name in records.channels.items():
-        if key not in MOTOR_SI:
-            raise Unusable(f"drive_records.motor.channels names {key!r}: {', '.join(MOTOR_SI)}")
-        values = _channel(table, name, MOTOR_SI[key])
-        if values is None:
-            raise Unusable(f"it has no channel {name!r}: record it or correct its name")
-        found[key] = values
-    rows, pieces = _pieces(table, list(found.values()))
+    if samples.lacking:
+        raise Unusable(next(iter(samples.lacking.values())))
+    found = samples.channels
     return [
         replace(
             one,
-            motor={key: piece.on_grid(values[rows]) for key, values in found.items()},
+            motor={key: piece.on_grid(values) for key, values in found.items()},
             air=~piece.filled,
         )
-        for piece, one in _parts(pieces, table.num_rows, blank)
-    ]
+        for piece, one in _parts(
+            _pieces(samples, list(found.values())), len(samples.time), blank
+        )
+    ]  # fmt: skip
 
 
-def _shafts(table: pa.Table, blank: Recording, records: ShaftRecords) -> list[Recording]:
+def _shafts(samples: Samples, blank: Recording, records: ShaftRecords) -> list[Recording]:
     """Recordings of both ends of the drive trains in one table."""
     found: dict[str, dict[str, Floats]] = {}
     for letter, channels in records.axes.items():
-        names = {"motor": channels.motor, "load": channels.load, "command": channels.command}
-        if not set(names.values()) <= set(table.column_names):
+        recorded = {key: _recorded(samples, f"{letter} {key}") for key in SHAFT}
+        values = {key: one for key, one in recorded.items() if one is not None}
+        if len(values) < len(SHAFT):
             continue
-        both = {key: _channel(table, name, SHAFT_SI.get(key)) for key, name in names.items()}
-        values = {key: one for key, one in both.items() if one is not None}
-        if len(values) < len(names):
-            continue
-        check_command(channels.command, _unit(table.schema.field(channels.command)))
+        check_command(channels.command, samples.units[f"{letter} command"])
         if channels.reversed:
             values["command"] = -values["command"]
         found[letter] = values
@@ -247,32 +251,26 @@ def _shafts(table: pa.Table, blank: Recording, records: ShaftRecords) -> list[Re
             "it shows both ends of no axis: record motor position, scale and current together, or "
             "correct drive_records.shaft"
         )
-    rows, pieces = _pieces(table, [v for axis in found.values() for v in axis.values()])
+    pieces = _pieces(samples, [v for axis in found.values() for v in axis.values()])
     return [
         replace(
             one,
             shafts={
-                letter: {key: piece.on_grid(values[rows]) for key, values in axis.items()}
+                letter: {key: piece.on_grid(values) for key, values in axis.items()}
                 for letter, axis in found.items()
             },
             air=~piece.filled,
         )
-        for piece, one in _parts(pieces, table.num_rows, blank)
+        for piece, one in _parts(pieces, len(samples.time), blank)
     ]
 
 
-def _pieces(table: pa.Table, channels: Sequence[Floats]) -> tuple[Ints, list[UniformSegment]]:
-    """Rows that have a value in all channels, and their stretches on a uniform grid."""
-    time = _time(table)
-    whole = np.isfinite(time) & np.all([np.isfinite(values) for values in channels], axis=0)
-    rows = np.flatnonzero(whole)
+def _pieces(samples: Samples, channels: Sequence[Floats]) -> list[UniformSegment]:
+    """Stretches on a uniform grid of the rows that have a value in all channels."""
     try:
-        pieces = uniform_segments(time[rows])
+        return samples.segments(np.all([np.isfinite(values) for values in channels], axis=0))
     except ValueError as error:
         raise Unusable(str(error)) from error
-    if not pieces:
-        raise Unusable("it has more gaps than rows")
-    return rows, pieces
 
 
 def _parts(
@@ -291,110 +289,68 @@ def _parts(
     return parts
 
 
-def _nothing(blank: Recording, records: DriveRecords, reason: str) -> Recording:
-    return replace(blank, lacking=dict.fromkeys(records.axes, reason))
+def _recorded(samples: Samples, name: str) -> Floats | None:
+    """A channel; None where it was not recorded, a reason where it cannot be used."""
+    if name in samples.lacking and name not in samples.absent:
+        raise Unusable(samples.lacking[name])
+    return samples.channels.get(name)
 
 
-def _moving(table: pa.Table, channels: AxisChannels) -> dict[str, Floats]:
-    """Motion and load of an axis in SI, all rows, without what the recording lacks."""
+def _moving(samples: Samples, letter: str, channels: AxisChannels) -> tuple[dict[str, Floats], str]:
+    """Motion and load of an axis in SI, without what the recording lacks; unit of the load."""
     found = {
         key: values
-        for key in SI
-        if (values := _channel(table, _named(table, getattr(channels, key)), SI[key])) is not None
+        for key in MOTION
+        if (values := _recorded(samples, f"{letter} {key}")) is not None
     }
-    name = _named(table, channels.load)
-    unit = _load_unit(table, name)
-    if (load := _channel(table, name, unit if unit in DISTURBANCES else None)) is not None:
-        found["load"] = load
+    load_unit = ""
+    if (load := _recorded(samples, f"{letter} load")) is not None:
+        found["load"], load_unit = _load(load, samples.units[f"{letter} load"])
     if "position" not in found and "velocity" not in found:
         name = channels.position or channels.velocity
         raise Unusable(f"it has no channel {name!r}: record the position")
     motion = found.get("position", found.get("velocity"))
     if motion is not None and np.nanmax(motion) == np.nanmin(motion):
         raise Unusable("the axis does not move in it")
-    return found
+    return found, load_unit
 
 
-def _command(table: pa.Table, channels: AxisChannels) -> tuple[Floats, str]:
+def _command(samples: Samples, letter: str, channels: AxisChannels) -> tuple[Floats, str]:
     """Torque command of an axis, all rows, a positive one towards plus, and its unit."""
-    name = _named(table, channels.command)
-    values = _channel(table, name, None)
-    if name is None or values is None:
-        what = f"no channel {channels.command!r}" if name else "no torque command"
+    values = _recorded(samples, f"{letter} command")
+    if values is None:
+        what = f"no channel {channels.command!r}" if channels.command else "no torque command"
         raise Unusable(f"it has {what}: record the torque command")
     known = values[np.isfinite(values)]
     if np.ptp(known) == 0:
         raise Unusable(
             f"{channels.command!r} is {known[0]:g} throughout: record the drive's current"
         )
-    unit = _unit(table.schema.field(name))
-    check_command(name, unit)
+    unit = samples.units[f"{letter} command"]
+    check_command(str(channels.command), unit)
     return (-values if channels.reversed else values), unit
 
 
-def _named(table: pa.Table, pattern: str | None) -> str | None:
-    """The channel called so, or the first that fits the pattern."""
-    if pattern is None or pattern in table.column_names:
-        return pattern
-    return next((name for name in table.column_names if fnmatchcase(name, pattern)), pattern)
-
-
-def _load_unit(table: pa.Table, name: str | None) -> str:
-    """Unit in which a disturbance is read; "" where its channel names none."""
-    unit = "" if name is None or name not in table.column_names else _unit(table.schema.field(name))
+def _load(values: Floats, unit: str) -> tuple[Floats, str]:
+    """A disturbance in the unit in which it is read, "" where its channel names none."""
     for si in DISTURBANCES if unit else ():
         try:
-            conversion(unit, si)
+            factor, offset = conversion(unit, si)
         except ValueError:
             continue
-        return si
-    return COMMAND_UNITS.get(unit, unit) if unit else ""
+        return values * factor + offset, si
+    return values, COMMAND_UNITS.get(unit, unit) if unit else ""
 
 
-def _channel(table: pa.Table, name: str | None, unit: str | None) -> Floats | None:
-    """A channel in ``unit``, NaN where it has no value; None when there is no such channel."""
-    if name is None or name not in table.column_names:
-        return None
-    field = table.schema.field(name)
-    if not (pa.types.is_floating(field.type) or pa.types.is_integer(field.type)):
-        raise Unusable(f"its channel {name!r} holds words: name a channel of numbers")
-    values: Floats = table[name].cast(pa.float64()).to_numpy(zero_copy_only=False).copy()
-    values[~np.isfinite(values)] = np.nan
-    if np.isnan(values).all():
-        return None
-    found = _unit(field)
-    if unit is None:
-        return values
-    try:
-        factor, offset = conversion(found, unit)
-    except ValueError as error:
-        raise Unusable(f"its channel {name!r} is in {found or 'no unit'}: {error}") from error
-    return values * factor + offset
-
-
-def _unit(field: pa.Field) -> str:
-    return (field.metadata or {}).get(b"unit", b"").decode()
-
-
-def _air(table: pa.Table, rows: AirRows | None) -> Bools:
+def _air(samples: Samples, rows: AirRows | None) -> Bools:
     if rows is None:
-        return np.ones(table.num_rows, bool)
-    if rows.channel not in table.column_names:
+        return np.ones(len(samples.time), bool)
+    if AIR not in samples.words:
         raise Unusable(
             f"it has no channel {rows.channel!r} that tells rows free of cutting: record it or "
             "leave drive_records.air out"
         )
-    words = table[rows.channel].cast(pa.string()).to_pylist()
-    return np.isin(np.array([word or "" for word in words]), rows.values)
-
-
-def _time(table: pa.Table) -> Floats:
-    if "t" in table.column_names:
-        return np.array(table["t"].to_numpy(zero_copy_only=False), np.float64)
-    if "time" not in table.column_names:
-        raise Unusable("it has no time: name its time column or its rate in the table's layout")
-    ns = table["time"].cast(pa.int64()).to_numpy()
-    return np.asarray((ns - ns[0]) * 1e-9, np.float64)
+    return np.isin(samples.words[AIR], rows.values)
 
 
 def _near(piece: UniformSegment, flags: Bools) -> Bools:
@@ -403,12 +359,9 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Check that the channel ``name`` of a torque command is not in a unit of motion.
+    """Refuse the channel ``name`` of a torque command in a unit of motion.
 
-    Raises
-    ------
-    ValueError
-        When it is: a command may be in amperes, volts, percent or counts.
+    A command may be in amperes, volts, percent or counts.
     """
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:

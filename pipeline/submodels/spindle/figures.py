@@ -8,8 +8,8 @@ from markupsafe import Markup
 from pipeline.charts import svg
 from pipeline.charts.bands import UNITS, Band, beyond, beyond_words
 from pipeline.charts.numbers import number
+from pipeline.schema.si import DAY
 
-DAY = 86_400  # s
 BIN = 300  # s of one step of the curve of speed
 
 KINDS = {"measured": "measured", "model_free": "free", "model_window": "window"}

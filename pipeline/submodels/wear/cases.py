@@ -1,10 +1,12 @@
-"""Lives of tools as cases: roles, conditions, and windows that were copied from a training life."""
+"""Lives of tools as cases: roles, conditions, copied windows; and windows of a table of samples."""
 
 from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pipeline.schema.arrays import Ints
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.verdict import Fact, Role
@@ -12,6 +14,10 @@ from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import ToolLife, WearWindows
 from pipeline.submodels.cases import Case, Cases, Roles, role_of
+from pipeline.submodels.wear.model import WearModel
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 
 def life_cases(
@@ -24,11 +30,6 @@ def life_cases(
     judged on.  A window of another life with the samples of one in training makes the case name the
     training recording among its files: the judge then refuses it as seen.  Of tools ``in_use`` the
     recordings after the last measurement of their wear are kept, with NaN.
-
-    Raises
-    ------
-    ValueError
-        When no recording fits the patterns, or the table of conditions cannot be read.
     """
     found = read_lives(signals, records, roles.is_training, in_use=in_use)
     by_role: list[tuple[ToolLife, Role]] = [
@@ -77,7 +78,7 @@ def _copied(life: ToolLife, learnt: dict[str, str]) -> list[SourceFile]:
 
 
 def _conditions(life: ToolLife, training: list[ToolLife]) -> dict[str, Fact]:
-    """Of each condition the value of the life that lies furthest from what training lives have."""
+    """Value of each condition, of the life that lies furthest from what training lives have."""
     found = {}
     for name, values in life.windows.conditions.items():
         others = [one.windows.conditions[name] for one in training]
@@ -104,3 +105,51 @@ def _constant(windows: WearWindows) -> Callable[[], WearWindows]:
 def windows_of(cases: Iterable[Case]) -> WearWindows:
     """Windows of all cases, one after the other."""
     return WearWindows.joined([case.load() for case in cases])
+
+
+PROGRESS = "progress"
+"""Column of the use of the tool, in the unit that was learnt."""
+
+
+def windows_of_table(table: "pd.DataFrame", file: WearModel) -> tuple[WearWindows, Ints]:
+    """Windows of a table, one after the other, and the window of each row, shape (T,).
+
+    Rows that are too few for a window of their own belong to the last one.
+    """
+    wanted = [*file.channels, *file.known.numbers, *file.known.words]
+    if missing := [name for name in wanted if name not in table.columns]:
+        raise ValueError(f"the input has no column {missing[0]!r}: give {', '.join(wanted)}")
+    many = len(table) // file.length
+    if not many:
+        raise ValueError(
+            f"the input has {len(table)} rows, a window has {file.length} at {file.rate_Hz:g} Hz: "
+            "give at least as many"
+        )
+    used = table.iloc[: many * file.length]
+    samples = used[list(file.channels)].to_numpy(float)
+    if not np.isfinite(samples).all():
+        row, column = np.argwhere(~np.isfinite(samples))[0]
+        raise ValueError(
+            f"{file.channels[column]} holds no finite value in row {row + 1}: leave such rows out"
+        )
+    starts = np.arange(many) * file.length
+    conditions: dict[str, Any] = {
+        name: used[name].to_numpy(float)[starts] for name in file.known.numbers
+    }
+    conditions |= {name: used[name].to_numpy(str)[starts] for name in file.known.words}
+    for name in file.known.numbers:
+        if not np.isfinite(conditions[name]).all():
+            raise ValueError(
+                f"condition {name} is not known: give it in {file.condition_units[name]}"
+            )
+    nothing = np.full(many, np.nan)
+    progress = used[PROGRESS].to_numpy(float)[starts] if PROGRESS in used.columns else nothing
+    windows = WearWindows(
+        values=samples.reshape(many, file.length, -1).transpose(0, 2, 1).astype(np.float32),
+        channels=file.channels, units=file.units, rate_Hz=file.rate_Hz, wear=nothing,
+        wear_unit=file.wear_unit, measured=np.zeros(many, bool), conditions=conditions,
+        condition_units={n: file.condition_units[n] for n in file.known.numbers},
+        tool=np.full(many, ""), recording=np.full(many, ""), time=starts / file.rate_Hz,
+        progress=progress, progress_unit=file.progress_unit,
+    )  # fmt: skip
+    return windows, np.minimum(np.arange(len(table)) // file.length, many - 1)

@@ -50,7 +50,7 @@ class Lasting:
     life: LifeLaw | None = None
     """Until the criterion."""
     edges: EdgeGrowth | None = None
-    """Of the edge forces."""
+    """Growth of the edge forces."""
     reasons: tuple[str, ...] = ()
     """Why one of them is not there; empty where nobody asked for it."""
 
@@ -142,7 +142,7 @@ def _later(left: TimeLeft, minutes: float) -> TimeLeft:
 
 
 def _held(use: ToolUse, law: LifeLaw) -> dict[str, Fact]:
-    """Of a tool that reached the criterion: how often the time left by a reading held."""
+    """Check on a tool that reached the criterion: how often the time left by a reading held."""
     there = np.isfinite(use.read)
     time, read = use.time[there], use.read[there]
     if not read.size or read.max() < law.criterion_um:

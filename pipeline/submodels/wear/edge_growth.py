@@ -17,13 +17,13 @@ import numpy as np
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
+from pipeline.schema.si import N_MM2, UM
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.life import Engaged, WearLifeSettings, engaged
 
 NAMES = ("K_te_over_VB", "K_re_over_VB")
 """Order of the fitted coefficients, in N/mm of depth for each mm of land."""
 UNIT = "N/mm^2"
-PASCAL = 1e6
 EDGE = (COEFFICIENTS.index("K_te"), COEFFICIENTS.index("K_re"))
 WHOLE = 0.85
 """Least force of a window against the greatest of its recording, so that the tool is all in [1]."""
@@ -44,13 +44,13 @@ class EdgeGrowth:
     """By ``NAMES``."""
     tools: int
     recordings: int
-    """That they were fitted on."""
+    """Tools and recordings that they were fitted on."""
     wear_um: tuple[float, float]
     """Least and greatest wear of those."""
     error_percent: float
     """Median of the relative error of the mean force after the fit."""
     material: str = ""
-    """Of conf/material/, that was cut; empty where nobody said it."""
+    """Material of conf/material/ that was cut; empty where nobody said it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,8 +60,8 @@ class MeanForces:
     force: Floats
     """On the tool along the feed and to the left of it [N]; shape (M, 2)."""
     land: Floats
-    """Of it for each of ``NAMES`` [m^2]: design of the edge coefficients times the wear;
-    shape (M, 2, 2)."""
+    """Area by which each of ``NAMES`` adds to it [m^2]: design of the edge coefficients times
+    the wear; shape (M, 2, 2)."""
     wear: Floats
     """Wear [um]; shape (M,)."""
     tool: np.ndarray
@@ -78,13 +78,7 @@ class MeanForces:
 
 
 def mean_forces(windows: WearWindows, settings: WearLifeSettings) -> MeanForces:
-    """Mean forces and what a land adds to them, one row a recording.
-
-    Raises
-    ------
-    ValueError
-        When a channel of force or a condition is not there.
-    """
+    """Mean forces and what a land adds to them, one row a recording."""
     cuts = engaged(windows, settings)
     each = np.stack([_channel(windows, settings, axis) for axis in ("feed", "normal")], axis=1)
     _, first, place = np.unique(windows.recording, return_index=True, return_inverse=True)
@@ -96,7 +90,7 @@ def mean_forces(windows: WearWindows, settings: WearLifeSettings) -> MeanForces:
     wear = np.asarray(windows.wear[first], np.float64)
     return MeanForces(
         force=np.stack(sums, axis=1) / count[:, None], wear=wear, tool=windows.tool[first],
-        land=_edges(cuts, first) * (wear * 1e-6)[:, None, None], cut=_cut(windows, cuts, first),
+        land=_edges(cuts, first) * (wear * UM)[:, None, None], cut=_cut(windows, cuts, first),
     )  # fmt: skip
 
 
@@ -132,13 +126,7 @@ def _cut(windows: WearWindows, cuts: Engaged, at: Ints) -> Ints:
 
 
 def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGrowth:
-    """Growth of the edge coefficients over the wear of training tools.
-
-    Raises
-    ------
-    ValueError
-        As :func:`mean_forces`, and when there are fewer than three tools.
-    """
+    """Growth of the edge coefficients over the wear of three training tools or more."""
     from scipy.special import stdtrit
 
     rows = mean_forces(windows, settings)
@@ -154,7 +142,7 @@ def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGro
     half = float(stdtrit(len(tools) - 1, 0.975)) * spread
     method = f"mean forces of {len(rows.wear)} cuts, {len(tools)} tools left out in turn"
     parameters = {
-        name: _parameter(float(value) / PASCAL, float(width) / PASCAL, method)
+        name: _parameter(float(value) / N_MM2, float(width) / N_MM2, method)
         for name, value, width in zip(NAMES, found, half, strict=True)
     }
     return EdgeGrowth(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import MINUTE
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 
@@ -64,17 +65,7 @@ class KnownConditions:
 
 
 def features(windows: WearWindows, scaling: ChannelScaling, known: KnownConditions) -> Floats:
-    """Features of windows, shape (N, F).
-
-    Parameters
-    ----------
-    windows : WearWindows
-        N of them.
-    scaling : ChannelScaling
-        Of training windows.
-    known : KnownConditions
-        Of training windows.
-    """
+    """Features of windows, shape (N, F), by scaling and conditions of training windows."""
     x = windows.values / np.array(scaling.scale)[:, None]
     mean = x.mean(axis=2)
     beside = x - mean[..., None]
@@ -110,7 +101,7 @@ def _harmonics(x: Floats, windows: WearWindows) -> list[Floats]:
     if name is None or not np.isfinite(windows.conditions[name]).all():
         return []
     factor, _ = conversion(windows.condition_units[name], "rev/min")
-    turns = np.asarray(windows.conditions[name], float) * factor / 60.0
+    turns = np.asarray(windows.conditions[name], float) * factor / MINUTE
     t = np.arange(x.shape[2]) / windows.rate_Hz
     found = []
     for harmonic in range(1, HARMONICS + 1):

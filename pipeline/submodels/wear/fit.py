@@ -82,21 +82,10 @@ class _Task:
 
 
 def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> WearFit:
-    """Fit every method on training windows, and decide who serves.
+    """Fit every method on training windows of three tools or more, and decide who serves.
 
-    Parameters
-    ----------
-    windows : WearWindows
-        Of all training tools, in the order of tools and of their use.
-    progress : str
-        Condition that is the tool's use; empty where there is none.
-    settings : WearFitSettings
-        Of the fit.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than three tools, or one class only.
+    Windows come in the order of tools and of their use; ``progress`` is the condition that is the
+    tool's use, empty where there is none.
     """
     tools = list(dict.fromkeys(windows.tool.tolist()))
     _check_tools(windows, tools)

@@ -24,6 +24,7 @@ from pipeline.cutting.economics.tool_life import Taylor, life
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
+from pipeline.schema.si import MINUTE, MM
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 
@@ -73,7 +74,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     """Channel of the force on the tool along the feed and to the left of it, with ``-`` before it
     where it points the other way, as that on the workpiece does; empty without forces."""
     material: str = ""
-    """Of conf/material/, that the tools cut; the growth of forces holds for it."""
+    """Material of conf/material/ that the tools cut; the growth of forces holds for it."""
     taylor: Taylor | None = None
     """What a catalogue says of these tools in this material."""
 
@@ -100,13 +101,7 @@ class Engaged:
 
 
 def engaged(windows: WearWindows, settings: WearLifeSettings) -> Engaged:
-    """Cuts of windows.
-
-    Raises
-    ------
-    ValueError
-        When a condition is not recorded, or a type has no cutter.
-    """
+    """Cuts of windows."""
 
     def number(name: str, unit: str) -> Floats:
         if name not in windows.condition_units:
@@ -130,9 +125,9 @@ def engaged(windows: WearWindows, settings: WearLifeSettings) -> Engaged:
     arc = np.arccos(np.clip(1.0 - 2.0 * width / diameter, -1.0, 1.0))
     up = np.isin(_words(windows, settings.cut), settings.up)
     return Engaged(
-        kind=kind, flutes=flutes, v_c=np.pi * diameter * speed * 1e-3,
-        f_z=number(settings.feed, "mm/min") / (speed * flutes) * 1e-3,
-        a_p=number(settings.depth, "mm") * 1e-3,
+        kind=kind, flutes=flutes, v_c=np.pi * diameter * speed * MM,
+        f_z=number(settings.feed, "mm/min") / (speed * flutes) * MM,
+        a_p=number(settings.depth, "mm") * MM,
         phi_st=np.where(up, 0.0, np.pi - arc), phi_ex=np.where(up, arc, np.pi),
     )  # fmt: skip
 
@@ -162,13 +157,7 @@ class ToolUse:
 
 
 def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
-    """Use of each tool in windows, in the order of their names.
-
-    Raises
-    ------
-    ValueError
-        As :func:`engaged`, and when the use of tools is no time.
-    """
+    """Use of each tool in windows, in the order of their names."""
     try:
         per, _ = conversion(windows.progress_unit, "min")
     except ValueError as error:
@@ -212,7 +201,7 @@ class LifeLaw:
 
     criterion_um: float
     reading_error_um: float
-    """Of the settings."""
+    """Criterion, and standard deviation of a reading, by the settings [um]."""
     worn: tuple[WornTool, ...]
     """Tools that it was fitted on."""
     kinds: tuple[str, ...]
@@ -220,15 +209,15 @@ class LifeLaw:
     v_ref_m_min: float
     """Cutting speed at which the offsets hold."""
     mean: tuple[float, ...]
-    """Of log length [log m]: intercept, offset of each type, slope over log v_c."""
+    """Estimate of log length [log m]: intercept, offset of each type, slope over log v_c."""
     covariance: tuple[tuple[float, ...], ...]
-    """Of ``mean``, against ``scale`` squared."""
+    """Covariance of ``mean``, over ``scale`` squared."""
     scale: float
     dof: float
-    """Of the t distribution of tools about the line [1], its degrees of freedom."""
+    """Scale of the t distribution of tools about the line [1], its degrees of freedom."""
     share_mean: tuple[float, ...]
     share_sd: tuple[float, ...]
-    """Of the logarithm of the share of the length spent at each of ``LEVELS`` [1]."""
+    """Logarithm of the share of the length spent, mean and deviation, at each of ``LEVELS`` [1]."""
 
     def log_length(self, kind: str, v_c: float) -> tuple[float, float]:
         """Centre and scale of a further tool's log length until the criterion [log m]."""
@@ -242,17 +231,7 @@ class LifeLaw:
         return _left(centre, scale, self.dof, 0.0, rubbing)
 
     def left(self, use: ToolUse, *, now: float, wear: float, error: float) -> "TimeLeft":
-        """Time in the cut that is left of a tool.
-
-        Parameters
-        ----------
-        use : ToolUse
-            Its type, speed and rubbing.
-        now : float
-            Time in the cut when its wear was ``wear`` [min].
-        wear, error : float
-            Its wear then and its standard deviation [um].
-        """
+        """Time in the cut left of a tool of wear ``wear`` +- ``error`` [um] at ``now`` [min]."""
         if wear >= self.criterion_um:
             return TimeLeft(low=0.0, middle=0.0, high=0.0)
         centre, scale = self.log_length(use.kind, use.v_c)
@@ -331,13 +310,7 @@ def _row(kind: str, v_c: float, kinds: Sequence[str], v_ref: float) -> Floats:
 
 
 def fit_life(tools: Sequence[ToolUse], settings: WearLifeSettings) -> LifeLaw:
-    """The life law of training tools.
-
-    Raises
-    ------
-    ValueError
-        When no criterion is given, or fewer than three tools were measured up to it.
-    """
+    """The life law of three training tools or more that were measured up to the criterion."""
     limit = settings.criterion_um
     if limit is None:
         raise ValueError("no tool life: give wear_life.criterion_um, the wear at which tools go")
@@ -389,8 +362,8 @@ def _catalogue(use: ToolUse, settings: WearLifeSettings) -> float | None:
         return None
     reference = {"f_z": settings.taylor.f_z_ref_mm, "a_p": settings.taylor.a_p_ref_mm,
                  "a_e": settings.taylor.a_e_ref_mm}  # fmt: skip
-    conditions = {name: value * 1e-3 for name, value in reference.items() if value is not None}
-    return float(life(settings.taylor, use.v_c / 60.0, conditions)) / 60.0  # type: ignore[arg-type]
+    conditions = {name: value * MM for name, value in reference.items() if value is not None}
+    return float(life(settings.taylor, use.v_c / MINUTE, conditions)) / MINUTE  # type: ignore[arg-type]
 
 
 def _curve(use: ToolUse) -> tuple[Floats, Floats] | None:

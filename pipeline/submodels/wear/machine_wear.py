@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from pipeline.schema.si import N_MM2
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut_wear import NOT_RECORDED, KnownWear, LandGrowth, MachineWear
@@ -16,18 +17,7 @@ NUMBER = re.compile(r"T?(\d+)", re.IGNORECASE)
 
 
 def machine_wear(models: Path) -> MachineWear:
-    """Growth of the forces with wear, the criterion and the wear of tools in use of a machine.
-
-    Parameters
-    ----------
-    models : Path
-        ``data/champion/<machine>``.
-
-    Raises
-    ------
-    StoreError
-        When a file is broken or of another form.
-    """
+    """Growth of the forces with wear, the criterion and the wear of tools in use of a machine."""
     folder = models / "wear"
     if not (folder / "model.json").exists():
         return MachineWear()
@@ -47,7 +37,7 @@ def _growth(edges: "EdgeGrowth | None") -> tuple[LandGrowth | None, str]:
     """The growth in SI, or why there is none."""
     if edges is None:
         return None, NOT_RECORDED
-    from pipeline.submodels.wear.edge_growth import NAMES, PASCAL
+    from pipeline.submodels.wear.edge_growth import NAMES
 
     found = []
     for name in NAMES:
@@ -55,7 +45,7 @@ def _growth(edges: "EdgeGrowth | None") -> tuple[LandGrowth | None, str]:
         if one.value is None or one.interval_95 is None:
             return None, f"{NOT_RECORDED}: {one.method}"
         low, high = one.interval_95
-        found.append((one.value * PASCAL, 0.5 * (high - low) * PASCAL))
+        found.append((one.value * N_MM2, 0.5 * (high - low) * N_MM2))
     (K_te, half_te), (K_re, half_re) = found
     return LandGrowth(
         K_te=K_te, K_re=K_re, half_te=half_te, half_re=half_re, learnt_um=edges.wear_um,

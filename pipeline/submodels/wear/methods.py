@@ -133,14 +133,8 @@ def fit_curve(use: Floats, wear: Floats, tool: np.ndarray) -> Curve:
 def blend_weights(predicted: Floats, measured: Floats, tool: np.ndarray) -> Floats:
     """Weights from 0 to 1 that add up to 1, of the least squared error; shape (M,).
 
-    Parameters
-    ----------
-    predicted : ndarray, shape (N, M)
-        Of M methods on tools that they were not fitted on.
-    measured : ndarray, shape (N,)
-        Wear.
-    tool : ndarray of str, shape (N,)
-        Each weighs the same.
+    ``predicted`` (N, M) are those of M methods on tools that they were not fitted on; each tool
+    weighs the same.
     """
     from scipy.optimize import nnls
 

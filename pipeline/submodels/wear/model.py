@@ -41,28 +41,22 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class WearFitSettings(Ranged, section="wear_fit"):
-    """How methods are fitted and compared.
-
-    Raises
-    ------
-    ValueError
-        When a method is none of those that there are.
-    """
+    """How methods are fitted and compared."""
 
     folds: Annotated[int, Range(least=2, most=50)] = 5
     """Parts of the training tools that are left out in turn, at most one a tool."""
     methods: tuple[str, ...] = METHODS
-    """Of :data:`METHODS`, those that are fitted."""
+    """Those of :data:`METHODS` that are fitted."""
     forest: ForestSettings = field(default_factory=ForestSettings)
     """Size of the forest."""
     network: ResNetSettings = field(default_factory=ResNetSettings)
-    """Of the residual network."""
+    """Training of the residual network."""
     training: WindowTraining = field(default_factory=WindowTraining)
     """Its budget on each fold; what serves is the mean of the folds' networks."""
     windows: Count = 2000
-    """Of one training of the network at most, evenly spread over each tool."""
+    """Windows of one training of the network at most, evenly spread over each tool."""
     seed: Annotated[int, Range(least=0)] = 0
-    """Of the forest; the network's is in ``training``."""
+    """Seed of the forest; the network's is in ``training``."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -98,16 +92,16 @@ class WearModel(Model):
     """Least and greatest wear of training windows."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    """Of a window."""
+    """Channels of a window and their units."""
     rate_Hz: float
     length: int
-    """Of its samples [Hz], and their number."""
+    """Rate of its samples [Hz], and their number."""
     scaling: ChannelScaling
     """Scaling of the channels, from training windows."""
     known: KnownConditions
-    """That predictions look at."""
+    """Conditions that predictions look at."""
     condition_units: Mapping[str, str]
-    """Of the conditions that are numbers."""
+    """Unit of each condition that is a number."""
     progress: str
     progress_unit: str
     """Use of the tool that the guess looks at; the name is empty where it is the recording's time
@@ -163,26 +157,16 @@ class MethodsFile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Fitted:
-    """Methods that were fitted on some tools, and predict windows of others.
-
-    Parameters
-    ----------
-    scaling, known, feature_scaling
-        Of those tools.
-    ridge, forest, guess, by_conditions, mean
-        As in :class:`MethodsFile`.
-    networks : tuple of WearJudge
-        What serves is their mean.
-    is_class : bool
-        Whether wear is a class.
-    """
+    """Methods that were fitted on some tools, and predict windows of others."""
 
     scaling: ChannelScaling
     known: KnownConditions
     feature_scaling: FeatureScaling
+    """Scalings and known conditions of those tools."""
     ridge: Ridge | None
     forest: "Trees | None"
     networks: "tuple[WearJudge, ...]"
+    """Methods as in :class:`MethodsFile`; of the networks the mean serves."""
     guess: Curve | None
     by_conditions: Ridge | None
     mean: float
@@ -307,13 +291,7 @@ def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats
 
 
 def load_wear(folder: Path) -> Wear:
-    """The model in ``folder`` with its methods.
-
-    Raises
-    ------
-    ValueError
-        When a file is missing or broken.
-    """
+    """The model in ``folder`` with its methods."""
     from pipeline.nets.wear import restore_judge
     from pipeline.schema.forest import Trees
 

@@ -21,7 +21,7 @@ from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.wear.cases import life_cases, windows_of
+from pipeline.submodels.wear.cases import life_cases, windows_of, windows_of_table
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters
 from pipeline.submodels.wear.fit import fit_wear
 from pipeline.submodels.wear.life import WearLifeSettings
@@ -34,7 +34,6 @@ from pipeline.submodels.wear.model import (
     WearModel,
     load_wear,
 )
-from pipeline.submodels.wear.table import windows_of_table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,13 +130,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Lives of tools.
-
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file, or the table of conditions cannot be read.
-        """
+        """Lives of tools."""
         if records.signals is None:
             raise ValueError("recordings of tools stand in the signals: name them in reads")
         in_use = settings.wear_life.in_use

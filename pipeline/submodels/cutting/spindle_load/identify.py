@@ -10,6 +10,7 @@ import numpy as np
 
 from pipeline.schema.cutting import CutLevel, NoLoadPoint, SpindleLoad
 from pipeline.schema.model import LeftOut, Parameter
+from pipeline.schema.si import MINUTE
 from pipeline.submodels.cutting.regression import Regression
 from pipeline.submodels.cutting.spindle_load.levels import Levels, LoadLog, load_levels
 from pipeline.submodels.cutting.spindle_load.power import (
@@ -34,7 +35,6 @@ LISTED = 5
 """Lines that a note lists, at most."""
 
 
-RPM = 60.0
 N_MM2 = 1e6
 N_MM = 1e3
 UNITS = ("WATT", "W s", "W s^2")
@@ -261,14 +261,14 @@ def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
 
 def _range(idle: NoLoad) -> tuple[float, float]:
     """Speeds between which the no-load power holds [rev/min]."""
-    return round(idle.lowest * RPM, 1), round(idle.highest * RPM, 1)
+    return round(idle.lowest * MINUTE, 1), round(idle.highest * MINUTE, 1)
 
 
 def _curve(idle: NoLoad, scale_error: float) -> tuple[NoLoadPoint, ...]:
     """Levels of the no-load power; those without an interval are left out."""
     return tuple(
         NoLoadPoint(
-            speed_rpm=round(float(n) * RPM, 1),
+            speed_rpm=round(float(n) * MINUTE, 1),
             power_W=round(float(idle.power(n)), 2),
             half_width_95_W=round(
                 float(np.hypot(idle.half_width(n), scale_error * idle.power(n))), 2

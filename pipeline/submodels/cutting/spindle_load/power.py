@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import MINUTE
 from pipeline.submodels.cutting.regression import Regression, regression
 from pipeline.submodels.cutting.spindle_load.levels import Levels
 
@@ -85,7 +86,6 @@ def powers(n: ArrayLike, terms: int) -> Floats:
 
 BEYOND = 0.02
 """Share by which a cut's speed may lie outside the no-load record [1]."""
-RPM = 60.0
 NORMAL = 1.959963984540054
 """Half width of the 95 % interval over the standard deviation, with many degrees of freedom."""
 
@@ -148,7 +148,7 @@ def _cuts(levels: Levels, idle: NoLoad) -> Levels:
     if not len(cuts):
         raise ValueError(
             "no settled cut is at a speed that the spindle also turned free at: record cuts "
-            f"between {idle.lowest * RPM:.0f} and {idle.highest * RPM:.0f} rpm"
+            f"between {idle.lowest * MINUTE:.0f} and {idle.highest * MINUTE:.0f} rpm"
         )
     return cuts
 

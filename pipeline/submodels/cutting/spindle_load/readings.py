@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
-import pyarrow.parquet as pq
 
 from pipeline.gcode.moves import METRE
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.signals.recordings import LogItems
 from pipeline.submodels.cutting.spindle_load.levels import LoadLog, runs, settled
 from pipeline.submodels.cutting.spindle_load.program import Lines, Stretch
 from pipeline.submodels.cutting.spindle_load.records import LoadItems
@@ -66,56 +65,45 @@ def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings
     ValueError
         When the log lacks an item that is needed, or holds too little.
     """
-    table = pq.read_table(path, columns=["time", "data_item", "number"]).to_pandas()
-    if not len(table):
+    log = LogItems.read(path)
+    if not len(log):
         raise ValueError(f"{name} holds nothing that could be read: log the spindle while it turns")
-    table = table.sort_values("time", kind="stable")
     needed = ("line", "speed", "load", "feed") if cuts else ("speed", "load")
-    items_there = set(table["data_item"].unique())
+    there = set(log.item)
     for part in needed:
-        if getattr(items, part) not in items_there:
-            listed = ", ".join(sorted(map(str, items_there))) or "nothing"
+        if getattr(items, part) not in there:
+            listed = ", ".join(sorted(map(str, there))) or "nothing"
             raise ValueError(
                 f"{name} has no data item {getattr(items, part)!r}, which "
                 f"cutting_records.spindle.items.{part} names (it has {listed}): correct the name, "
                 "or let the adapter log it"
             )
-    seconds = (table["time"] - table["time"].iloc[0]).dt.total_seconds().to_numpy()
-    period = _period(table, seconds, [getattr(items, part) for part in needed], name)
-    times = np.arange(0.0, seconds[-1] + period / 2, period)
-    line = _held(table, seconds, items.line, times)
+    period = _period(log, [getattr(items, part) for part in needed], name)
+    times = np.arange(0.0, log.time[-1] + period / 2, period)
+    line = log.held(items.line, times)
     return Readings(
         period=period,
         times=times,
         line=np.where(np.isfinite(line), line, -1).astype(np.int64),
-        speed=_held(table, seconds, items.speed, times) / 60,
-        load=_held(table, seconds, items.load, times),
-        feed=np.abs(_held(table, seconds, items.feed, times)) * METRE,
+        speed=log.held(items.speed, times) / 60,
+        load=log.held(items.load, times),
+        feed=np.abs(log.held(items.feed, times)) * METRE,
     )
 
 
-def _period(table: pd.DataFrame, seconds: Floats, items: list[str], name: str) -> float:
+def _period(log: LogItems, items: list[str], name: str) -> float:
     """Period of the polls [s]: the quick changes of the item that changes most often."""
-    each = [np.diff(np.unique(seconds[(table["data_item"] == item).to_numpy()])) for item in items]
+    each = [np.diff(np.unique(log.times(item))) for item in items]
     quick = [float(np.quantile(steps, QUICK)) for steps in each if len(steps)]
     if not quick:
         raise ValueError(f"{name} holds one moment only: log the spindle while it turns")
     period = float(np.clip(min(quick), FASTEST, SLOWEST))
-    if seconds[-1] / period > MOST:
+    if log.time[-1] / period > MOST:
         raise ValueError(
-            f"{name} lasts {seconds[-1] / 3600:.0f} h, more than {MOST} samples of {period:g} s: "
+            f"{name} lasts {log.time[-1] / 3600:.0f} h, more than {MOST} samples of {period:g} s: "
             "cut the part out of it in which the test ran"
         )
     return period
-
-
-def _held(table: pd.DataFrame, seconds: Floats, item: str, times: Floats) -> Floats:
-    """Last value of an item at ``times``, NaN before the first."""
-    rows = (table["data_item"] == item).to_numpy()
-    values = np.append(table["number"].to_numpy(dtype=np.float64)[rows], np.nan)
-    last = np.searchsorted(seconds[rows], times, side="right") - 1
-    held: Floats = values[last]
-    return held
 
 
 SLACK = 3.0

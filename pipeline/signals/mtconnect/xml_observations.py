@@ -1,8 +1,4 @@
-"""Reference path through MTConnect XML: element by element, whatever the form of a document.
-
-It reads Streams, Devices, Assets and Error documents, and lone devices and assets.  The fast path
-(:mod:`pipeline.signals.mtconnect.fast`) hands over to it whatever it does not recognise.
-"""
+"""Observations, assets, data items and errors from the elements of MTConnect XML, as they come."""
 
 import re
 from collections.abc import Callable
@@ -27,9 +23,6 @@ from pipeline.signals.mtconnect.observations import (
 from pipeline.signals.mtconnect.rows import Rows, SampleBatch
 from pipeline.signals.mtconnect.xml_events import Content, End, XmlEvents, local, quoted
 
-MODEST = 100
-"""Characters of a sample's value that can wait to be read with others."""
-
 TOGETHER = 32
 """Samples from which reading them together is faster."""
 
@@ -40,8 +33,8 @@ MANY = 100_000
 """Shapes after which all are forgotten: where each tag differs, knowing them is no gain."""
 
 
-_Last = tuple[tuple[str, str], str, dict[str, str], int]
-"""Context, element and attributes of an item's last sample, and the number of their shape."""
+_Latest = tuple[tuple[str, str], str, dict[str, str], int]
+"""Section and device, element and attributes of an item's latest observation, its shape's place."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,14 +86,10 @@ class Streams(XmlEvents):
         self.selection = selection
         self._device = ""
         self._section = ""
-        self._context = ("", "")
-        self._observation = 0  # depth of observations, 0 outside sections
         self._foreign: int | None = None  # depth of a device stream that is not selected
-        self._shapes: dict[Any, Shape] = {}
         self._waiting = SampleBatch()
-        self._flat = self._waiting.flat
-        self._codes: dict[Any, int] = {}  # of shapes of samples
-        self._last: dict[str | None, _Last] = {}  # by item
+        self._codes: dict[Any, int] = {}  # places of the shapes in those of the waiting samples
+        self._latest: dict[str | None, _Latest] = {}  # by item
         # The element that is being read:
         self._tag = ""
         self._attributes: dict[str, str] = {}
@@ -114,68 +103,21 @@ class Streams(XmlEvents):
 
     def forget_document(self) -> None:
         """Forget the document before, keep the count of records."""
-        if self._waiting.flat:
-            self._settle()
+        self._settle()
         self._device = self._section = self._tag = ""
-        self._observation, self._foreign, self.instance = 0, None, None
+        self._foreign = self.instance = self._entries = self._stranger = None
         self._text.clear()
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        # Nearly all elements are observations: no detour for them.
-        self.depth += 1
-        if self.depth != self._observation:
-            self.start(name, attributes)
-            return
-        self._tag, self._attributes, self._began = name, attributes, self._parser.CurrentByteIndex
-        self._entries = self._stranger = None
-        self._length = 0
-        self._text.clear()
-
-    def _end(self, name: str) -> None:
-        if self.depth != self._observation:
-            super()._end(name)
-            return
-        self.depth -= 1
-        attributes, text = self._attributes, self._text
-        timestamp, sequence = attributes.pop("timestamp", None), attributes.pop("sequence", None)
-        value = (text[0] if len(text) == 1 else "".join(text)).strip(BLANK)
-        # Most say what the one before of their item attributes: that is faster than to look it up.
-        code: int | None
-        last = self._last.get(attributes.get("dataItemId"))
-        if last and last[2] == attributes and last[1] == name and last[0] == self._context:
-            code = last[3]
-        else:
-            code = self._code()
-        plain = self._entries is None and len(value) <= MODEST and not self._length
-        if code is not None and timestamp and sequence and plain:
-            self._flat += (timestamp, sequence, value, code, self._began)
-        else:
-            self._observed(timestamp, sequence, value)
-
-    def _known(self) -> tuple[Any, ...]:
-        """Key of the shape of the element that is being read."""
-        return self._context, self._tag, *self._attributes, *self._attributes.values()
-
-    def _code(self) -> int | None:
-        """The number of a sample's shape; None when it is new or that of no sample."""
-        code = self._codes.get(self._known())
-        if code is not None:
-            item_id = self._attributes.get("dataItemId")
-            self._last[item_id] = (self._context, self._tag, self._attributes, code)
-        return code
 
     def handed_over(self) -> Batch:
         """What was read since the last batch."""
-        if self._waiting.flat:
-            self._settle()
+        self._settle()
         batch = self.rows.batch()
         self.rows = Rows()
         return batch
 
     def between(self) -> None:
         """Read what waits, let go of a text that is too long to keep."""
-        if self._waiting.flat:
-            self._settle()
+        self._settle()
         if len(self._text) > 1:
             length = sum(map(len, self._text))
             if length > LONGEST:
@@ -184,12 +126,10 @@ class Streams(XmlEvents):
 
     def reject(self, at: int, reason: str) -> None:
         """Reject the record that begins at byte ``at``."""
-        if self._waiting.flat:
-            self._settle()
-        self._refuse(at - self._shift, reason)
+        self._settle()
+        self._refuse(at, reason)
 
-    def _refuse(self, began: int, reason: str) -> None:
-        at = began + self._shift
+    def _refuse(self, at: int, reason: str) -> None:
         self.place += 1
         self.rows.reject(self.content.line(at), reason, self.content.excerpt(at))
 
@@ -203,15 +143,62 @@ class Streams(XmlEvents):
                 self._foreign = self.depth
                 self.reject(self.at, foreign_reason(self._device))
         elif tag in SECTIONS:
-            self._section, self._observation = SECTIONS[tag], self.depth + 1
-            self._context = (self._section, self._device)
+            self._read_section(SECTIONS[tag])
         elif "dataItemId" in attributes or "sequence" in attributes:
             reason = f"the element {quoted(tag)} stands outside Samples, Events and Condition"
             self.reject(self.at, reason)
 
-    def start_inside(self, name: str, attributes: dict[str, str]) -> None:
-        """An element inside an observation begins."""
-        inside = self.depth - self._observation
+    def _read_section(self, section: str) -> None:
+        """Read elements as observations from here to the end of the section.
+
+        Nearly all elements of a file are observations: the handlers look up nothing twice.
+        """
+        self._section = section
+        parser, text, shift = self._parser, self._text, self._shift
+        flat, known, latest = self._waiting.flat, self._waiting.known, self._latest
+        context = section, self._device
+        inside = began = 0
+        attributes: dict[str, str] = {}
+
+        def start(name: str, own: dict[str, str]) -> None:
+            nonlocal inside, began, attributes
+            inside += 1
+            if inside > 1:
+                self._start_inside(inside - 1, name, own)
+                return
+            attributes, began = own, parser.CurrentByteIndex
+            self._length = 0
+            text.clear()
+
+        def end(name: str) -> None:
+            nonlocal inside
+            inside -= 1
+            if inside > 0:
+                self._end_inside(inside)
+                return
+            if inside < 0:
+                self._section = ""
+                parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
+                self._end(name)
+                return
+            timestamp = attributes.pop("timestamp", None)
+            sequence = attributes.pop("sequence", None)
+            value = text[0] if len(text) == 1 else "".join(text)
+            last = latest.get(attributes.get("dataItemId"))
+            code = None
+            if last and last[2] == attributes and last[1] == name and last[0] == context:
+                code = last[3]
+            plain = self._entries is None and not self._length and timestamp and sequence
+            if code is not None and plain and known[code].manner == "number":
+                flat.extend((timestamp, sequence, value, code, began + shift))
+            else:
+                times = timestamp, sequence
+                self._observed(began + shift, context, name, attributes, times, value)
+
+        parser.StartElementHandler, parser.EndElementHandler = start, end
+
+    def _start_inside(self, inside: int, name: str, attributes: dict[str, str]) -> None:
+        """An element begins ``inside`` levels below an observation."""
         if inside == 1:
             self._entries = [] if self._entries is None else self._entries
             self._entry = (attributes, [])
@@ -221,9 +208,7 @@ class Streams(XmlEvents):
             self._stranger = local(name)
         self._text.clear()
 
-    def end_in_section(self) -> None:
-        """An element inside an observation, or the section, ends."""
-        inside = self.depth - self._observation
+    def _end_inside(self, inside: int) -> None:
         if inside == 1 and self._entry is not None and self._entries is not None:
             attributes, cells = self._entry
             removed = attributes.get("removed", "").strip().lower() in ("true", "1")
@@ -232,63 +217,70 @@ class Streams(XmlEvents):
             self._entries.append(Entry(attributes.get("key", ""), text, removed, table))
         elif inside == 2 and self._entry is not None:
             self._entry[1].append((self._cell, "".join(self._text).strip(BLANK)))
-        elif inside == -1:
-            self._section, self._observation = "", 0
         self._text.clear()
 
-    def _observed(self, timestamp: str | None, sequence: str | None, value: str) -> None:
-        if self._waiting.flat:
-            self._settle()
+    def _observed(
+        self, at: int, context: tuple[str, str], tag: str, attributes: dict[str, str],
+        times: tuple[str | None, str | None], value: str,
+    ) -> None:  # fmt: skip
+        self._settle()
         try:
             self._check(value)
-            known = self._known()
-            shape = self._shapes.get(known) or self._new_shape(known)
+            code = self._code(context, tag, attributes)
         except MalformedError as malformed:
-            self._refuse(self._began, str(malformed))
+            self._refuse(at, str(malformed))
         else:
-            inside: Any = value if self._entries is None else self._entries
-            self._record(self._began, shape, timestamp, sequence, inside)
+            self._latest[attributes.get("dataItemId")] = context, tag, attributes, code
+            inside = value if self._entries is None else self._entries
+            self._record(at, self._waiting.known[code], *times, inside)
+        self._entries = self._stranger = None
 
     def _settle(self) -> None:
         """Read the samples that wait, together or, if one of them is no plain one, one by one."""
         waiting = self._waiting
+        if not waiting.flat:
+            return
         if len(waiting) < TOGETHER or not self.rows.samples(waiting, self.instance):
-            for timestamp, sequence, value, code, began in waiting.each():
-                self._record(began, waiting.known[code], timestamp, sequence, value)
+            for timestamp, sequence, value, code, at in waiting.each():
+                self._record(at, waiting.known[code], timestamp, sequence, value)
         else:
             self.place += len(waiting)
         waiting.flat.clear()
 
     def _record(
-        self, began: int, shape: Shape, timestamp: str | None, sequence: str | None, value: Any
+        self, at: int, shape: Shape, timestamp: str | None, sequence: str | None, value: Any
     ) -> None:
+        if isinstance(value, str):
+            value = value.strip(BLANK)
         try:
             self.rows.record(shape, timestamp, sequence, self.instance, self.place + 1, value)
             self.place += 1
         except MalformedError as malformed:
-            self._refuse(began, str(malformed))
+            self._refuse(at, str(malformed))
 
     def _check(self, value: str) -> None:
-        if self._length or len(value) > LONGEST:
-            length = self._length + len(value)
+        length = self._length + len(value.strip(BLANK))
+        if self._length or length > LONGEST:
             raise MalformedError(f"the observation has {length} characters of text")
         if self._stranger is not None:
             stranger = quoted(self._stranger)
             raise MalformedError(f"the observation holds {stranger}, which is no entry")
 
-    def _new_shape(self, known: Any) -> Shape:
-        if len(self._shapes) > MANY:
-            self._shapes.clear()
-            self._codes.clear()
-            self._last.clear()
-            self._waiting.known.clear()
-        naming = self.selection.naming
-        shape = shape_of(self._section, local(self._tag), self._attributes, self._device, naming)
-        self._shapes[known] = shape
-        if shape.manner == "number":
-            self._codes[known] = len(self._waiting.known)
-            self._waiting.known.append(shape)
-        return shape
+    def _code(self, context: tuple[str, str], tag: str, attributes: dict[str, str]) -> int:
+        """The place of an observation's shape."""
+        key = context, tag, *attributes, *attributes.values()
+        code = self._codes.get(key)
+        if code is None:
+            section, device = context
+            shape = shape_of(section, local(tag), attributes, device, self.selection.naming)
+            known = self._waiting.known
+            if len(known) > MANY:
+                known.clear()
+                self._codes.clear()
+                self._latest.clear()
+            code = self._codes[key] = len(known)
+            known.append(shape)
+        return code
 
 
 _ASIDE = re.compile(rb"<!--.*?-->|<\?.*?\?>", re.S)
@@ -299,11 +291,6 @@ _TRANSPORT = re.compile(
 
 DOCUMENTS = {"MTConnectStreams": "streams", "MTConnectDevices": "devices",
              "MTConnectAssets": "assets", "MTConnectError": "error"}  # fmt: skip
-
-
-def stray_reason(length: int) -> str:
-    """Why bytes between two documents are rejected."""
-    return f"{length} bytes between documents are of none"
 
 
 def instance_of(header: dict[str, str]) -> int | None:
@@ -333,9 +320,6 @@ class Document(Streams):
 
     def start(self, name: str, attributes: dict[str, str]) -> None:
         """An element that is no observation begins."""
-        if self.depth > self._observation > 0:
-            self.start_inside(name, attributes)
-            return
         tag = local(name)
         if self.depth == 1:
             self._start_root(tag, attributes)
@@ -352,9 +336,7 @@ class Document(Streams):
 
     def end(self, name: str) -> None:
         """An element that is no observation ends."""
-        if self._section:
-            self.end_in_section()
-        elif self._form in ("assets", "asset"):
+        if self._form in ("assets", "asset"):
             self._end_asset(name)
         elif self._form == "error":
             self._end_error(local(name))
@@ -398,11 +380,11 @@ class Document(Streams):
 
     def stray(self, at: int, to: int) -> None:
         """Reject what stands between two documents if it is of none."""
-        begin = self.stray_at(at, to)
+        begin = self._stray_at(at, to)
         if begin is not None:
-            self.reject(begin, stray_reason(to - begin))
+            self.reject(begin, f"{to - begin} bytes between documents are of none")
 
-    def stray_at(self, at: int, to: int) -> int | None:
+    def _stray_at(self, at: int, to: int) -> int | None:
         """Where, from ``at`` to ``to``, something begins that is neither blank nor transport."""
         text = _ASIDE.sub(lambda aside: b" " * len(aside[0]), self.content.mapped[at:to])
         for line in _LINE.finditer(text):
