@@ -30,7 +30,8 @@ from pipeline.nets.ffnn import (
 from pipeline.nets.settings import NetworkSettings, TrainingSettings
 from pipeline.nets.trained import Scaling, Trained, reproducible, samples
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 
 METHODS: dict[str, tuple[str, ...]] = {
     "fuzzy_filtered": ("genetic", "projection", "gradient"),

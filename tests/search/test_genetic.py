@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.search.genetic import CHOICES, GeneticSettings, minimise, offspring
+from pipeline.search.genetic import CHOICES, GeneticSettings, offspring
+from pipeline.search.result import minimise
 from tests.search.landscapes import LANDSCAPES, rastrigin, sphere
 
 SMALL = GeneticSettings(population=20, generations=15, seed=3)

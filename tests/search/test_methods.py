@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.search import result
 from pipeline.search.methods import METHODS, minimise
 from tests.search.landscapes import rastrigin, sphere
 
@@ -162,7 +163,7 @@ def test_it_ends_by_limit_stall_and_callback(name: str) -> None:
 
     def ended(**more):
         some = method.settings(population=8, generations=50, **more)
-        return method.minimise(sphere, LOW, HIGH, some)
+        return result.minimise(sphere, LOW, HIGH, some)
 
     good = ended(limit=1.0)
     assert good.stopped == "limit" and good.cost <= 1.0 < good.history[-2]
