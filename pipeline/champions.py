@@ -76,15 +76,6 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     That is the bundle that somebody promoted, else the one that serves already, else the newest.
     Where nothing is new the store is only read.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    names : sequence of str
-        Its sub-models.
-    root : Path
-        The project.
-
     Raises
     ------
     StoreError
@@ -124,17 +115,6 @@ def fill_champion(
     """Fill ``target`` with the bundle of a hash, from wherever it is.
 
     It lies in ``models``, or in ``target`` already, or in the registry.
-
-    Parameters
-    ----------
-    bundle : str
-        Hash of the champion.
-    names : sequence of str
-        Sub-models of the machine.
-    models, target : Path
-        ``data/models/<machine>`` and ``data/champion/<machine>``.
-    root : Path
-        The project.
 
     Raises
     ------
@@ -270,13 +250,7 @@ def _challenge(
     root: Path,
     anyway: bool,
 ) -> tuple[Champions, str, str]:
-    """Hold the newest bundle against the champion; champions with looks, its hash, and a note.
-
-    Raises
-    ------
-    ValueError
-        When something speaks against it and it is not promoted anyway.
-    """
+    """Hold the newest bundle against the champion; champions with looks, its hash, and a note."""
     from pipeline.submodels.promotion import objections, sealed_objections
 
     if not names:

@@ -37,10 +37,6 @@ class Source:
 
     Parameters
     ----------
-    program : Program
-        Text.
-    file : int
-        Its index in ``Moves.files``.
     parse : callable
         From a program and a line number to the statement.
     keeps : bool
@@ -233,8 +229,6 @@ class CallStack:
         Interpretation and variables; a call saves modal state and local variables.
     parse : callable
         From a program and a line number to the statement.
-    program : Program
-        The main program.
     memory : ModalMemory, optional
         What the reader of a Sinumerik's lines remembers.
     """

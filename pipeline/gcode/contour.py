@@ -26,8 +26,6 @@ class CompensationError(ValueError):
     ----------
     row : int
         :attr:`Element.row` of the element that cannot be followed.
-    reason : str
-        Why, and what to do.
     """
 
     def __init__(self, *, row: int, reason: str) -> None:

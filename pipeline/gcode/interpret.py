@@ -133,8 +133,6 @@ class Interpreter:
 
     Parameters
     ----------
-    program, setup, progress
-        As :func:`interpret` takes them.
     compiled : bool
         Whether fast lines are left to compiled code; the moves are the same.
 

@@ -133,12 +133,8 @@ class Line:
 
     Parameters
     ----------
-    number : int
-        Counting from 1.
     start : int
         Its first byte in the program, counting from 0.
-    text : bytes
-        Without the line end.
     end : bytes
         The line end; empty where the last line has none.
     """
@@ -249,13 +245,6 @@ def is_block(remark: bytes) -> bool:
 
 class Program:
     """Bytes of a part program, and their tokens.
-
-    Parameters
-    ----------
-    data : bytes
-        As read.
-    name : str
-        For errors: the file's name.
 
     Raises
     ------

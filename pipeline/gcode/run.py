@@ -34,13 +34,6 @@ class Block:
     """Evaluated words of a line.
 
     Codes take the words that they use; a word left over is an error.
-
-    Parameters
-    ----------
-    file : str
-        Name for errors.
-    line : int
-        Counting from 1.
     """
 
     __slots__ = (
@@ -223,15 +216,7 @@ MODES = ("motion", "unit", "plane", "absolute", "feed_mode", "path_mode", "toler
 
 
 class Run:
-    """State of one interpretation, on which all codes act.
-
-    Parameters
-    ----------
-    setup : Setup
-        The control before the program.
-    capacity : int
-        Rows to allocate at first.
-    """
+    """State of one interpretation, on which all codes act."""
 
     def __init__(self, setup: Setup, capacity: int) -> None:
         self.setup = setup

@@ -172,13 +172,6 @@ def constant(value: Expression) -> float | None:
 def evaluate(expression: Expression, parameters: ParameterStore) -> float | None:
     """Value of an expression; None where it is Fanuc's <vacant>.
 
-    Parameters
-    ----------
-    expression : Expression
-        As parsed.
-    parameters : ParameterStore
-        Read only.
-
     Returns
     -------
     float or None

@@ -37,21 +37,7 @@ class Checkpoint:
 def write_checkpoint(
     path: Path, fingerprint: str, at: Checkpoint, built: nn.Module, adam: Mapping[str, Tensor]
 ) -> None:
-    """Store where a training stands; the file is whole at every time.
-
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    fingerprint : str
-        Of the training.
-    at : Checkpoint
-        Where it stands.
-    built : Module
-        Its network.
-    adam : mapping of str to Tensor
-        State of what moves the network.
-    """
+    """Store where a training stands; the file is whole at every time."""
     told = {
         "fingerprint": fingerprint, "history": at.history, "best": at.best, "best_at": at.best_at,
     }  # fmt: skip

@@ -57,8 +57,6 @@ class Readers(nn.Module):
         Recorded windows, scaled to -1..1.
     numbers, words : Tensor, shape (N, K), (N, D)
         Their conditions, encoded; word 0 is one that is not known.
-    read : int
-        Column of ``numbers`` that is read.
     unknown : float
         Share of the words that are hidden in training [1].
     """

@@ -38,10 +38,6 @@ class FilteredNetwork(nn.Module, ABC):
 
     Parameters
     ----------
-    bands : int
-        J.
-    sensors, inputs : int
-        N and K.
     bounds : sequence of pairs of float
         Least and greatest value of each of the F parameters of a band.
     start : Tensor, shape (J, F)
@@ -159,12 +155,8 @@ class Whitened:
 
     Parameters
     ----------
-    built : FilteredNetwork
-        At the bands that training starts from.
     x, c, y : Tensor, shapes (T, N), (T, K), (T,)
         Samples, of whose least squares b0 is the solution.
-    ridge : float
-        Of these.
     """
 
     def __init__(
@@ -200,13 +192,6 @@ class FuzzyFilteredNetwork(FilteredNetwork):
     Shares need temperatures of one sign, or their sum could vanish.  So the bands take the scaled
     rise, 0 to 1 over what was learnt, plus an offset; what lies so far below everything learnt that
     less than a twentieth of the offset is left counts as that twentieth.
-
-    Parameters
-    ----------
-    settings : FuzzyFilteredSettings
-        Bands and offset.
-    sensors, inputs : int
-        N, at least 3, and K.
     """
 
     def __init__(self, settings: FuzzyFilteredSettings, sensors: int, inputs: int) -> None:
@@ -227,15 +212,7 @@ class FuzzyFilteredNetwork(FilteredNetwork):
 
 
 class ClassicFuzzyNetwork(FilteredNetwork):
-    """The classic network: bells (centre, half-width, slope), sigmoids (steepness, threshold).
-
-    Parameters
-    ----------
-    settings : ClassicFuzzySettings
-        Bands.
-    sensors, inputs : int
-        N, at least 3, and K.
-    """
+    """The classic network: bells (centre, half-width, slope), sigmoids (steepness, threshold)."""
 
     def __init__(self, settings: ClassicFuzzySettings, sensors: int, inputs: int) -> None:
         along = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)), (1.0, 6.0))
@@ -265,8 +242,6 @@ class BackPropagationNetwork(nn.Module):
     ----------
     settings : BackPropagationSettings
         Nodes H, and whether the consequent inputs enter.
-    sensors, inputs : int
-        N and K.
     generator : Generator
         Of the initial weights, uniform within 1 / sqrt(inputs of the node).
     """

@@ -32,8 +32,6 @@ class SequenceNetwork(nn.Module, ABC):
 
     Parameters
     ----------
-    features : int
-        Of a window.
     outputs : int or None
         H; None for one output without a dimension of its own.
     """
@@ -54,13 +52,7 @@ class SequenceNetwork(nn.Module, ABC):
 
 
 class CausalConvolution(nn.Module):
-    """Convolution over time that sees a row and those before it, zeros before the first.
-
-    Parameters
-    ----------
-    inputs, filters, kernel, dilation : int
-        Of the convolution.
-    """
+    """Convolution over time that sees a row and those before it, zeros before the first."""
 
     def __init__(self, inputs: int, filters: int, kernel: int, dilation: int = 1) -> None:
         super().__init__()

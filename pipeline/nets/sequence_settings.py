@@ -121,13 +121,7 @@ class ArxSettings(SequenceSettings, section="arx"):
 
 @dataclass(frozen=True, kw_only=True)
 class WindowTraining(Ranged, section="window_training"):
-    """Budget of a training on windows and its settings, the same for every network.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, or the precision is none of these.
-    """
+    """Budget of a training on windows and its settings, the same for every network."""
 
     epochs: Count = 100
     """Passes over the training windows at most."""
@@ -168,13 +162,7 @@ class WindowTraining(Ranged, section="window_training"):
 
 @dataclass(frozen=True, kw_only=True)
 class TuningSettings(Ranged, section="tuning"):
-    """Budget of a search for the settings of a network on windows, and where it searches.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, a range is empty, or there is no search of that name.
-    """
+    """Budget of a search for the settings of a network on windows, and where it searches."""
 
     method: str = "genetic"
     """Name of the search in :data:`pipeline.search.methods.METHODS`."""

@@ -135,10 +135,6 @@ class Progress:
 
     Parameters
     ----------
-    built : Network
-        That is being trained.
-    training, validation : tuple of Tensor
-        Scaled x, c and y.
     patience : int
         Passes without a gain after which it stops.
     unit : float

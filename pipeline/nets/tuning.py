@@ -192,19 +192,7 @@ Task = tuple[SequenceSettings, WindowTraining]
 
 
 class _Search:
-    """Costs of generations, and all candidates that were trained for them.
-
-    Parameters
-    ----------
-    kind, training
-        As they were given.
-    windows : Windows
-        Of a candidate.
-    settings : TuningSettings
-        Budget and ranges.
-    place, device
-        Where candidates are trained.
-    """
+    """Costs of generations, and all candidates that were trained for them."""
 
     def __init__(
         self, kind: SequenceSettings, windows: Windows, training: WindowTraining,

@@ -168,21 +168,7 @@ def _kept(labels: list[str], settings: WindowTraining) -> tuple[str, ...]:
 
 
 class _Loop:
-    """Adam over batches of windows, with the best state so far.
-
-    Parameters
-    ----------
-    built : SequenceNetwork
-        Which is trained, on its device.
-    settings : WindowTraining
-        Budget.
-    precision : str
-        Of products.
-    generator : Generator
-        Of the order of windows.
-    unit : float
-        Of the scaled target.
-    """
+    """Adam over batches of windows, with the best state so far."""
 
     def __init__(
         self, built: SequenceNetwork, settings: WindowTraining, precision: str,

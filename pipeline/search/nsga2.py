@@ -22,13 +22,7 @@ from pipeline.search.genetic import GeneticSettings, bred, mutation_rate
 
 @dataclass(frozen=True, kw_only=True)
 class FrontSettings(Ranged, section="front"):
-    """Settings of NSGA-II; the defaults are those of Deb et al. 2002.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of NSGA-II; the defaults are those of Deb et al. 2002."""
 
     population: Annotated[int, Range(least=4)] = 100
     """Individuals P, and children of a generation; at least 4."""

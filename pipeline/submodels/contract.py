@@ -77,15 +77,7 @@ class Target:
     deciding; 0 where each decides."""
 
     def unknown_interval(self, score: Score, trained: int) -> str:
-        """Why the interval of a score over all groups is not known; empty where it is of use.
-
-        Parameters
-        ----------
-        score : Score
-            Over all groups that decide.
-        trained : int
-            Cases that the model was fitted on.
-        """
+        """Why the interval of a score over all groups is not known; empty where it is of use."""
         ratio = score.half_width_over_rmse
         if ratio is None or ratio <= self.widest:
             return ""

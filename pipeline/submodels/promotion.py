@@ -194,17 +194,6 @@ def objections(
     A challenger serves when it is significantly better in at least one sub-model, or adds one that
     passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it
     nor against it.
-
-    Parameters
-    ----------
-    contests : sequence of Contest
-        Of the sub-models that differ.
-    statuses : dict of str to Status
-        Of the challenger's sub-models, as their verdicts say.
-    added : sequence of str
-        Sub-models that the champion does not have.
-    absent : sequence of str
-        Sub-models that only the champion has.
     """
     found = [f"its {name} failed: see {name}/verdict.json" for name, status in statuses.items()
              if status == "failed"]  # fmt: skip

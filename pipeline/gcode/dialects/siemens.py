@@ -36,8 +36,6 @@ class SiemensReader:
 
     Parameters
     ----------
-    file : str
-        Name for errors.
     setup : Setup
         Of the control: numbers of tool names (others get the next free ones in the order in which
         they are called), variables that it has before the program begins, levels of ``/`` that are

@@ -151,13 +151,6 @@ def fit_axes(
 ) -> dict[tuple[str, str], UseFit]:
     """Every use of every axis, by letter and use.
 
-    Parameters
-    ----------
-    axes : mapping of str to sequence of Features
-        Training recordings of each axis.
-    settings : CompensationFitSettings
-        Of the fit.
-
     Raises
     ------
     ValueError
