@@ -125,25 +125,17 @@ class Register:
 
 @dataclass(slots=True, kw_only=True)
 class Snapshot:
-    """Modal state that M70 or M73 of LinuxCNC saved.
-
-    Parameters
-    ----------
-    values : dict of str to number
-        Fields of the state.
-    length : list of 6 floats
-        Tool offset.
-    active : str
-        Work coordinate system.
-    automatic : bool
-        M73: restored when the subroutine ends.
-    """
+    """Modal state that M70 or M73 of LinuxCNC saved."""
 
     values: dict[str, float]
+    """Fields of the state."""
     length: list[float]
+    """Tool offset by axis."""
     active: str
+    """Work coordinate system."""
     retract_to_r: bool
     automatic: bool
+    """M73: restored when the subroutine ends."""
     g52: list[float] | None = None
     """Shift by TRANS that SAVE of a Sinumerik restores, which leaves F, S and tools as they are."""
 

@@ -115,41 +115,26 @@ Ends = Mapping[tuple[str, str], tuple[str, str]]
 
 
 class SubModel(ABC, Generic[Fit, Judging, M]):
-    """One sub-model.
-
-    Attributes
-    ----------
-    name : str
-        Of its folder, its lists in the fleet, its stages.
-    title : str
-        As a person on the shop floor calls what it models.
-    needs : str
-        What to record for it, in a sentence.
-    reads : tuple of str
-        Fields of :class:`~pipeline.submodels.cases.Records` that it reads, in the order of the
-        stages' commands.
-    model : type
-        Of its ``model.json``.
-    fitting, judging : type
-        Frozen dataclasses whose fields are sections of params.yaml.  Both have ``identity`` and
-        ``roles``.
-    inputs : tuple of Input
-        What its predictions look at.
-    ends : Ends
-        Columns of :meth:`serve`'s answer with the ends of the 90 % interval, by quantity and
-        regime.  Where a quantity is one of each axis, its letter follows the name there, and stands
-        before the columns.
-    """
+    """One sub-model."""
 
     name: ClassVar[str]
+    """Name of its folder, its lists in the fleet, its stages."""
     title: ClassVar[str]
+    """What it models, as a person on the shop floor calls it."""
     needs: ClassVar[str]
+    """What to record for it, in a sentence."""
     reads: ClassVar[tuple[str, ...]]
+    """Fields of :class:`~pipeline.submodels.cases.Records` in the order of the stages' commands."""
     model: ClassVar[type[Model]]
+    """Type of ``model.json``."""
     fitting: ClassVar[type]
     judging: ClassVar[type]
+    """Frozen dataclasses of sections of params.yaml; both have ``identity`` and ``roles``."""
     inputs: ClassVar[tuple[Input, ...]]
+    """Signals that its predictions look at."""
     ends: ClassVar[Ends] = {}
+    """Columns of :meth:`serve`'s answer with the ends of the 90 % interval.  Where a quantity is of
+    each axis, its letter follows the name there, and stands before the columns."""
 
     @abstractmethod
     def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
@@ -220,21 +205,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shown(Generic[M]):
-    """What a sub-model's page is made of; None where a file is not there.
-
-    Parameters
-    ----------
-    model, verdict, predictions
-        The three files of the sub-model.
-    truth : mapping or None
-        What is true of a simulated machine.
-    clean, signals : Path or None
-        Folders of the machine's clean records and of its signals.
-    shelf : object
-        Through which further files are read, so that the page can name its sources.
-    folder : Path
-        Of the sub-model's files.
-    """
+    """What a sub-model's page is made of; None where a file is not there."""
 
     machine: str
     origin: str
@@ -242,10 +213,14 @@ class Shown(Generic[M]):
     verdict: Verdict | None
     predictions: "pd.DataFrame | None"
     truth: Mapping[str, Any] | None = None
+    """What is true of a simulated machine."""
     shelf: Any = None
+    """Reader of further files, so that the page can name its sources."""
     folder: Path = Path()
+    """Folder of the sub-model's files."""
     clean: Path | None = None
     signals: Path | None = None
+    """Folders of the machine's clean records and of its signals."""
 
     def parameters(self, group: str = "") -> Mapping[str, Parameter]:
         """Parameters of a group by name; none without a model."""
