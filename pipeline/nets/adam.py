@@ -4,7 +4,7 @@ A step on sixty small tensors takes longer than a small network, on one vector i
 ``torch.optim`` imports a compiler at its first step, a second of each process.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -53,11 +53,6 @@ class Adam:
             many = torch.tensor([one.numel() for one in weights])
             each = torch.tensor([2.0 * one for one in l2], dtype=torch.float64)
             self.slope_of_l2 = each.repeat_interleave(many).to(self.values)
-
-    @property
-    def state(self) -> Mapping[str, Tensor]:
-        """What the next step depends on beside the weights, to be stored or filled."""
-        return {"mean": self.mean, "square": self.square, "steps": self.steps}
 
     def step(self, loss: Tensor) -> None:
         """Move the weights."""

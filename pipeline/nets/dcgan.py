@@ -26,9 +26,15 @@ from pipeline.nets.dcgan_settings import (
     GanSettings,
     GanTraining,
 )
-from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_model import document_of, fill
-from pipeline.schema.arrays import Floats, packed
+from pipeline.nets.stored import (
+    document_of,
+    fill,
+    history_of,
+    reproducible,
+    samples,
+    state_of,
+)
+from pipeline.schema.arrays import Floats
 
 SLOPE = 0.2
 """Of LeakyReLU below zero [1]."""
@@ -319,7 +325,7 @@ class TrainedGan:
                 "shift": self.scaling.shift.tolist(), "scale": self.scaling.scale.tolist(),
                 "clipped": self.scaling.clipped,
             },
-            "state": {k: packed(v.numpy()) for k, v in self.network.state_dict().items()},
+            "state": state_of(self.network),
             "history": self.history.tolist(),
         }  # fmt: skip
 
@@ -351,7 +357,7 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
                 scale=np.array(scaling["scale"], dtype=np.float64), clipped=scaling["clipped"],
             ),
             network=built.requires_grad_(False).eval(),
-            history=np.array(document["history"], dtype=np.float64).reshape(-1, 3),
+            history=history_of(document),
         )  # fmt: skip
 
 

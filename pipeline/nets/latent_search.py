@@ -20,7 +20,7 @@ from pipeline.nets.adam import Adam
 from pipeline.nets.dcgan import TrainedGan, encoded
 from pipeline.nets.settings import Whole
 from pipeline.nets.spectral_distance import distances, short_spectra
-from pipeline.nets.trained import reproducible, samples
+from pipeline.nets.stored import reproducible, samples
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, NotNegative, Positive, Ranged
 

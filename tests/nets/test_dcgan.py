@@ -1,8 +1,7 @@
-"""Conditional DCGAN: shapes, bits, checkpoints, what conditions do, the R1 gradient."""
+"""Conditional DCGAN: shapes, bits, what conditions do, the R1 gradient."""
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,41 +90,6 @@ def test_a_training_leaves_the_random_numbers_of_others_alone() -> None:
     before = torch.get_rng_state()
     trained()
     assert torch.equal(torch.get_rng_state(), before)
-
-
-class Interrupted(Exception):  # noqa: N818
-    pass
-
-
-@pytest.mark.parametrize("at", [4, pytest.param(2, marks=pytest.mark.proof)])
-@pytest.mark.parametrize("change", [{}, {"r1": 1.0, "r1_every": 2, "spectrum": 1.0}])
-def test_what_goes_on_from_a_checkpoint_ends_in_the_same_bits(
-    at: int, change, tmp_path: Path
-) -> None:
-    training = replace(TRAINING, **change)
-    whole, path = trained(training=training), tmp_path / "checkpoint.npz"
-
-    def power_cut(step: GanStep) -> None:
-        if step.number == at:
-            raise Interrupted
-
-    with pytest.raises(Interrupted):
-        trained(training=training, checkpoint=path, watch=power_cut)
-    seen: list[int] = []
-    resumed = trained(
-        training=training, checkpoint=path, watch=lambda step: seen.append(step.number)
-    )
-    assert seen[0] == at + 2
-    assert json.dumps(resumed.document()) == json.dumps(whole.document())
-
-
-def test_a_checkpoint_of_another_training_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "checkpoint.npz"
-    trained(checkpoint=path)
-    with pytest.raises(ValueError, match="is of another training"):
-        trained(checkpoint=path, training=replace(TRAINING, learning_rate=2e-3))
-    with pytest.raises(ValueError, match="is of another training"):
-        trained(checkpoint=path, x=X + 1.0)
 
 
 def test_a_watch_sees_samples_as_they_stand_and_can_end_it() -> None:

@@ -1,8 +1,7 @@
-"""Training on windows: what can be learnt is, recordings stay whole, bits and checkpoints hold."""
+"""Training on windows: what can be learnt is, recordings stay whole, bits hold."""
 
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -105,67 +104,6 @@ def test_a_restored_network_predicts_the_same_bits(kind: SequenceSettings) -> No
     assert (again.kind, again.settings, again.inputs) == (kind, SHORT, DATA.inputs)
 
 
-class Interrupted(Exception):  # noqa: N818
-    pass
-
-
-@pytest.mark.parametrize("kind", FEW, ids=repr)
-@pytest.mark.parametrize("at", [3, pytest.param(1, marks=pytest.mark.proof)])
-def test_what_goes_on_from_a_checkpoint_ends_in_the_same_bits(
-    kind: SequenceSettings, at: int, tmp_path: Path
-) -> None:
-    whole = trained(kind)
-    path = tmp_path / "checkpoint.npz"
-
-    def power_cut(epoch: Epoch) -> None:
-        if epoch.number == at:
-            raise Interrupted
-
-    with pytest.raises(Interrupted):
-        trained(kind, checkpoint=path, watch=power_cut)
-    seen: list[int] = []
-    resumed = trained(kind, checkpoint=path, watch=lambda epoch: seen.append(epoch.number))
-    assert seen == list(range(at + 1, 6))
-    assert json.dumps(resumed.document()) == json.dumps(whole.document())
-    assert json.dumps(trained(kind, checkpoint=path).document()) == json.dumps(whole.document())
-
-
-def test_more_epochs_go_on_from_a_checkpoint(tmp_path: Path) -> None:
-    path = tmp_path / "checkpoint.npz"
-    trained(NETWORKS[2], settings=replace(SHORT, epochs=2), checkpoint=path)
-    assert trained(NETWORKS[2], checkpoint=path).history.tobytes() == (
-        trained(NETWORKS[2]).history.tobytes()
-    )
-
-
-def test_a_checkpoint_of_another_training_or_a_broken_one_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "checkpoint.npz"
-    trained(NETWORKS[2], checkpoint=path)
-    for kind, data, settings in (
-        (NETWORKS[1], DATA, SHORT),
-        (NETWORKS[2], replace_y(DATA), SHORT),
-        (NETWORKS[2], DATA, replace(SHORT, learning_rate=0.1)),
-    ):
-        with pytest.raises(ValueError, match="of another training"):
-            trained(kind, data, settings, checkpoint=path)
-    whole = path.read_bytes()
-    for broken in (b"", b"no archive", whole[: len(whole) // 2]):
-        path.write_bytes(broken)
-        with pytest.raises(ValueError, match="cannot be read"):
-            trained(NETWORKS[2], checkpoint=path)
-
-
-def replace_y(data: Windows) -> Windows:
-    return Windows(x=data.x, y=data.y**2, group=data.group, inputs=data.inputs)
-
-
-def test_an_object_in_a_checkpoint_is_not_unpickled(tmp_path: Path) -> None:
-    path = tmp_path / "checkpoint.npz"
-    np.savez(path, told=np.array([{"an": "object"}], dtype=object))
-    with pytest.raises(ValueError, match="cannot be read"):
-        trained(NETWORKS[2], checkpoint=path)
-
-
 def test_validation_recordings_are_whole_and_never_learnt_from() -> None:
     one = trained(NETWORKS[0])
     assert len(one.validation_groups) == 1
@@ -176,7 +114,7 @@ def test_validation_recordings_are_whole_and_never_learnt_from() -> None:
         two = trained(kind, Windows(x=x, y=y, group=DATA.group))
         assert two.validation_groups == one.validation_groups
         np.testing.assert_array_equal(two.history[:, 1], one.history[: len(two.history), 1])
-        np.testing.assert_array_equal(two.scaling.x_scale, one.scaling.x_scale)
+        np.testing.assert_array_equal(two.x_scaling.scale, one.x_scaling.scale)
 
 
 @pytest.mark.parametrize("kind", NETWORKS, ids=repr)
@@ -200,8 +138,6 @@ def test_whoever_watches_is_told_and_can_end_a_training() -> None:
     found = trained(NETWORKS[2], watch=watch)
     assert [(e.number, e.of) for e in told] == [(1, 5), (2, 5), (3, 5)]
     np.testing.assert_allclose(found.history, [(e.number, e.training, e.validation) for e in told])
-    for e in told:
-        assert e.left_s == pytest.approx(e.seconds / e.number * (5 - e.number))
 
 
 def test_the_penalty_makes_weights_small_and_leaves_biases() -> None:
@@ -237,10 +173,10 @@ def test_bfloat16_trains_to_what_float32_does(kind: SequenceSettings) -> None:
     assert json.dumps(two.document()) == json.dumps(again.document())
     assert two.history[:, 1].tobytes() != one.history[:, 1].tobytes()
     np.testing.assert_allclose(two.history[:, 1:], one.history[:, 1:], rtol=0.05)
-    x = one.scaling.inputs(DATA.x, torch.float32)
+    x = one.x_scaling.scaled(DATA.x, torch.float32)
     with torch.no_grad():
         exact = one.network(x)
-        with autocast("bfloat16", "cpu"):
+        with autocast("bfloat16"):
             short = one.network(x).float()
     # eight bits of a mantissa
     assert (short - exact).abs().max() < 0.05 * exact.abs().max()

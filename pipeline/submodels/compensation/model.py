@@ -286,7 +286,7 @@ class Compensation:
         if kind == PERSISTENCE:
             names = [one.name for one in windows.inputs]
             return [windows.x[:, -1, names.index(RESIDUAL)]]
-        from pipeline.nets.trained import reproducible
+        from pipeline.nets.stored import reproducible
 
         networks = self.networks(letter, use, kind)
         with reproducible():
