@@ -162,20 +162,9 @@ def promote(
 ) -> Champion:
     """Make the newest bundle of a machine its champion, or go back to a version.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    root : Path
-        The project.
-    why : str
-        The reason, for ``champions.json``.
-    by : str
-        Who promotes; git's user where it is empty.
-    anyway : bool
-        Whether a bundle that is not shown to be better serves all the same.
-    to : int or None
-        A registered version that serves from now on, without a comparison.
+    ``why`` goes into ``champions.json``; ``by`` is git's user where it is empty; ``anyway`` lets
+    one serve that is not shown to be better; ``to`` is a registered version that serves without a
+    comparison.
 
     Raises
     ------

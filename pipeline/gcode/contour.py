@@ -202,18 +202,8 @@ def append_path(
 ) -> None:
     """Append the moves of a path, and between them, in place, the rows that do not move.
 
-    Parameters
-    ----------
-    rows : Rows
-        That grow.
-    path : list of Element
-        Of the tool's centre; each element bears the number of its programmed row.
-    programmed : Rows
-        The contour as programmed.
-    start : tuple of 6 floats
-        Where the machine stood before the contour [mm, deg].
-    plane : int
-        17, 18 or 19.
+    Elements of ``path``, of the tool's centre, bear the number of their row in ``programmed``;
+    ``start`` is where the machine stood before the contour [mm, deg]; ``plane`` is 17, 18 or 19.
     """
     first, second, normal = IN_PLANE[plane]
     here = list(start)

@@ -47,13 +47,6 @@ class Tokens:
 def tokens(data: bytes, name: str) -> Tokens:
     """Tokens of any bytes.
 
-    Parameters
-    ----------
-    data : bytes
-        A program, whatever its encoding and line ends.
-    name : str
-        Of the program, for errors.
-
     Raises
     ------
     GcodeError
@@ -73,14 +66,7 @@ def tokens(data: bytes, name: str) -> Tokens:
 def numbers(data: bytes, made: Tokens, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
     """Numbers of some tokens.
 
-    Parameters
-    ----------
-    data : bytes
-        A program.
-    made : Tokens
-        Its K tokens.
-    which : (n,) array of int
-        WORD tokens, counting from 0.
+    ``which`` (n,) are WORD tokens, counting from 0.
     """
     found = np.empty(len(which))
     scanner.read_numbers(np.frombuffer(data, dtype=np.uint8), made.start[which], found)
@@ -278,10 +264,7 @@ class Program:
     def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
         """The program put together from its pieces, with other bytes for some words.
 
-        Parameters
-        ----------
-        changes : mapping of Word to bytes, optional
-            What to write in place of a word of this program; all other bytes stay.
+        All bytes stay but those of the words in ``changes``.
         """
         instead = {word.start: text for word, text in (changes or {}).items()}
         bounds = self.tokens.start.tolist()

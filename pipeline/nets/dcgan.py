@@ -279,14 +279,8 @@ class TrainedGan:
     ) -> Floats:
         """Windows at conditions, shape (N, C, L), in the units of the channels.
 
-        Parameters
-        ----------
-        conditions : mapping of str to array_like, shape (N,)
-            By name; the empty word, or a discrete one left out, for one that is not known.
-        seed : int
-            Of the noise.
-        noise : array_like, shape (N, Z), optional
-            Instead of noise by ``seed``.
+        ``conditions`` by name, shape (N,); the empty word, or a discrete one left out, for one that
+        is not known. ``noise`` (N, Z) stands in for that of ``seed``.
 
         Raises
         ------

@@ -58,24 +58,9 @@ def train_gan(
 ) -> TrainedGan:  # fmt: skip
     """Generator that is trained on windows and their conditions.
 
-    Parameters
-    ----------
-    kind : GanSettings
-        Sizes.
-    values : array_like, shape (N, C, L)
-        Windows, in the units of the channels.
-    conditions : mapping of str to array_like, shape (N,)
-        Numbers, or words, by name.
-    training : GanTraining
-        Budget.
-    channels, units : sequence of str
-        Of the windows.
-    condition_units : mapping of str to str, optional
-        Units of the conditions that are numbers.
-    watch : callable or None
-        Called every ``training.every`` steps, and after the last.
-    read : str
-        Condition, a number, whose readings count by ``training.reading``.
+    ``values`` (N, C, L) in the ``units`` of the ``channels``; ``conditions`` by name, numbers or
+    words, shape (N,). ``watch`` is called every ``training.every`` steps, and after the last;
+    ``read`` names the condition, a number, whose readings count by ``training.reading``.
 
     Raises
     ------

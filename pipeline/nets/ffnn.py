@@ -120,12 +120,7 @@ class FilteredNetwork(nn.Module, ABC):
     def solve_consequents(self, x: Tensor, c: Tensor, y: Tensor, ridge: float) -> Tensor:
         """Set the consequents to those of ridge least squares; shape (J, K + 1).
 
-        Parameters
-        ----------
-        x, c, y : Tensor, shapes (T, N), (T, K), (T,)
-            Samples.
-        ridge : float
-            Least is mean((A b - y)^2) + ridge b'b.
+        Least is mean((A b - y)^2) + ``ridge`` b'b over samples x (T, N), c (T, K), y (T,).
         """
         found = ridge_solution(*self.normal_equations(self.bands, x, c, y), ridge)
         self.consequents.copy_(found.view_as(self.consequents))

@@ -72,12 +72,7 @@ class Trained:
     def predict(self, x: ArrayLike, c: ArrayLike) -> Floats:
         """Output at samples, shape (T,), in the unit of what was learnt [µm].
 
-        Parameters
-        ----------
-        x : array_like, shape (T, N)
-            Temperatures above the reference [K].
-        c : array_like, shape (T, K)
-            Consequent inputs.
+        x (T, N) are temperatures above the reference [K], c (T, K) the consequent inputs.
 
         Raises
         ------

@@ -51,22 +51,10 @@ def train(
 ) -> Trained:  # fmt: skip
     """Network that is trained on samples, in its best state.
 
-    Parameters
-    ----------
-    kind : NetworkSettings
-        Settings of the network, which say which one it is.
-    method : str
-        One of :data:`METHODS` for that kind.
-    x : array_like, shape (T, N)
-        Temperatures above the reference [K], the sensors in their order along the machine.
-    c : array_like, shape (T, K)
-        Consequent inputs.
-    y : array_like, shape (T,)
-        What is learnt, such as a deformation [µm].
-    group : sequence, shape (T,)
-        Label of the group of each sample, such as its speed profile.
-    settings : TrainingSettings
-        Budget.
+    x (T, N) are temperatures above the reference [K], the sensors in their order along the machine,
+    c (T, K) consequent inputs, y (T,) what is learnt, such as a deformation [µm]; ``group`` (T,)
+    labels samples that belong together, such as a speed profile; ``method`` is one of
+    :data:`METHODS` for that kind.
 
     Raises
     ------
@@ -266,18 +254,8 @@ def _descent(
 def descend(order, x, y, hidden, hidden_bias, output, output_bias, h, rate):  # type: ignore[no-untyped-def]
     """One pass of back-propagation: w <- w - rate d(e^2 / 2)/dw after each sample, in place.
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (T,)
-        Of the samples.
-    x, y : ndarray, shapes (T, N) and (T,)
-        Scaled inputs and output.
-    hidden, hidden_bias, output, output_bias : ndarray, shapes (H, N), (H,), (1, H), (1,)
-        Weights, changed in place.
-    h : ndarray, shape (H,)
-        Scratch.
-    rate : float
-        Learning rate.
+    ``order`` (T,) of the samples, scaled x (T, N) and y (T,); weights (H, N), (H,), (1, H), (1,)
+    change in place; ``h`` (H,) is to work in.
     """
     for t in order:
         e = output_bias[0] - y[t]

@@ -103,19 +103,10 @@ def tune(
 ) -> Tuned:  # fmt: skip
     """The best settings within their ranges, and the network that was trained with them.
 
-    Parameters
-    ----------
-    kind : SequenceSettings
-        Of the network; ``units`` is tuned where it has them, the rest is kept.
-    windows : Windows
-        To learn from and to stop by; their groups are whole recordings.
-    training : WindowTraining
-        Of the trainings in full; those of candidates differ in what :class:`TuningSettings` says.
-        The k-th of the best has the seed ``training.seed`` + k, from 0.
-    settings : TuningSettings
-        Budget and ranges.
-    compute : {"processes", "serial", "threads"}
-        Where candidates are trained, each on one thread.
+    ``units`` of ``kind`` is tuned where it has them, the rest is kept. ``training`` is that of the
+    trainings in full, of which the k-th of the best has the seed ``training.seed`` + k, from 0;
+    those of candidates differ in what :class:`TuningSettings` says. Groups of ``windows`` are whole
+    recordings.
 
     Raises
     ------
@@ -159,13 +150,8 @@ def tune(
 def thinned(windows: Windows, most: int) -> Windows:
     """Some windows of each recording, spread evenly in their order.
 
-    Parameters
-    ----------
-    windows : Windows
-        Of which some are taken.
-    most : int
-        Windows in all, where there are no more recordings than that; at least one of each stays, so
-        that the choice of recordings by a seed stays the same.
+    ``most`` in all, where there are no more recordings than that; at least one of each stays, so
+    that the choice of recordings by a seed stays the same.
     """
     if len(windows.y) <= most:
         return windows

@@ -65,12 +65,8 @@ class WearJudge:
     ) -> Floats:
         """Wear of windows in ``wear_unit``, shape (N,); a class from 0 to 1.
 
-        Parameters
-        ----------
-        values : array_like, shape (N, C, L)
-            In the units of the recordings.
-        conditions : mapping of str to array_like, shape (N,)
-            Those that it was trained with.
+        ``values`` (N, C, L) in the units of the recordings; ``conditions`` those that it was
+        trained with, (N,) each.
 
         Raises
         ------
@@ -122,22 +118,10 @@ def train_judge(
 ) -> WearJudge:  # fmt: skip
     """Train a judge on windows of known wear.
 
-    Parameters
-    ----------
-    values : array_like, shape (N, C, L)
-        Windows in the units of the recordings.
-    wear : array_like, shape (N,)
-        In ``wear_unit``.
-    tool : array_like of str, shape (N,)
-        Whole ones are kept for early stopping.
-    scaling : (sequence, sequence)
-        Shift and scale of the C channels, of training windows.
-    wear_unit : str
-        ``"um"``, or ``"1"`` for 0 and 1.
-    conditions : mapping of str to array_like, shape (N,)
-        Known numbers; none by default.
-    network, training : settings
-        Of the network and its budget.
+    ``values`` (N, C, L) in the units of the recordings, ``wear`` (N,) in ``wear_unit`` (``"um"``,
+    or ``"1"`` for 0 and 1); whole tools of ``tool`` (N,) are kept for early stopping; ``scaling``
+    is shift and scale of the C channels, of training windows; ``conditions`` are known numbers by
+    name, (N,) each.
 
     Raises
     ------

@@ -91,10 +91,7 @@ class TrainedSequence:
     def predict(self, windows: ArrayLike) -> Floats:
         """Target of windows, shape (B,) or (B, H), in its unit.
 
-        Parameters
-        ----------
-        windows : array_like, shape (B, T, C)
-            In the units that were learnt from, the newest row last.
+        Windows (B, T, C) are in the units that were learnt from, the newest row last.
 
         Raises
         ------

@@ -130,28 +130,12 @@ def windows_of(
 ) -> Windows:  # fmt: skip
     """All windows of recordings.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        One name each.
-    inputs : sequence of WindowInput
-        Channels of the windows, in this order.
-    target : str
-        Signal that is predicted.
-    length : int
-        Rows T of a window.
-    horizon_s : float
-        Time [s] by which a prediction comes before what it predicts; infinite for a prediction
-        before the motion, which no measurement may enter.
-    outputs : int or None
-        H: the last H samples of the target up to t at once; None for the one at t.
-    every : int
-        Samples from one window to the next.
-    allow_leaks : bool
-        Whether inputs that could not be known yet are let in and named in ``leaks``, to show what
-        a leak would seem to gain.
-    joined : bool
-        Whether the inputs stay views, of which some are taken.
+    ``inputs`` are the channels in this order, ``length`` the rows T; a prediction comes
+    ``horizon_s`` [s] before what it predicts, infinite for one before the motion, which no
+    measurement may enter. With ``outputs`` H it is the last H samples of the target up to t at
+    once; ``every`` so many samples begins a window. ``allow_leaks`` lets inputs in that could not
+    be known yet and names them in ``leaks``, to show what a leak would seem to gain; ``joined``
+    inputs stay views, of which some are taken.
 
     Raises
     ------

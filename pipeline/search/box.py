@@ -200,18 +200,8 @@ def first_population(
 ) -> Floats:
     """``start``, then a Latin hypercube, in the unit cube; shape (many, D).
 
-    Parameters
-    ----------
-    box : Box
-        Bounds.
-    many : int
-        Individuals.
-    start : array_like, shape (K, D), optional
-        Those that are given, in the parameters' units.
-    rng : numpy.random.Generator
-        Random numbers.
-    setting : str
-        Name under which the user set ``many``, for the message.
+    ``start`` (K, D) are given individuals, in the parameters' units; ``setting`` is the name under
+    which the user set ``many``, for the message.
 
     Raises
     ------

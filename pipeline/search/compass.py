@@ -32,24 +32,11 @@ def compass(
 ) -> SearchResult:
     """Least cost near ``start`` within a number of evaluations; never above the start's.
 
-    Parameters
-    ----------
-    cost : callable
-        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
-    low, high, start : array_like, shape (D,)
-        Bounds, in the parameters' units, and where it begins.
-    evaluations : int
-        At most, at least 1: the start's own.  Axes for which a round has none left have their turn
-        in the next.
-    step : float
-        Of the first round, as a share of the box, above 0 to 1.
-    log : array_like of bool, optional
-        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
-    integer : array_like of bool, optional
-        Which parameters are whole numbers, shape (D,), or one answer for all; a step is at least to
-        the next one.
-    callback : callable, optional
-        Called after each round with its number, the best individual and its cost; True ends it.
+    ``cost`` gives costs (P,) of individuals (P, D); one that is not finite counts as the worst.
+    ``evaluations`` count the start's own; axes for which a round has none left have their turn in
+    the next. ``step`` is that of the first round, as a share of the box, above 0 to 1, of a whole
+    number at least to the next one. ``log`` and ``integer`` as in :meth:`Box.of`; ``callback`` sees
+    each round and may end it.
 
     Returns
     -------

@@ -123,16 +123,7 @@ def offspring(
 ) -> Floats:
     """Children of a generation, shape (settings.children, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Parents in the unit cube, best first.
-    costs : ndarray, shape (P,)
-        Theirs.
-    settings : GeneticSettings
-        Of the operators.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``unit`` (P, D) are the parents in the unit cube, best first, ``costs`` (P,) theirs.
     """
     pairs = (settings.children + 1) // 2
     parents, crossing, mutating = _selected(
@@ -153,18 +144,9 @@ def bred(
 ) -> Floats:  # fmt: skip
     """Children of pairs of parents, shape (2 N, D), in the unit cube.
 
-    Parameters
-    ----------
-    parents : ndarray, shape (2 N, D)
-        In the unit cube; the first N cross with the others.
-    crossing : float or ndarray, shape (N, 1)
-        Probability that a pair crosses.
-    mutating : float or ndarray, shape (2 N, 1)
-        Probability that a gene mutates.
-    settings : GeneticSettings
-        Kind of crossover, and widths of its steps and those of mutation.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``parents`` (2 N, D) in the unit cube, the first N cross with the others; ``crossing`` is the
+    probability that a pair crosses, one or (N, 1), ``mutating`` that a gene mutates, one or (2 N,
+    1).
     """
     pairs = len(parents) // 2
     first, second = parents[:pairs], parents[pairs:]

@@ -70,14 +70,7 @@ def accelerated(
 ) -> Floats:  # fmt: skip
     """Velocities of the next generation, shape (P, D), of the unit cube.
 
-    Parameters
-    ----------
-    velocity, to_own, to_all : ndarray, shape (P, D)
-        Velocities, and distances to each particle's own best and to the best of all.
-    settings : SwarmSettings
-        Attractions and greatest velocity.
-    rng : numpy.random.Generator
-        Random numbers.
+    Velocities, and distances to each particle's own best and to the best of all, are (P, D).
     """
     chance = rng.random((2, *velocity.shape))
     chi, most = settings.constriction, settings.fastest

@@ -64,18 +64,8 @@ def moved(
 ) -> Floats:
     """Whales a generation later, shape (P, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Whales.
-    best : ndarray, shape (D,)
-        Z*, the best so far.
-    reach : float
-        a of this generation [1].
-    settings : WhaleSettings
-        Of the spiral, and of roaming.
-    rng : numpy.random.Generator
-        Random numbers.
+    Whales ``unit`` (P, D); ``best`` (D,) is Z*, the best so far; ``reach`` a of this generation
+    [1].
     """
     many, genes = unit.shape
     chance = rng.random((3, many, 1))

@@ -55,18 +55,8 @@ def moved(
 ) -> Floats:
     """Wolves a generation later, shape (P, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Wolves.
-    leaders : ndarray, shape (L, D)
-        The best so far, L up to 3.
-    reach : float
-        a of this generation [1].
-    origin : float
-        Place on every axis that the formulas take for zero [1].
-    rng : numpy.random.Generator
-        Random numbers.
+    Wolves ``unit`` (P, D); ``leaders`` (L, D) are the best so far, L up to 3; ``reach`` is a of
+    this generation [1]; ``origin`` the place on every axis that the formulas take for zero [1].
     """
     shape = (len(leaders), *unit.shape)
     step = rng.random(shape)

@@ -144,14 +144,8 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
         """Cases in the records of a machine.
 
-        Parameters
-        ----------
-        records : Records
-            Of the machine.
-        settings : object
-            Of the fit or of the judgement; both say how records are read.
-        sets : GoldenSets or None
-            What is frozen; None while a model is fitted, which looks at training cases only.
+        ``sets`` says what is frozen; None while a model is fitted, which looks at training cases
+        only.
         """
 
     @abstractmethod

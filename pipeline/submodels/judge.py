@@ -82,22 +82,8 @@ def judge(
 ) -> Judged:
     """Judge a model on all cases of some roles.
 
-    Parameters
-    ----------
-    model : Model
-        As stored.
-    predictor : callable
-        Of the model.
-    cases : Cases
-        Of the machine, with their roles.
-    targets : sequence of Target
-        What is predicted and what it is held against.
-    sets : GoldenSets or None
-        What is frozen of the machine.
-    files : mapping of str to mapping
-        Entries of the manifest by raw file.
-    roles : iterable of str
-        Of the cases that are looked at; ``("sealed",)`` at promotion.
+    ``files`` are entries of the manifest by raw file; ``roles`` of the cases that are looked at are
+    ``("sealed",)`` at promotion.
     """
     looked_at = cases.of(*roles)
     predicted = [(case, predictor(case)) for case in looked_at]

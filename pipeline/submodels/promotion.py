@@ -93,22 +93,9 @@ def contest(
 ) -> Contest:
     """Predict the same cases with both models of a sub-model, and compare their errors.
 
-    Parameters
-    ----------
-    submodel : SubModel
-        Which.
-    settings : object
-        Of its ``judging`` type.
-    records : Records
-        Of the machine, those that the sub-model reads.
-    sets : GoldenSets or None
-        What is frozen of the machine.
-    champion, challenger : Path
-        Folders of the two models.
-    tolerance : float
-        As in :class:`PromotionSettings` [1].
-    roles : sequence of Role
-        Of the cases that are looked at; ``("sealed",)`` for the last look.
+    ``settings`` are of its ``judging`` type; ``champion`` and ``challenger`` the folders of the two
+    models; ``tolerance`` as in :class:`PromotionSettings` [1]; ``roles`` of the cases that are
+    looked at are ``("sealed",)`` for the last look.
     """
     name = submodel.name
     try:
@@ -138,12 +125,7 @@ def contest(
 def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Compared]:
     """Errors of two models of a sub-model, paired over the groups that decide.
 
-    Parameters
-    ----------
-    champion, challenger : Verdict
-        Of the same cases.
-    tolerance : float
-        As in :class:`PromotionSettings` [1].
+    Both are verdicts on the same cases; ``tolerance`` as in :class:`PromotionSettings` [1].
     """
     first, second = _by_group(champion), _by_group(challenger)
     targets = dict.fromkeys((s.quantity, s.regime, s.unit) for s in second.values())

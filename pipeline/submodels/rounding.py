@@ -22,10 +22,7 @@ def grid_step(values: Floats) -> float:
 
     A signal whose values lie on no grid has a resolution that its samples do not tell.
 
-    Parameters
-    ----------
-    values : ndarray, any shape
-        As recorded, in any unit; what is not finite is left out.
+    Values as recorded, in any unit; what is not finite is left out.
 
     Examples
     --------
@@ -54,14 +51,8 @@ def left_open(
 ) -> Figures:
     """Difference of MAE and of RMSE of two predictions that rounding leaves open.
 
-    Parameters
-    ----------
-    predicted, other, measured : ndarray, shape (N,)
-        In the order of time within a group.
-    groups : ndarray of int, shape (N,)
-        Day, recording or tool; a value that is shown does not last from one to the next.
-    step : float
-        Of the sensor, in the unit of the quantity.
+    Samples (N,) in the order of time within a group (day, recording, tool): a value that is shown
+    does not last from one to the next; ``step`` is that of the sensor, in the unit of the quantity.
 
     Examples
     --------

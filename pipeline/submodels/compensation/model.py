@@ -298,17 +298,10 @@ class Compensation:
     ) -> tuple[Floats, Floats]:  # fmt: skip
         """Residual before the motion and the half width of its 90 % interval, each (T,) [m].
 
-        Parameters
-        ----------
-        letter : str
-            Of an axis; of one that was not learnt zero, its width not known (NaN).  Where the
-            champion is the drives' model alone zero and the width of that.
-        reference : ndarray, shape (T,)
-            Commanded position [m], the axis at rest before it.
-        modelled_error, modelled_command : ndarray, shape (T,)
-            Of the drives' model [m], in the drive's unit.
-        period : float
-            Between samples [s].
+        Along a commanded position ``reference`` (T,) [m] every ``period`` [s], the axis at rest
+        before it, with error [m] and command, in the drive's unit, of the drives' model. For an
+        axis that was not learnt it is zero, its width not known (NaN); where the champion is the
+        drives' model alone it is zero with the width of that.
         """
         one = self.file.axes.get(letter, {}).get(PREDICTION)
         if one is None:

@@ -161,14 +161,8 @@ def read_runs(
 ) -> list[Run]:
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    records : CompensationRecords
-        Of the machine's file.
-    is_training : callable
-        Whether a recording, or a part of one, is learnt from, by its name and its raw file.
+    ``is_training`` says whether a recording, or a part of one, is learnt from, by its name and its
+    raw file.
 
     Raises
     ------

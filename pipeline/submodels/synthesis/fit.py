@@ -108,14 +108,8 @@ def trained(
 ) -> Trained:
     """Generator of windows, trained on all that are given.
 
-    Parameters
-    ----------
-    windows : WearWindows
-        Of training tools, with known wear.
-    settings : SynthesisFitSettings
-        Of the fit.
-    hidden : tuple of str
-        Further conditions that are none of the generator's.
+    ``windows`` are of training tools, with known wear; conditions ``hidden`` are none of the
+    generator's.
 
     Raises
     ------

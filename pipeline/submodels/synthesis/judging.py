@@ -71,16 +71,8 @@ def compared(
 ) -> Prediction:
     """What is compared of a tool.
 
-    Parameters
-    ----------
-    windows : WearWindows
-        Recorded, with known wear.
-    served : Synthesis
-        The generator and its learners.
-    name : str
-        Of the case, which seeds the noise.
-    again : bool
-        Whether what decides is compared of generators of other seeds as well.
+    ``windows`` are recorded, with known wear; ``name`` of the case seeds the noise; ``again``
+    compares what decides of generators of other seeds as well.
     """
     many = served.file.judged
     rows = np.unique(np.linspace(0, len(windows) - 1, min(many, len(windows))).round().astype(int))
