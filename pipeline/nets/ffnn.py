@@ -107,13 +107,13 @@ class FilteredNetwork(nn.Module, ABC):
     def normal_equations(
         self, bands: Tensor, x: Tensor, c: Tensor, y: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """A'A / T, shape (..., M, M), and A'y / T, shape (..., M), with M = J (K + 1)."""
+        """A'A / T, shape (..., M, M), and A'y / T, shape (..., M, 1), with M = J (K + 1)."""
         gram: Tensor | float = 0.0
         moment: Tensor | float = 0.0
         for k in range(0, len(y), ROWS):
             a = self.designs(bands, x[k : k + ROWS], c[k : k + ROWS])
             gram = gram + a.mT @ a
-            moment = moment + (a.mT @ y[k : k + ROWS, None])[..., 0]
+            moment = moment + a.mT @ y[k : k + ROWS, None]
         return torch.as_tensor(gram) / len(y), torch.as_tensor(moment) / len(y)
 
     @torch.no_grad()
@@ -133,13 +133,12 @@ class FilteredNetwork(nn.Module, ABC):
 
 
 def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
-    """Solution b of (G + ridge 1) b = m, shape (..., M), G of shape (..., M, M).
+    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M).
 
     The ridge bounds the condition, so that normal equations lose no more than the ridge hides.
     """
     diagonal = ridge * torch.eye(gram.shape[-1], dtype=gram.dtype)
-    factor = torch.linalg.cholesky(gram + diagonal)
-    return torch.cholesky_solve(moment[..., None], factor)[..., 0]
+    return torch.cholesky_solve(moment, torch.linalg.cholesky(gram + diagonal))
 
 
 class Whitened:
@@ -163,7 +162,7 @@ class Whitened:
             one = torch.eye(len(gram), dtype=gram.dtype)
             factor = torch.linalg.cholesky(gram + ridge * one)
             self.map = torch.linalg.solve_triangular(factor.mT, one, upper=True)
-            self.start = ridge_solution(gram, moment, ridge)
+            self.start = ridge_solution(gram, moment, ridge)[..., 0]
         self.z = torch.zeros_like(self.start).requires_grad_()
         self.parameters = [built.places, self.z]
         self.settle()

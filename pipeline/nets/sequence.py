@@ -16,6 +16,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pipeline.nets.ffnn import ridge_solution
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
@@ -252,9 +253,7 @@ class Arx(SequenceNetwork):
         a, y = self.features(x), y.reshape(len(y), -1)
         a_mean, y_mean = a.mean(0), y.mean(0)
         a, y = a - a_mean, y - y_mean
-        diagonal = self.ridge * torch.eye(a.shape[1], dtype=a.dtype)
-        factor = torch.linalg.cholesky(a.T @ a / len(y) + diagonal)
-        b = torch.cholesky_solve(a.T @ y / len(y), factor)
+        b = ridge_solution(a.T @ a / len(y), a.T @ y / len(y), self.ridge)
         self.dense.weight.copy_(b.T)
         self.dense.bias.copy_(y_mean - a_mean @ b)
 

@@ -119,6 +119,16 @@ class ArxSettings(SequenceSettings, section="arx"):
     output [1]."""
 
 
+KINDS: dict[str, type[SequenceSettings]] = {
+    one.kind: one
+    for one in (
+        ArxSettings, LstmSettings, CnnLstmSettings, CnnLstmAttentionSettings, TcnSettings,
+        ResNetSettings,
+    )
+}  # fmt: skip
+"""Kind of network by its name in files -> its settings."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class WindowTraining(Ranged, section="window_training"):
     """Budget of a training on windows and its settings, the same for every network."""

@@ -46,6 +46,12 @@ class BackPropagationSettings(NetworkSettings, section="back_propagation"):
     temperatures alone."""
 
 
+KINDS: dict[str, type[NetworkSettings]] = {
+    one.kind: one for one in (FuzzyFilteredSettings, ClassicFuzzySettings, BackPropagationSettings)
+}
+"""Kind of network by its name in files -> its settings."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings(Ranged, section="training"):
     """Budget of a training and its settings, the same for every network and method."""

@@ -13,13 +13,7 @@ import torch
 from numpy.typing import ArrayLike
 
 from pipeline.nets.ffnn import Network, network
-from pipeline.nets.settings import (
-    BackPropagationSettings,
-    ClassicFuzzySettings,
-    FuzzyFilteredSettings,
-    NetworkSettings,
-    TrainingSettings,
-)
+from pipeline.nets.settings import KINDS, NetworkSettings, TrainingSettings
 from pipeline.nets.stored import (
     Scaling,
     document_of,
@@ -32,10 +26,6 @@ from pipeline.nets.stored import (
 )
 from pipeline.schema.arrays import Floats
 
-KINDS: dict[str, type[NetworkSettings]] = {
-    one.kind: one for one in (FuzzyFilteredSettings, ClassicFuzzySettings, BackPropagationSettings)
-}
-"""Kind of network by its name in files -> its settings."""
 ROWS = 8192
 """Samples of one step of a prediction."""
 

@@ -163,9 +163,9 @@ def _genetic(
     def cost(genes: Floats) -> Floats:
         bands = torch.from_numpy(genes).view(-1, *shape)
         gram, moment = built.normal_equations(bands, x, c, y)
-        b = ridge_solution(gram, moment, settings.ridge)
+        b = ridge_solution(gram, moment, settings.ridge)[..., 0]
         # mean((A b - y)^2) + ridge b'b is the power of y less b'm where b solves the equations
-        least: Floats = (power - (b * moment).sum(-1)).numpy()
+        least: Floats = (power - (b * moment[..., 0]).sum(-1)).numpy()
         return least
 
     gap = settings.population - 1  # children of a generation: one elite stays

@@ -16,13 +16,9 @@ from torch import Tensor
 
 from pipeline.nets.sequence import CnnLstmAttention, SequenceNetwork, sequence_network
 from pipeline.nets.sequence_settings import (
-    ArxSettings,
+    KINDS,
     CnnLstmAttentionSettings,
-    CnnLstmSettings,
-    LstmSettings,
-    ResNetSettings,
     SequenceSettings,
-    TcnSettings,
     WindowTraining,
 )
 from pipeline.nets.stored import (
@@ -39,18 +35,6 @@ from pipeline.nets.stored import (
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.arrays import Floats
 
-KINDS: dict[str, type[SequenceSettings]] = {
-    one.kind: one
-    for one in (
-        CnnLstmAttentionSettings,
-        CnnLstmSettings,
-        LstmSettings,
-        TcnSettings,
-        ResNetSettings,
-        ArxSettings,
-    )
-}
-"""Kind of network by its name in files -> its settings."""
 ROWS = 1024
 """Windows of one step of a prediction."""
 
@@ -102,12 +86,6 @@ class TrainedSequence:
         shape = (0,) if self.network.outputs is None else (0, self.network.outputs)
         found = np.concatenate(parts) if parts else np.empty(shape)
         return self.y_scaling.restored(found.astype(np.float64))
-
-    def features(self, windows: ArrayLike) -> Floats:
-        """What the dense layer sees of windows, shape (B, F); raises as :meth:`predict`."""
-        parts = [self.network.features(x).numpy() for x in self._steps(windows)]
-        empty = np.empty((0, self.network.dense.in_features))
-        return (np.concatenate(parts) if parts else empty).astype(np.float64)
 
     def attention(self, windows: ArrayLike) -> Floats:
         """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.

@@ -28,6 +28,7 @@ from pipeline.schema.verdict import (
     Skill,
     Status,
     Verdict,
+    significant,
     sized,
 )
 from pipeline.signals.parts import selection
@@ -36,8 +37,6 @@ from pipeline.submodels.contract import Predictor, Target
 from pipeline.submodels.rounding import grid_step, left_open
 from pipeline.submodels.statistics import auc, spread_of
 
-DIGITS = 6
-"""Significant digits of a stored error."""
 DRAWS = 2000
 """Bootstrap samples of the groups."""
 FEWEST_GROUPS = 3
@@ -194,7 +193,7 @@ def figures(predicted: Floats, measured: Floats) -> Figures:
 
 def rounded(value: float) -> float | None:
     """A number to six significant digits; None when it is not finite."""
-    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
+    return significant(value) if isfinite(value) else None
 
 
 def _percent(part: float, whole: float) -> float | None:
@@ -534,7 +533,7 @@ def _interval(values: Floats) -> tuple[float, float] | None:
     if not np.isfinite(values).all():
         return None
     low, high = np.quantile(values, [0.025, 0.975])
-    return float(f"{low:.{DIGITS}g}"), float(f"{high:.{DIGITS}g}")
+    return significant(low), significant(high)
 
 
 def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:

@@ -8,7 +8,7 @@ lies within 1.96 of it is not decided.
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.schema.verdict import Figures
+from pipeline.schema.verdict import Figures, significant
 
 NORMAL_95 = 1.96
 FEWEST_VALUES = 5
@@ -76,6 +76,6 @@ def left_open(
     roots = float(np.sqrt(np.mean(off**2)) + np.sqrt(np.mean(others_off**2)))
     squares = width(2 * (predicted - other))
     return Figures(
-        mae=float(f"{width(np.sign(off) - np.sign(others_off)):.6g}"),
-        rmse=float(f"{squares / roots if roots > 0 else 0.0:.6g}"),
+        mae=significant(width(np.sign(off) - np.sign(others_off))),
+        rmse=significant(squares / roots if roots > 0 else 0.0),
     )

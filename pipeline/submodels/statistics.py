@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.predictions import AGAIN
+from pipeline.schema.verdict import significant
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""
@@ -163,7 +164,7 @@ def spread_of(values: Floats) -> float:
     """
     from scipy.special import stdtrit
 
-    return float(f"{stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1):.6g}")
+    return significant(stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1))
 
 
 def rank_correlation(one: ArrayLike, other: ArrayLike) -> float:

@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from pipeline.nets.sequence_settings import KINDS as NETWORKS
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
     WindowTraining,
@@ -50,10 +52,8 @@ ATTENTIVE = "cnn_lstm_attention"
 """The published network."""
 ARX = "arx"
 """The linear network, which is solved at once."""
-KINDS: dict[str, type[SequenceSettings]] = {
-    ARX: ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
-    "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
-}  # fmt: skip
+KINDS = {name: one for name, one in NETWORKS.items() if name != ResNetSettings.kind}
+"""Kind of network that sees the past alone -> its settings."""
 NAMES = {
     "arx": "ARX", "lstm": "LSTM", "cnn_lstm": "CNN-LSTM",
     "cnn_lstm_attention": "CNN-LSTM with attention", "tcn": "TCN",

@@ -15,6 +15,7 @@ from pipeline.nets.diversity import Collapse, collapse
 from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.verdict import significant
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis.model import (
@@ -40,7 +41,6 @@ SHOWN = 3
 """Windows that a page shows: of the least, the middle and the greatest wear."""
 STEP = 4
 """Step of a generator, in steps of a small network [1]."""
-DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -202,12 +202,12 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     for first, end in pairwise(edges):
         part = slice(max(first - 1, 0), end)
         if np.ptp(asked[part]) > 0 and np.polyfit(asked[part], mean[part], 1)[0] <= 0:
-            false.append((_rounded(asked[part][0]), _rounded(asked[part][-1])))
+            false.append((significant(asked[part][0]), significant(asked[part][-1])))
     return WearCurve(
         asked=_list(asked), mean=_list(mean), low=_list(low), high=_list(high),
-        mae=_rounded(np.abs(error).mean()), mse=_rounded((error**2).mean()),
-        slope=_rounded(slope), rank_correlation=_rounded(rank),
-        rank_of_means=_rounded(of_means), false_intervals=tuple(false),
+        mae=significant(np.abs(error).mean()), mse=significant((error**2).mean()),
+        slope=significant(slope), rank_correlation=significant(rank),
+        rank_of_means=significant(of_means), false_intervals=tuple(false),
     )  # fmt: skip
 
 
@@ -231,9 +231,5 @@ def _of_rows(served: Synthesis, rows: Any) -> dict[str, Any]:
     return found
 
 
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.{DIGITS}g}")
-
-
 def _list(values: Floats) -> tuple[float, ...]:
-    return tuple(_rounded(one) for one in values)
+    return tuple(significant(one) for one in values)

@@ -18,7 +18,7 @@ import pandas as pd
 from pipeline.nets.diversity import band_edges
 from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.verdict import Fact
+from pipeline.schema.verdict import Fact, significant
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
@@ -285,14 +285,10 @@ def _facts(pair: _Pair) -> dict[str, Fact]:
     asked = np.asarray(pair.windows.wear, float)
     bias = float((pair.served.judge(pair.fake, pair.beside) - asked).mean())
     return {
-        "density": Fact(value=_rounded(reached.mean() * len(real) / near), unit="1"),
-        "coverage": Fact(value=_rounded(reached.any(axis=1).mean()), unit="1"),
+        "density": Fact(value=significant(reached.mean() * len(real) / near, 4), unit="1"),
+        "coverage": Fact(value=significant(reached.any(axis=1).mean(), 4), unit="1"),
         "coverage by training windows": Fact(
-            value=_rounded(from_training.any(axis=1).mean()), unit="1"
+            value=significant(from_training.any(axis=1).mean(), 4), unit="1"
         ),
-        "bias of generated wear": Fact(value=_rounded(bias), unit=pair.served.file.wear_unit),
+        "bias of generated wear": Fact(value=significant(bias, 4), unit=pair.served.file.wear_unit),
     }
-
-
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.4g}")
