@@ -35,12 +35,7 @@ class Label:
 class Source:
     """One program with an index of its N words, O programs, labels and loops.
 
-    Parameters
-    ----------
-    parse : callable
-        From a program and a line number to the statement.
-    keeps : bool
-        Whether a line that is carried out again is the same statement.
+    ``keeps`` says whether a line that is carried out again is the same statement.
     """
 
     def __init__(self, program: Program, file: int, parse: Parser, *, keeps: bool = True) -> None:
@@ -223,14 +218,8 @@ class Level:
 class CallStack:
     """Stack of call levels.
 
-    Parameters
-    ----------
-    run, variables : Run, Variables
-        Interpretation and variables; a call saves modal state and local variables.
-    parse : callable
-        From a program and a line number to the statement.
-    memory : ModalMemory, optional
-        What the reader of a Sinumerik's lines remembers.
+    A call saves modal state and local variables; ``memory`` is what the reader of a Sinumerik's
+    lines remembers.
     """
 
     def __init__(

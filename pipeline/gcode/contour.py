@@ -22,10 +22,7 @@ SAME_POINT = 1e-7
 class CompensationError(ValueError):
     """A contour that the tool cannot follow.
 
-    Parameters
-    ----------
-    row : int
-        :attr:`Element.row` of the element that cannot be followed.
+    ``row`` is the :attr:`Element.row` of the element.
     """
 
     def __init__(self, *, row: int, reason: str) -> None:

@@ -7,10 +7,7 @@ from collections.abc import Callable
 class GcodeError(ValueError):
     """A word that cannot be interpreted: its place, the reason and the remedy.
 
-    Parameters
-    ----------
-    line, column : int
-        Of the word, counting from 1; 0 where there is none.
+    Line and column of the word count from 1; 0 where there is none.
     """
 
     def __init__(self, file: str, line: int, column: int, word: str, reason: str) -> None:

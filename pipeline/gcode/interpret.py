@@ -119,10 +119,7 @@ def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, i
 class Interpreter:
     """Interpretation of one program.
 
-    Parameters
-    ----------
-    compiled : bool
-        Whether fast lines are left to compiled code; the moves are the same.
+    Fast lines are left to ``compiled`` code, or not; the moves are the same.
 
     Attributes
     ----------

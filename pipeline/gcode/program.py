@@ -117,12 +117,8 @@ class Piece:
 class Line:
     """One line of a program; its words are looked up on demand.
 
-    Parameters
-    ----------
-    start : int
-        Its first byte in the program, counting from 0.
-    end : bytes
-        The line end; empty where the last line has none.
+    ``start`` is its first byte in the program, counting from 0; ``end`` its line end, empty where
+    the last line has none.
     """
 
     __slots__ = ("_first", "_last", "_tokens", "end", "number", "start", "text")

@@ -24,19 +24,10 @@ def flat(weights: Sequence[nn.Parameter]) -> Tensor:
 class Adam:
     """Steps down the gradient of a loss.
 
-    Parameters
-    ----------
-    weights : sequence of Parameter
-        Which are moved; the rest of the graph gets no gradient.
-    rate : float
-        Learning rate; it may be set anew before any step.
-    betas : (float, float)
-        Shares of the mean gradient and of its mean square that a step keeps [1].
-    l2 : sequence of float or None
-        Of each of the weights, penalty on its squares [1].
-    decay : float
-        Share of the weights, times the rate, that each step takes off: AdamW (Loshchilov and
-        Hutter 2019).
+    ``rate`` may be set anew before any step; ``betas`` are the shares of the mean gradient and of
+    its mean square that a step keeps [1]; ``l2`` is the penalty on the squares of each of the
+    weights [1], ``decay`` the share of the weights, times the rate, that each step takes off: AdamW
+    (Loshchilov and Hutter 2019). The rest of the graph gets no gradient.
     """
 
     def __init__(

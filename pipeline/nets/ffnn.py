@@ -36,12 +36,8 @@ ROWS = 4096
 class FilteredNetwork(nn.Module, ABC):
     """Bands over the channels, and rules that are linear in the consequent inputs.
 
-    Parameters
-    ----------
-    bounds : sequence of pairs of float
-        Least and greatest value of each of the F parameters of a band.
-    start : Tensor, shape (J, F)
-        Bands that training starts from.
+    ``bounds`` are least and greatest value of each of the F parameters of a band; training starts
+    from the bands ``start`` (J, F).
     """
 
     channels: Tensor
@@ -147,10 +143,7 @@ class Whitened:
     Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
     on b crawl; in z they are orthogonal where it starts.
 
-    Parameters
-    ----------
-    x, c, y : Tensor, shapes (T, N), (T, K), (T,)
-        Samples, of whose least squares b0 is the solution.
+    b0 is the solution of the least squares of samples x (T, N), c (T, K), y (T,).
     """
 
     def __init__(
@@ -232,12 +225,7 @@ class ClassicFuzzyNetwork(FilteredNetwork):
 class BackPropagationNetwork(nn.Module):
     """One sigmoid layer of H nodes and a linear output: 9-7-1 and 9-16-1 in the comparison.
 
-    Parameters
-    ----------
-    settings : BackPropagationSettings
-        Nodes H, and whether the consequent inputs enter.
-    generator : Generator
-        Of the initial weights, uniform within 1 / sqrt(inputs of the node).
+    Initial weights are uniform within 1 / sqrt(inputs of the node).
     """
 
     def __init__(

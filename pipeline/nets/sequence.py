@@ -31,10 +31,7 @@ from pipeline.nets.sequence_settings import (
 class SequenceNetwork(nn.Module, ABC):
     """A network whose last step is a dense layer on features of the window.
 
-    Parameters
-    ----------
-    outputs : int or None
-        H; None for one output without a dimension of its own.
+    ``outputs`` is H; None for one output without a dimension of its own.
     """
 
     def __init__(self, features: int, outputs: int | None) -> None:

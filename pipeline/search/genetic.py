@@ -37,7 +37,9 @@ class GeneticSettings(SearchSettings, section="genetic"):
     """
 
     population: Annotated[int, Range(least=2)] = 64
+    """Individuals P, at least 2."""
     generations: Count = 100
+    """Generations at most, the first population among them."""
     selection: str = "stochastic_universal"
     """``tournament`` or ``stochastic_universal``."""
     tournament: Count = 2

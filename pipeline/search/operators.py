@@ -142,14 +142,8 @@ def polynomial(x: Floats, eta: float, rng: np.random.Generator) -> Floats:
     Each side of the density keeps its half and is cut off at the wall on its side, so that no gene
     leaves the cube (Deb and Agrawal 1999).
 
-    Parameters
-    ----------
-    x : ndarray
-        Genes, 0 to 1.
-    eta : float
-        The greater, the smaller the steps; without walls their mean size is 1 / (eta + 2).
-    rng : numpy.random.Generator
-        Random numbers.
+    Genes x are 0 to 1; the greater ``eta``, the smaller the steps: without walls their mean size is
+    1 / (eta + 2).
     """
     chance = rng.uniform(-1.0, 1.0, x.shape)
     gap = np.where(chance > 0, 1.0 - x, x)
@@ -165,14 +159,9 @@ def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
     k min((f_max - f) / (f_max - f_mean), 1): the best are disrupted least (Srinivas and Patnaik
     1994).
 
-    Parameters
-    ----------
-    fitness : ndarray, shape (P,)
-        Of the population; the greater, the better.
-    own : ndarray, shape (N,)
-        f, the better of the two fitnesses of each pair, or that of each individual.
-    greatest : float
-        k, the probability of those below the mean.
+    ``fitness`` (P,) of the population, the greater, the better; ``own`` (N,) is f, the better of
+    the two of each pair, or that of each individual; ``greatest`` is k, the probability of those
+    below the mean.
     """
     best, mean = fitness.max(), fitness.mean()
     if not best > mean:
@@ -183,14 +172,8 @@ def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
 def encircled(z: Floats, goal: Floats, step: Floats, swing: Floats) -> Floats:
     """Points about a goal, G - A |C G - Z|, of whales and wolves (Mirjalili et al. 2014, 2016).
 
-    Parameters
-    ----------
-    z : ndarray, shape (P, D)
-        Z, where they are, seen from the point that counts as zero.
-    goal : ndarray, shape (..., D)
-        G, what they encircle, seen from there.
-    step, swing : ndarray, shape (..., P, D) or (..., P, 1)
-        A from -a to a, and C from 0 to 2 [1].
+    Z (P, D) is where they are, G (..., D) what they encircle, both seen from the point that counts
+    as zero; ``step`` is A from -a to a, ``swing`` C from 0 to 2 [1], (..., P, D) or (..., P, 1).
     """
     away = swing * goal
     away -= z

@@ -186,10 +186,7 @@ LEVEL = 0.05
 def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     """Area under the ROC curve [1]; None with one class only.
 
-    Parameters
-    ----------
-    told, truth : ndarray, shape (N,)
-        Probability of a class, and whether it is that one: above a half.
+    The probability of a class (N,), and whether it is that one: ``truth`` above a half.
 
     Examples
     --------

@@ -34,16 +34,9 @@ SYSTEMS = (53.0, 54.0, 55.0, 56.0, 57.0, 500.0)
 class SiemensReader:
     """Reads the lines of one program, in the order in which they are carried out.
 
-    Parameters
-    ----------
-    setup : Setup
-        Of the control: numbers of tool names (others get the next free ones in the order in which
-        they are called), variables that it has before the program begins, levels of ``/`` that are
-        switched on (their lines are not read), inches.
-    store : ParameterStore, optional
-        Variables as they are when a line is read; without them only numbers are known.
-    note : callable, optional
-        Takes a line and what the user is told about it.
+    Tool names get the numbers of ``setup``, others the next free ones in the order in which they
+    are called; lines of a level of ``/`` that is switched on are not read. Without a ``store`` of
+    variables only numbers are known; ``note`` takes a line and what is to be said of it.
     """
 
     def __init__(

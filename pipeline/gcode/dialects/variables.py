@@ -379,11 +379,6 @@ class SiemensVariables:
 
     R0 to R999 are there without DEF; one that neither the program nor the setup gives a value reads
     0, as on a control that is new.
-
-    Parameters
-    ----------
-    run : Run
-        Whose setup says what has a value at the start.
     """
 
     def __init__(self, run: Run) -> None:
