@@ -7,7 +7,6 @@ Karras et al. 2020; running mean of the weights: Yazici et al. 2019.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -32,23 +31,9 @@ from pipeline.nets.spectral_distance import energy_distance
 from pipeline.nets.stored import reproducible, samples
 from pipeline.nets.window_training import autocast, cooled, usable_precision
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GanStep:
-    """What an adversarial training says every so many steps."""
-
-    number: int
-    of: int
-    """Steps that are done, and that there are."""
-    discriminator: float
-    generator: float
-    """Mean losses since it last said something [1]."""
-    so_far: Callable[[], TrainedGan]
-    """The trained generator as it stands, to sample from."""
-
-
-Watch = Callable[[GanStep], bool | None]
-"""Called every ``GanTraining.every`` steps; true ends the training."""
+Watch = Callable[[int, Callable[[], TrainedGan]], bool | None]
+"""Called every ``GanTraining.every`` steps with their number and what gives the generator as it
+stands, to sample from; true ends the training."""
 
 
 def train_gan(
@@ -149,11 +134,7 @@ class _Loop:
                 )
             self.history.append((float(done), losses[0], losses[1]))
             sums, many = torch.zeros_like(sums), 0
-            step = GanStep(
-                number=done, of=self.training.steps, discriminator=losses[0], generator=losses[1],
-                so_far=so_far,
-            )  # fmt: skip
-            if watch is not None and watch(step):
+            if watch is not None and watch(done, so_far):
                 break
 
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:

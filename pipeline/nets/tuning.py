@@ -30,7 +30,7 @@ from pipeline.nets.sequence_settings import (
     WindowTraining,
 )
 from pipeline.nets.window_model import TrainedSequence
-from pipeline.nets.window_training import Epoch, train_windows
+from pipeline.nets.window_training import train_windows
 from pipeline.nets.windows import Windows
 from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats
@@ -259,10 +259,10 @@ def _attempt(task: Task, windows: Windows, limits: dict[int, float]) -> tuple[Fl
     """Validation errors of a candidate after each epoch, and whether it was pruned."""
     least, pruned = inf, False
 
-    def watch(epoch: Epoch) -> bool:
+    def watch(epoch: int, error: float) -> bool:
         nonlocal least, pruned
-        least = min(least, epoch.validation)
-        pruned = least > limits.get(epoch.number, inf)
+        least = min(least, error)
+        pruned = least > limits.get(epoch, inf)
         return pruned
 
     try:

@@ -6,7 +6,6 @@ result.  The linear model is solved at once from the same windows.
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -27,20 +26,9 @@ Samples = tuple[Tensor, Tensor]
 """Scaled windows and targets."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Epoch:
-    """What a training says after each epoch."""
-
-    number: int
-    of: int
-    """Epochs that are done, and that there are at most."""
-    training: float
-    validation: float
-    """RMSE, as in the history, in the unit of the target."""
-
-
-Watch = Callable[[Epoch], bool | None]
-"""Called after each epoch; true ends the training."""
+Watch = Callable[[int, float], bool | None]
+"""Called after each epoch with its number and the RMSE of the validation windows, in the unit of
+the target; true ends the training."""
 
 
 def train_windows(
@@ -160,11 +148,7 @@ class _Loop:
             error = _rmse(self.built, validation) if len(validation[1]) else learnt
             if not state.add(done, learnt, error):
                 break
-            epoch = Epoch(
-                number=done, of=settings.epochs, training=self.unit * learnt,
-                validation=self.unit * error,
-            )  # fmt: skip
-            if (watch and watch(epoch)) or state.idle >= settings.patience:
+            if (watch and watch(done, self.unit * error)) or state.idle >= settings.patience:
                 break
         state.keep_best()
         return state

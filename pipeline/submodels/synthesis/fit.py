@@ -3,7 +3,7 @@
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -33,7 +33,6 @@ from pipeline.submodels.synthesis.settings import SynthesisFitSettings
 
 if TYPE_CHECKING:
     from pipeline.nets.dcgan import TrainedGan
-    from pipeline.nets.dcgan_training import GanStep
 
 THIRDS = 3
 """Intervals of the range of wear whose tendency is looked at."""
@@ -90,9 +89,9 @@ def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"]]:
     stated = {round(steps * k / looks / every) * every for k in range(1, looks)}
     earlier: dict[int, TrainedGan] = {}
 
-    def look(said: "GanStep") -> None:
-        if said.number in stated:
-            earlier[said.number] = said.so_far()
+    def look(step: int, so_far: Callable[[], "TrainedGan"]) -> None:
+        if step in stated:
+            earlier[step] = so_far()
 
     gan = train_gan(
         task.settings.network, windows.values, task.conditions, training=training,
