@@ -85,14 +85,6 @@ def compared(searches: list[str], budget: Budget) -> tuple[np.ndarray, dict[str,
     return errors.reshape(budget.seeds, len(searches), 1), hit
 
 
-def test_a_search_finds_no_worse_than_its_first_generation() -> None:
-    few = Budget(dimensions=3, population=3, generations=2, seeds=1)
-    one = Budget(dimensions=3, population=3, generations=1, seeds=1)
-    for search in ("genetic", "TPE"):
-        least, sides = run((search, 0), few)
-        assert least <= run((search, 0), one)[0] and set(sides) == set(NAMES)
-
-
 @pytest.mark.proof
 def test_tuning_of_a_network_by_each_search(capsys: pytest.CaptureFixture[str]) -> None:
     """Who wins, as docs/search.md states it; each seed is a task of its own, which all share."""

@@ -27,11 +27,6 @@ NETWORKS: tuple[SequenceSettings, ...] = (
     TcnSettings(filters=8, blocks=3),
 )
 KINDS = (*NETWORKS, ArxSettings())
-FEW = [
-    kind if kind in (NETWORKS[0], NETWORKS[3]) else pytest.param(kind, marks=pytest.mark.proof)
-    for kind in NETWORKS
-]
-"""The one that has all parts of the recurrent ones, and the other; all of them in the proof."""
 SHORT = WindowTraining(epochs=5, patience=5)
 
 
@@ -70,9 +65,8 @@ def test_each_overfits_twenty_windows(kind: SequenceSettings) -> None:
     assert rmse(trained(kind, data, settings), data) < 0.05 * data.y.std()
 
 
-@pytest.mark.parametrize(
-    "kind", [pytest.param(NETWORKS[0], marks=pytest.mark.proof), NETWORKS[3]], ids=repr
-)
+@pytest.mark.proof
+@pytest.mark.parametrize("kind", [NETWORKS[0], NETWORKS[3]], ids=repr)
 def test_a_delayed_product_is_learnt_where_a_linear_model_learns_nothing(
     kind: SequenceSettings,
 ) -> None:
