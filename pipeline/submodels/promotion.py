@@ -18,7 +18,8 @@ from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Cases, Records
 from pipeline.submodels.contract import SubModel
-from pipeline.submodels.judge import FEWEST_GROUPS, judge
+from pipeline.submodels.judge import judge
+from pipeline.submodels.scoring import FEWEST_GROUPS
 from pipeline.submodels.statistics import gains
 
 

@@ -22,12 +22,8 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, OutsideConditions, UsedModel, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
 from pipeline.submodels.contract import Prediction, Target, submodel
-from pipeline.submodels.judge import (
-    figures,
-    judge,
-    metrics,
-    seen_reasons,
-)
+from pipeline.submodels.judge import judge, metrics, seen_reasons
+from pipeline.submodels.scoring import figures
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
 """Error of the model in each recording, constant over its samples."""
