@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.gcode.dialects.siemens_flow import Structure, structures
 from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
-from pipeline.gcode.dialects.siemens_line import ModalMemory
+from pipeline.gcode.dialects.siemens_memory import ModalMemory
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC

@@ -2,7 +2,7 @@
 
 Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
 G53, CYCLE81 as G0 and G1, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
-:data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Lines
+:data:`~pipeline.gcode.dialects.siemens_words.WITHOUT_MOTION`; anything else is an error.  Lines
 are read each time that they are carried out, and in that order, so that a reader may remember what
 it read: the tool, the modal call, the turned work plane.
 
@@ -11,15 +11,10 @@ Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles
 
 from collections.abc import Callable
 
-from pipeline.gcode.dialects.siemens_line import (
-    AXES,
-    SQUARE,
-    LineReader,
-    ModalMemory,
-    tilt,
-    token_of,
-)
+from pipeline.gcode.dialects.siemens_line import LineReader
+from pipeline.gcode.dialects.siemens_memory import SQUARE, ModalMemory, tilt
 from pipeline.gcode.dialects.siemens_tokens import TokenStream
+from pipeline.gcode.dialects.siemens_words import AXES, token_of
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
 from pipeline.gcode.setup import Setup
