@@ -15,7 +15,6 @@ from pipeline.gcode.dialects.siemens_cycles import (
     POCKETS,
     CycleCall,
     CycleError,
-    Pocket,
     Words,
     cycle_call,
     hole,
@@ -30,6 +29,7 @@ from pipeline.gcode.dialects.siemens_flow import (
     control_of,
 )
 from pipeline.gcode.dialects.siemens_memory import UNROTATED, Values, rotated
+from pipeline.gcode.dialects.siemens_pockets import Pocket
 from pipeline.gcode.dialects.siemens_tokens import ARGUMENT, OMITTED, Token
 from pipeline.gcode.dialects.siemens_words import (
     AXES,
