@@ -63,20 +63,6 @@ def tokens(data: bytes, name: str) -> Tokens:
     return Tokens(kind=kind, start=start, first=first)
 
 
-def numbers(data: bytes, made: Tokens, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-    """Numbers of some tokens.
-
-    ``which`` (n,) are WORD tokens, counting from 0.
-    """
-    found = np.empty(len(which))
-    scanner.read_numbers(np.frombuffer(data, dtype=np.uint8), made.start[which], found)
-    for index in np.flatnonzero(np.isnan(found)).tolist():
-        at = which[index]
-        # more digits than the scanner rounds correctly
-        found[index] = float(number_text(data[made.start[at] : made.start[at + 1]]))
-    return found
-
-
 def number_text(word: bytes) -> str:
     """The digits of a word with a number, without its letter and blanks."""
     return word.translate(None, BLANKS).lstrip(LETTERS).decode("ascii")
@@ -254,8 +240,14 @@ class Program:
         return Line(self.data, self.tokens, number)
 
     def numbers(self, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-        """Numbers of the WORD tokens ``which`` (n,)."""
-        return numbers(self.data, self.tokens, which)
+        """Numbers of the WORD tokens ``which`` (n,), counting from 0."""
+        start, found = self.tokens.start, np.empty(len(which))
+        scanner.read_numbers(np.frombuffer(self.data, dtype=np.uint8), start[which], found)
+        for index in np.flatnonzero(np.isnan(found)).tolist():
+            at = which[index]
+            # more digits than the scanner rounds correctly
+            found[index] = float(number_text(self.data[start[at] : start[at + 1]]))
+        return found
 
     def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
         """The program put together from its pieces, with other bytes for some words.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.nets.dcgan_settings import ConditionSpace, GanTraining
-from pipeline.nets.diversity import Collapse, collapse
+from pipeline.nets.diversity import Collapse, collapse, features
 from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
@@ -27,7 +27,6 @@ from pipeline.submodels.synthesis.model import (
     WearCurve,
     beside,
     conditions_of_windows,
-    of_windows,
 )
 from pipeline.submodels.synthesis.settings import SynthesisFitSettings
 
@@ -134,14 +133,14 @@ def trained(
     wear = np.asarray(windows.wear, float)
     rows = np.argsort(wear, kind="stable")[np.linspace(0, len(wear) - 1, SHOWN).astype(int)]
     reference = Reference(
-        recorded=of_windows(windows.values), generated=of_windows(made),
+        recorded=features(windows.values), generated=features(made),
         conditions=beside(gan.space, conditions), wear=wear,
         shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
     return Trained(
         gan=gan, earlier=earlier, reference=reference, collapse=found, windows=len(windows),
         others=tuple(
-            (one, of_windows(one.sample(conditions, seed=settings.seed + 1))) for one in states
+            (one, features(one.sample(conditions, seed=settings.seed + 1))) for one in states
         ),
     )  # fmt: skip
 

@@ -15,14 +15,14 @@ from zlib import crc32
 import numpy as np
 import pandas as pd
 
-from pipeline.nets.diversity import band_edges
+from pipeline.nets.diversity import band_edges, features
 from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.verdict import Fact, significant
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside, of_windows
+from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside
 
 GENERATED = "wear of generated windows"
 LEARNT = "wear learnt from generated windows"
@@ -94,13 +94,13 @@ def compared(
     seed = crc32(name.encode())
     made = served.gan.sample(conditions, seed=seed)
     others = [
-        (some := gan.sample(conditions, seed=seed), of_windows(some), learner)
+        (some := gan.sample(conditions, seed=seed), features(some), learner)
         for gan, learner in (served.trainings if again and served.stored else ())
     ]
     known = beside(served.gan.space, conditions)
     pair = _Pair(
         served=served, windows=windows, conditions=conditions, made=made,
-        real=of_windows(windows.values), fake=of_windows(made), beside=known,
+        real=features(windows.values), fake=features(made), beside=known,
         nearest=_nearest(served, known, windows.wear), others=tuple(others),
     )  # fmt: skip
     frame = pd.concat([*_wears(pair), *_distances(pair), *_spectra(pair)], ignore_index=True)

@@ -141,6 +141,7 @@ def test_what_is_stored_samples_the_same_bits(built: Built) -> None:
     )
 
 
+@pytest.mark.proof
 def test_two_fits_are_the_same_bits(tmp_path: Path) -> None:
     files = [build(tmp_path / name, settings=SHORT).folder for name in ("a", "b")]
     for name in ("model.json", "generator.json"):
