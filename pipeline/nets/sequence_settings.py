@@ -77,11 +77,6 @@ class ResNetSettings(SequenceSettings, section="resnet"):
     Residual blocks of He, Zhang, Ren and Sun 2016 over time as in Wang, Yan and Oates 2017, without
     batch normalisation, which would take a window's amplitude away or need the statistics of
     others.
-
-    Raises
-    ------
-    ValueError
-        When the kernel is even.
     """
 
     kind: ClassVar[str] = "resnet"

@@ -20,13 +20,7 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording(Ranged):
-    """Signals of one run, sampled at even times.
-
-    Raises
-    ------
-    ValueError
-        When signals differ in length or shape, or the step is not positive.
-    """
+    """Signals of one run, sampled at even times."""
 
     name: str
     """Name of the recording, which is the group of its windows."""

@@ -64,13 +64,7 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationFitSettings(Ranged, section="compensation_fit"):
-    """How the networks are trained and compared.
-
-    Raises
-    ------
-    ValueError
-        When a kind is none of those that there are.
-    """
+    """How the networks are trained and compared."""
 
     step_s: Positive = 0.002
     """From row to row of a window [s]; the nearest whole number of samples."""

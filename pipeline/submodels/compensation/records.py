@@ -26,13 +26,7 @@ MOTION = ("reference", "position", "error")
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorChannels(Ranged, section="compensation_records.axes"):
-    """Channels of one axis.
-
-    Raises
-    ------
-    ValueError
-        When neither both positions nor the error are named.
-    """
+    """Channels of one axis."""
 
     reference: Channel | None = None
     position: Channel | None = None
@@ -67,13 +61,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationRecords(Ranged, section="compensation_records"):
-    """Recordings that show following errors.
-
-    Raises
-    ------
-    ValueError
-        When no axis is named, or ``group`` is none of ``parts``.
-    """
+    """Recordings that show following errors."""
 
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
