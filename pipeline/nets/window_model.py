@@ -73,7 +73,7 @@ class TrainedSequence:
         return len(self.history)
 
     def predict(self, windows: ArrayLike) -> Floats:
-        """Target of windows, shape (B,) or (B, H), in its unit.
+        """Target of windows, shape (B,), in its unit.
 
         Windows (B, T, C) are in the units that were learnt from, the newest row last.
 
@@ -83,8 +83,7 @@ class TrainedSequence:
             When the shape does not fit the network, or a value is not finite.
         """
         parts = [self.network(x).numpy() for x in self._steps(windows)]
-        shape = (0,) if self.network.outputs is None else (0, self.network.outputs)
-        found = np.concatenate(parts) if parts else np.empty(shape)
+        found = np.concatenate(parts) if parts else np.empty(0)
         return self.y_scaling.restored(found.astype(np.float64))
 
     def attention(self, windows: ArrayLike) -> Floats:
@@ -127,7 +126,7 @@ class TrainedSequence:
             "training": asdict(self.settings),
             "precision": self.precision,
             "length": self.length,
-            "outputs": self.network.outputs,
+            "outputs": None,
             "inputs": [asdict(one) for one in self.inputs],
             "leaks": list(self.leaks),
             "scaling": scaling_document(x=self.x_scaling, y=self.y_scaling),
@@ -148,9 +147,7 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
     with document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])
         x, y = (restored_scaling(document["scaling"], part) for part in "xy")
-        built = sequence_network(
-            kind, document["length"], len(x.shift), document["outputs"], torch.Generator()
-        )
+        built = sequence_network(kind, document["length"], len(x.shift), torch.Generator())
         fill(built, document["state"])
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),

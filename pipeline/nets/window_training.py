@@ -46,12 +46,12 @@ def train_windows(
         to learn from beside those for validation, or when the first epoch diverges
         (:class:`~pipeline.nets.best_state.Diverged`).
     """
-    x, y = samples("x", windows.x, 3), samples("y", windows.y, np.ndim(windows.y))
+    x, y = samples("x", windows.x, 3), samples("y", windows.y, 1)
     labels = [str(one) for one in windows.group]
-    if not len(x) == len(y) == len(labels) or y.ndim not in (1, 2):
+    if not len(x) == len(y) == len(labels):
         raise ValueError(
             f"x, y and group have shapes {x.shape}, {y.shape} and ({len(labels)},): give as many "
-            "windows of each, y with one or two dimensions"
+            "windows of each"
         )
     if x.size == 0 or y.size == 0:
         raise ValueError(
@@ -60,11 +60,10 @@ def train_windows(
     kept = _kept(labels, settings)
     held = np.isin(labels, kept)
     of_x, of_y = Scaling.standard(x[~held], axis=(0, 1)), Scaling.standard(y[~held])
-    outputs = None if y.ndim == 1 else y.shape[1]
     precision = usable_precision(settings.precision)
     with reproducible():
         generator = torch.Generator().manual_seed(settings.seed)
-        built = sequence_network(kind, x.shape[1], x.shape[2], outputs, generator)
+        built = sequence_network(kind, x.shape[1], x.shape[2], generator)
         dtype = built.dense.weight.dtype
         scaled = of_x.scaled(x, dtype), of_y.scaled(y, dtype)
         training, validation = (_chosen(scaled, rows) for rows in (~held, held))

@@ -30,7 +30,7 @@ KINDS = (*NETWORKS, ArxSettings())
 SHORT = WindowTraining(epochs=5, patience=5)
 
 
-def delayed(many: int = 5, samples: int = 90, every: int = 1) -> Windows:
+def delayed(many: int = 5, samples: int = 90) -> Windows:
     """A product of two inputs, each with a delay of its own: nothing for a linear model."""
     rng = np.random.default_rng(0)
     recordings = []
@@ -40,7 +40,7 @@ def delayed(many: int = 5, samples: int = 90, every: int = 1) -> Windows:
         y[4:] = 3.0 + 20.0 * u[1:-3] * v[2:-2]
         recordings.append(Recording(name=f"r{k}", step_s=0.01, signals={"u": u, "v": v, "y": y}))
     inputs = [WindowInput(name="u"), WindowInput(name="v")]
-    return windows_of(recordings, inputs, "y", 10, np.inf, every=every)
+    return windows_of(recordings, inputs, "y", 10, np.inf)
 
 
 DATA = delayed()
@@ -183,16 +183,6 @@ def test_float32_stands_in_where_there_is_no_bfloat16(monkeypatch: pytest.Monkey
     found = trained(NETWORKS[2], settings=replace(SHORT, precision="bfloat16"))
     assert found.precision == "float32"
     assert found.history.tobytes() == wanted.history.tobytes()
-
-
-def test_several_outputs_are_learnt_at_once() -> None:
-    y = np.stack([DATA.x[:, -1, 0], 5.0 * DATA.x[:, -3, 1]], axis=1)
-    found = trained(ArxSettings(), Windows(x=DATA.x, y=y, group=DATA.group))
-    np.testing.assert_allclose(found.predict(DATA.x), y, atol=1e-3)
-    assert trained(NETWORKS[0], Windows(x=DATA.x, y=y, group=DATA.group)).predict(DATA.x).shape == (
-        len(y),
-        2,
-    )
 
 
 def test_attention_of_windows_adds_up_to_one() -> None:

@@ -117,7 +117,7 @@ def shown(tmp_path: Path) -> Shown:
 
 def with_attention(model: CompensationModel) -> CompensationModel:
     kind = CnnLstmAttentionSettings(filters=3, units=4)
-    built = sequence_network(kind, LENGTH, len(INPUTS), None, torch.Generator().manual_seed(1))
+    built = sequence_network(kind, LENGTH, len(INPUTS), torch.Generator().manual_seed(1))
     one = TrainedSequence(
         kind=kind, settings=WindowTraining(), precision="float32", length=LENGTH, inputs=INPUTS,
         leaks=(), network=built, history=np.ones((1, 3)), validation_groups=(),
