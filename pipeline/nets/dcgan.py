@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
 from pipeline.nets.dcgan_settings import (
@@ -31,7 +30,6 @@ from pipeline.nets.stored import (
     fill,
     history_of,
     reproducible,
-    samples,
     state_of,
 )
 from pipeline.schema.arrays import Floats
@@ -274,13 +272,11 @@ class TrainedGan:
         generator = torch.Generator().manual_seed(seed)
         return torch.randn(many, self.settings.latent, generator=generator)
 
-    def sample(
-        self, conditions: Mapping[str, Any], *, seed: int = 0, noise: ArrayLike | None = None
-    ) -> Floats:
+    def sample(self, conditions: Mapping[str, Any], *, seed: int = 0) -> Floats:
         """Windows at conditions, shape (N, C, L), in the units of the channels.
 
         ``conditions`` by name, shape (N,); the empty word, or a discrete one left out, for one that
-        is not known. ``noise`` (N, Z) stands in for that of ``seed``.
+        is not known; ``seed`` is that of the noise.
 
         Raises
         ------
@@ -288,20 +284,12 @@ class TrainedGan:
             When a condition is missing, was not learnt, or lies outside of what was.
         """
         numbers, words = encoded(self.space, conditions)
-        if noise is None:
-            given = self.noise(len(numbers), seed)
-        else:
-            given = torch.from_numpy(samples("noise", noise, 2)).to(torch.float32)
-        if given.shape != (len(numbers), self.settings.latent):
-            raise ValueError(
-                f"noise has shape {tuple(given.shape)}: give {len(numbers)} rows of "
-                f"{self.settings.latent} numbers"
-            )
+        noise = self.noise(len(numbers), seed)
         parts = [np.zeros((0, len(self.channels), self.length))]
         with reproducible(), torch.no_grad():
             for k in range(0, len(numbers), ROWS):
                 rows = slice(k, k + ROWS)
-                scaled = self.network(given[rows], numbers[rows], words[rows])
+                scaled = self.network(noise[rows], numbers[rows], words[rows])
                 parts.append(self.scaling.restored(scaled))
         return np.concatenate(parts)
 
