@@ -76,15 +76,6 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     That is the bundle that somebody promoted, else the one that serves already, else the newest.
     Where nothing is new the store is only read.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    names : sequence of str
-        Its sub-models.
-    root : Path
-        The project.
-
     Raises
     ------
     StoreError
@@ -124,17 +115,6 @@ def fill_champion(
     """Fill ``target`` with the bundle of a hash, from wherever it is.
 
     It lies in ``models``, or in ``target`` already, or in the registry.
-
-    Parameters
-    ----------
-    bundle : str
-        Hash of the champion.
-    names : sequence of str
-        Sub-models of the machine.
-    models, target : Path
-        ``data/models/<machine>`` and ``data/champion/<machine>``.
-    root : Path
-        The project.
 
     Raises
     ------
@@ -182,20 +162,9 @@ def promote(
 ) -> Champion:
     """Make the newest bundle of a machine its champion, or go back to a version.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    root : Path
-        The project.
-    why : str
-        The reason, for ``champions.json``.
-    by : str
-        Who promotes; git's user where it is empty.
-    anyway : bool
-        Whether a bundle that is not shown to be better serves all the same.
-    to : int or None
-        A registered version that serves from now on, without a comparison.
+    ``why`` goes into ``champions.json``; ``by`` is git's user where it is empty; ``anyway`` lets
+    one serve that is not shown to be better; ``to`` is a registered version that serves without a
+    comparison.
 
     Raises
     ------
@@ -270,13 +239,7 @@ def _challenge(
     root: Path,
     anyway: bool,
 ) -> tuple[Champions, str, str]:
-    """Hold the newest bundle against the champion; champions with looks, its hash, and a note.
-
-    Raises
-    ------
-    ValueError
-        When something speaks against it and it is not promoted anyway.
-    """
+    """Hold the newest bundle against the champion; champions with looks, its hash, and a note."""
     from pipeline.submodels.promotion import objections, sealed_objections
 
     if not names:

@@ -30,11 +30,6 @@ class OwnPackage:
 
     A version of long ago keeps the modules and fields that it was written with, whatever they are
     called today.  Where both are the same, the installed one is used, whose kernels are compiled.
-
-    Parameters
-    ----------
-    folder : Path
-        That holds the copy, ``<folder>/pipeline``.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -135,16 +134,11 @@ def files_of(root: Path) -> dict[str, bytes]:
             if path.is_file()}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "filling", [registered, partial(status, MACHINE)], ids=["dvc repro -f champion", "kerf status"]
-)
-def test_a_store_that_was_deleted_is_filled_again(
-    root: Path, filling: Callable[[Path], object]
-) -> None:
+def test_a_store_that_was_deleted_is_filled_again(root: Path) -> None:
     serves = (root / CHAMPION / "bundle.json").read_bytes()
     (root / "mlflow.db").unlink()
     shutil.rmtree(root / "mlartifacts")
-    filling(root)
+    status(MACHINE, root)
     assert (root / CHAMPION / "bundle.json").read_bytes() == serves
     assert aliases(root) == {"champion": 1, "challenger": 2}
     expected = direct(root / CHAMPION, hour(root))
@@ -307,6 +301,7 @@ def test_a_bundle_asks_for_what_the_code_of_its_sub_models_imports() -> None:
     assert not any("trimesh" in asked for asked in found.values())  # an extra, done without
 
 
+@pytest.mark.proof
 def test_the_code_of_a_bundle_is_imported_with_its_requirements_alone() -> None:
     asked = [one.partition("==")[0] for one in requirements(["synthesis"], ROOT)]
     answer = subprocess.run(

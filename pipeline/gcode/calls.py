@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.gcode.dialects.siemens_flow import Structure, structures
 from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
-from pipeline.gcode.dialects.siemens_line import ModalMemory
+from pipeline.gcode.dialects.siemens_memory import ModalMemory
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC
@@ -35,16 +35,7 @@ class Label:
 class Source:
     """One program with an index of its N words, O programs, labels and loops.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    file : int
-        Its index in ``Moves.files``.
-    parse : callable
-        From a program and a line number to the statement.
-    keeps : bool
-        Whether a line that is carried out again is the same statement.
+    ``keeps`` says whether a line that is carried out again is the same statement.
     """
 
     def __init__(self, program: Program, file: int, parse: Parser, *, keeps: bool = True) -> None:
@@ -227,16 +218,8 @@ class Level:
 class CallStack:
     """Stack of call levels.
 
-    Parameters
-    ----------
-    run, variables : Run, Variables
-        Interpretation and variables; a call saves modal state and local variables.
-    parse : callable
-        From a program and a line number to the statement.
-    program : Program
-        The main program.
-    memory : ModalMemory, optional
-        What the reader of a Sinumerik's lines remembers.
+    A call saves modal state and local variables; ``memory`` is what the reader of a Sinumerik's
+    lines remembers.
     """
 
     def __init__(

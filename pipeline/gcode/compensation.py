@@ -111,17 +111,10 @@ def close_contour(run: Run) -> None:
 def compensate(elements: list[Element], *, side: int, radius: float, dialect: str) -> list[Element]:
     """Path of the tool's centre beside a contour.
 
-    Parameters
-    ----------
-    elements : list of Element
-        From the first move after G41 or G42 (which enters: it starts where the tool stands, off the
-        contour) to the last one before G40.  Each starts where the one before ends.
-    side : int
-        1 for G41, left of the contour; -1 for G42, right of it.
-    radius : float
-        Of the tool [mm]; a negative one changes the side.
-    dialect : str
-        A key of :data:`RULES`.
+    The first of ``elements`` is the first move after G41 or G42, which enters from where the tool
+    stands, off the contour; the last is the one before G40; each starts where the one before ends.
+    ``side`` is 1 for G41, left of the contour, -1 for G42; a negative ``radius`` [mm] changes it;
+    ``dialect`` is a key of :data:`RULES`.
 
     Returns
     -------

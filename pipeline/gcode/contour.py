@@ -22,12 +22,7 @@ SAME_POINT = 1e-7
 class CompensationError(ValueError):
     """A contour that the tool cannot follow.
 
-    Parameters
-    ----------
-    row : int
-        :attr:`Element.row` of the element that cannot be followed.
-    reason : str
-        Why, and what to do.
+    ``row`` is the :attr:`Element.row` of the element.
     """
 
     def __init__(self, *, row: int, reason: str) -> None:
@@ -204,18 +199,8 @@ def append_path(
 ) -> None:
     """Append the moves of a path, and between them, in place, the rows that do not move.
 
-    Parameters
-    ----------
-    rows : Rows
-        That grow.
-    path : list of Element
-        Of the tool's centre; each element bears the number of its programmed row.
-    programmed : Rows
-        The contour as programmed.
-    start : tuple of 6 floats
-        Where the machine stood before the contour [mm, deg].
-    plane : int
-        17, 18 or 19.
+    Elements of ``path``, of the tool's centre, bear the number of their row in ``programmed``;
+    ``start`` is where the machine stood before the contour [mm, deg]; ``plane`` is 17, 18 or 19.
     """
     first, second, normal = IN_PLANE[plane]
     here = list(start)

@@ -7,16 +7,7 @@ from collections.abc import Callable
 class GcodeError(ValueError):
     """A word that cannot be interpreted: its place, the reason and the remedy.
 
-    Parameters
-    ----------
-    file : str
-        Name of the program.
-    line, column : int
-        Of the word, counting from 1; 0 where there is none.
-    word : str
-        As written.
-    reason : str
-        Why, and what to do.
+    Line and column of the word count from 1; 0 where there is none.
     """
 
     def __init__(self, file: str, line: int, column: int, word: str, reason: str) -> None:
@@ -33,15 +24,7 @@ ALIKE = dict(
 
 
 def strange_character(text: str, at: int) -> str:
-    """What stands at a place of a line that is not ASCII, by its name; empty where it is ASCII.
-
-    Parameters
-    ----------
-    text : str
-        The line, a character for each byte.
-    at : int
-        Place in it, counting from 0.
-    """
+    """What stands at a place of a line that is not ASCII, by its name; empty where it is ASCII."""
     raw = text[at : at + 4].encode("latin-1", "replace")
     if not raw or raw[0] < 0x80:
         return ""

@@ -72,16 +72,8 @@ def run_fast_lines(
 ) -> int:
     """Carry out fast lines from ``number`` on, with the interpreter's results bit for bit.
 
-    Parameters
-    ----------
-    program : Program
-        That holds the lines.
-    number, stop : int
-        First line, and the one to stop before, counting from 1.
-    run : Run
-        Its state and rows change.
-    variables : FanucVariables or LinuxcncParameters, optional
-        For lines with expressions, which are no fast lines without.
+    They go up to before line ``stop``; rows and state of ``run`` change. Lines with expressions are
+    fast ones only with ``variables``.
 
     Returns
     -------
@@ -171,22 +163,12 @@ def follow(
 ) -> tuple[int, int]:
     """Carry out fast lines; the first line that is none, and the number of rows.
 
-    Parameters
-    ----------
-    data, tokens
-        A program's bytes and its tokens' kind, start and first.
-    lines : (int, int)
-        The first, and the one to stop before, counting from 1.
-    floats, integers
-        Of :meth:`~pipeline.gcode.modal.State.to_arrays`; changed in place.
-    choices : (4,) array
-        ``TOLERANCE``, ``RELATIVE``, ``R_TOLERANCE``, ``INCREMENTS``.
-    table
-        Variables, which no fast line changes.
-    columns, count
-        :data:`VARYING` columns of the rows, one row a line at least, and how many are written.
-    words : (``WIDTH``,) array
-        To work in.
+    ``data`` and ``tokens`` are a program's bytes and its tokens' kind, start and first; ``lines``
+    the first line and the one to stop before; ``floats`` and ``integers``, of
+    :meth:`~pipeline.gcode.modal.State.to_arrays`, and ``columns``, one row a line at least of which
+    ``count`` are written, change in place; ``choices`` (4,) holds ``TOLERANCE``, ``RELATIVE``,
+    ``R_TOLERANCE``, ``INCREMENTS``; no fast line changes a variable of ``table``; ``words``
+    (``WIDTH``,) is to work in.
     """
     linuxcnc = integers[modal.DIALECT] == modal.LINUXCNC
     increments = choices[INCREMENTS] > 0

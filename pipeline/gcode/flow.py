@@ -28,15 +28,7 @@ LONGEST_LABEL = 1e15
 
 
 class Flow:
-    """Carries out the control of a statement by setting the line that comes next.
-
-    Parameters
-    ----------
-    calls : CallStack
-        Levels of subprograms.
-    parameters : ParameterStore
-        Variables.
-    """
+    """Carries out the control of a statement by setting the line that comes next."""
 
     def __init__(self, calls: CallStack, parameters: ParameterStore) -> None:
         self.calls, self.parameters = calls, parameters

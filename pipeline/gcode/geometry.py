@@ -31,14 +31,8 @@ def sweep(
 ) -> float:
     """Angle from start to end about the centre [rad].
 
-    Parameters
-    ----------
-    u_0, v_0, u_1, v_1, u_c, v_c : float
-        Start, end, centre [mm].
-    turn : int
-        1 anticlockwise (G3), -1 clockwise (G2).
-    turns : int
-        Full circles begun: 1 for an arc of up to one circle.
+    Start 0, end 1 and centre c [mm]; ``turn`` is 1 anticlockwise (G3), -1 clockwise (G2); ``turns``
+    counts the full circles begun, 1 for an arc of up to one.
 
     Returns
     -------
@@ -67,14 +61,8 @@ def radii_agree(
 ) -> int:
     """Whether start and end lie on one circle about the centre.
 
-    Parameters
-    ----------
-    u_0, v_0, u_1, v_1, u_c, v_c : float
-        Start, end, centre [mm].
-    tolerance : float
-        Difference of radii that is always taken [mm].
-    relative : float
-        Larger differences are taken up to this part of the radius [1] and 100 ``tolerance``.
+    Start 0, end 1 and centre c [mm]. Radii may differ by ``tolerance`` [mm], and further up to the
+    part ``relative`` [1] of the radius and 100 ``tolerance``.
 
     Returns
     -------
@@ -98,16 +86,8 @@ def centre_of_radius(
 ) -> tuple[int, float, float]:
     """Centre of an arc given by R.
 
-    Parameters
-    ----------
-    u_0, v_0, u_1, v_1 : float
-        Start and end [mm].
-    radius : float
-        Negative for the arc of more than a semicircle [mm].
-    turn : int
-        1 anticlockwise (G3), -1 clockwise (G2).
-    tolerance : float
-        By which half of the chord may be longer than the radius [mm].
+    Start 0 and end 1 [mm]; a negative ``radius`` [mm] is that of more than a semicircle; ``turn``
+    as in :func:`sweep`; half of the chord may be longer than the radius by ``tolerance`` [mm].
 
     Returns
     -------

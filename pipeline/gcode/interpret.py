@@ -41,14 +41,7 @@ def interpret(
 ) -> Moves:
     """Moves of a program from its first line to its end.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    setup : Setup
-        Dialect, offsets, tools.
-    progress : callable, optional
-        Called now and then with the number of blocks that were executed.
+    ``progress`` is called now and then with the number of blocks that were executed.
 
     Returns
     -------
@@ -69,12 +62,7 @@ def interpret_in_parts(
 ) -> Iterator[Moves]:
     """Moves of a program in parts that follow each other, for programs of any length.
 
-    Parameters
-    ----------
-    program, setup, progress
-        As :func:`interpret` takes them.
-    rows : int
-        Rows of a part, at least; the last one may have fewer, or none.
+    A part has ``rows`` rows at least; the last one may have fewer, or none.
 
     Raises
     ------
@@ -131,12 +119,7 @@ def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, i
 class Interpreter:
     """Interpretation of one program.
 
-    Parameters
-    ----------
-    program, setup, progress
-        As :func:`interpret` takes them.
-    compiled : bool
-        Whether fast lines are left to compiled code; the moves are the same.
+    Fast lines are left to ``compiled`` code, or not; the moves are the same.
 
     Attributes
     ----------

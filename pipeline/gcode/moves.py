@@ -226,10 +226,7 @@ NO_CENTRE = (np.nan, np.nan, np.nan)
 class Rows:
     """Growing columns; ``count`` rows of ``capacity`` are written.
 
-    Parameters
-    ----------
-    capacity : int
-        Rows to allocate at first (pages that are never written cost no memory, and hold zeros).
+    Pages that are never written cost no memory, and hold zeros.
     """
 
     def __init__(self, capacity: int) -> None:

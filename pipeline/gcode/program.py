@@ -47,13 +47,6 @@ class Tokens:
 def tokens(data: bytes, name: str) -> Tokens:
     """Tokens of any bytes.
 
-    Parameters
-    ----------
-    data : bytes
-        A program, whatever its encoding and line ends.
-    name : str
-        Of the program, for errors.
-
     Raises
     ------
     GcodeError
@@ -68,27 +61,6 @@ def tokens(data: bytes, name: str) -> Tokens:
     for array, length in ((kind, count), (start, count + 1), (first, lines + 1)):
         array.resize(length, refcheck=False)  # in place: gives back what was not written
     return Tokens(kind=kind, start=start, first=first)
-
-
-def numbers(data: bytes, made: Tokens, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-    """Numbers of some tokens.
-
-    Parameters
-    ----------
-    data : bytes
-        A program.
-    made : Tokens
-        Its K tokens.
-    which : (n,) array of int
-        WORD tokens, counting from 0.
-    """
-    found = np.empty(len(which))
-    scanner.read_numbers(np.frombuffer(data, dtype=np.uint8), made.start[which], found)
-    for index in np.flatnonzero(np.isnan(found)).tolist():
-        at = which[index]
-        # more digits than the scanner rounds correctly
-        found[index] = float(number_text(data[made.start[at] : made.start[at + 1]]))
-    return found
 
 
 def number_text(word: bytes) -> str:
@@ -131,16 +103,8 @@ class Piece:
 class Line:
     """One line of a program; its words are looked up on demand.
 
-    Parameters
-    ----------
-    number : int
-        Counting from 1.
-    start : int
-        Its first byte in the program, counting from 0.
-    text : bytes
-        Without the line end.
-    end : bytes
-        The line end; empty where the last line has none.
+    ``start`` is its first byte in the program, counting from 0; ``end`` its line end, empty where
+    the last line has none.
     """
 
     __slots__ = ("_first", "_last", "_tokens", "end", "number", "start", "text")
@@ -250,13 +214,6 @@ def is_block(remark: bytes) -> bool:
 class Program:
     """Bytes of a part program, and their tokens.
 
-    Parameters
-    ----------
-    data : bytes
-        As read.
-    name : str
-        For errors: the file's name.
-
     Raises
     ------
     GcodeError
@@ -283,16 +240,19 @@ class Program:
         return Line(self.data, self.tokens, number)
 
     def numbers(self, which: npt.NDArray[np.integer]) -> npt.NDArray[np.float64]:
-        """Numbers of the WORD tokens ``which`` (n,)."""
-        return numbers(self.data, self.tokens, which)
+        """Numbers of the WORD tokens ``which`` (n,), counting from 0."""
+        start, found = self.tokens.start, np.empty(len(which))
+        scanner.read_numbers(np.frombuffer(self.data, dtype=np.uint8), start[which], found)
+        for index in np.flatnonzero(np.isnan(found)).tolist():
+            at = which[index]
+            # more digits than the scanner rounds correctly
+            found[index] = float(number_text(self.data[start[at] : start[at + 1]]))
+        return found
 
     def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
         """The program put together from its pieces, with other bytes for some words.
 
-        Parameters
-        ----------
-        changes : mapping of Word to bytes, optional
-            What to write in place of a word of this program; all other bytes stay.
+        All bytes stay but those of the words in ``changes``.
         """
         instead = {word.start: text for word, text in (changes or {}).items()}
         bounds = self.tokens.start.tolist()

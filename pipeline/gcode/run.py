@@ -34,13 +34,6 @@ class Block:
     """Evaluated words of a line.
 
     Codes take the words that they use; a word left over is an error.
-
-    Parameters
-    ----------
-    file : str
-        Name for errors.
-    line : int
-        Counting from 1.
     """
 
     __slots__ = (
@@ -132,25 +125,17 @@ class Register:
 
 @dataclass(slots=True, kw_only=True)
 class Snapshot:
-    """Modal state that M70 or M73 of LinuxCNC saved.
-
-    Parameters
-    ----------
-    values : dict of str to number
-        Fields of the state.
-    length : list of 6 floats
-        Tool offset.
-    active : str
-        Work coordinate system.
-    automatic : bool
-        M73: restored when the subroutine ends.
-    """
+    """Modal state that M70 or M73 of LinuxCNC saved."""
 
     values: dict[str, float]
+    """Fields of the state."""
     length: list[float]
+    """Tool offset by axis."""
     active: str
+    """Work coordinate system."""
     retract_to_r: bool
     automatic: bool
+    """M73: restored when the subroutine ends."""
     g52: list[float] | None = None
     """Shift by TRANS that SAVE of a Sinumerik restores, which leaves F, S and tools as they are."""
 
@@ -223,15 +208,7 @@ MODES = ("motion", "unit", "plane", "absolute", "feed_mode", "path_mode", "toler
 
 
 class Run:
-    """State of one interpretation, on which all codes act.
-
-    Parameters
-    ----------
-    setup : Setup
-        The control before the program.
-    capacity : int
-        Rows to allocate at first.
-    """
+    """State of one interpretation, on which all codes act."""
 
     def __init__(self, setup: Setup, capacity: int) -> None:
         self.setup = setup

@@ -24,13 +24,7 @@ class Tool:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineLimits(Ranged, section="setup.limits"):
-    """What the machine can reach; what is left out is not checked.
-
-    Raises
-    ------
-    ValueError
-        When an axis is none of X Y Z A B C, or a range ends below its beginning.
-    """
+    """What the machine can reach; what is left out is not checked."""
 
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Least and greatest position of an axis in machine coordinates, by its letter [mm, deg]."""

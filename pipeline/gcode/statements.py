@@ -92,35 +92,24 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """Flow control of a line.
-
-    Parameters
-    ----------
-    kind : str
-        ``goto``, ``if_goto``, ``if_then``, ``while_do``, ``do``, ``end`` (Macro B) or, of O-words,
-        ``sub``, ``endsub``, ``call``, ``return``, ``if``, ``elseif``, ``else``, ``endif``,
-        ``while``, ``endwhile``, ``repeat``, ``endrepeat``, ``break``, ``continue``, ``program``
-        (``O1000`` that names a program).
-    label : Expression, str or None
-        Name or number of an O-word as text (``"100"`` for ``O0100``), an expression where it is
-        computed; loop number of DO and END; target of GOTO.
-    condition : Expression or None
-        Of ``if``, ``while``; the count of ``repeat``; the value of ``return`` or ``endsub``.
-    arguments : tuple of Expression
-        Of ``call``.
-    then : tuple of Assignment
-        Of ``if_then``.
-    part : tuple of 2 str
-        Labels of the first and last line that a Sinumerik's REPEAT or CALL BLOCK carries out.
-    """
+    """Flow control of a line."""
 
     kind: str
+    """``goto``, ``if_goto``, ``if_then``, ``while_do``, ``do``, ``end`` (Macro B) or, of O-words,
+    ``sub``, ``endsub``, ``call``, ``return``, ``if``, ``elseif``, ``else``, ``endif``, ``while``,
+    ``endwhile``, ``repeat``, ``endrepeat``, ``break``, ``continue``, ``program`` (``O1000`` that
+    names a program)."""
     label: "Expression | str | None"
+    """Name or number of an O-word as text (``"100"`` for ``O0100``), an expression where it is
+    computed; loop number of DO and END; target of GOTO."""
     column: int
     condition: Expression | None = None
+    """Condition of ``if``, ``while``; count of ``repeat``; value of ``return`` or ``endsub``."""
     arguments: tuple[Expression, ...] = ()
     then: tuple[Assignment, ...] = ()
+    """Assignments of ``if_then``."""
     part: tuple[str, str] = ("", "")
+    """Labels of the first and last line that a Sinumerik's REPEAT or CALL BLOCK carries out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,13 +160,6 @@ def constant(value: Expression) -> float | None:
 
 def evaluate(expression: Expression, parameters: ParameterStore) -> float | None:
     """Value of an expression; None where it is Fanuc's <vacant>.
-
-    Parameters
-    ----------
-    expression : Expression
-        As parsed.
-    parameters : ParameterStore
-        Read only.
 
     Returns
     -------

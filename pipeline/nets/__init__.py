@@ -11,6 +11,6 @@ Sources: FFNN2015; Feed2025; Sun and Jang 1993 (filters over channels); Golub an
 
 __all__ = [
     "dcgan", "dcgan_settings", "dcgan_training", "diversity", "ffnn", "latent_search",
-    "sequence_settings", "settings", "trained", "training", "tuning",
+    "sequence_settings", "settings", "stored", "trained", "training", "tuning",
     "wear", "window_model", "window_training", "windows",
 ]  # fmt: skip

@@ -4,7 +4,7 @@ A step on sixty small tensors takes longer than a small network, on one vector i
 ``torch.optim`` imports a compiler at its first step, a second of each process.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor, nn
@@ -24,19 +24,10 @@ def flat(weights: Sequence[nn.Parameter]) -> Tensor:
 class Adam:
     """Steps down the gradient of a loss.
 
-    Parameters
-    ----------
-    weights : sequence of Parameter
-        Which are moved; the rest of the graph gets no gradient.
-    rate : float
-        Learning rate; it may be set anew before any step.
-    betas : (float, float)
-        Shares of the mean gradient and of its mean square that a step keeps [1].
-    l2 : sequence of float or None
-        Of each of the weights, penalty on its squares [1].
-    decay : float
-        Share of the weights, times the rate, that each step takes off: AdamW (Loshchilov and
-        Hutter 2019).
+    ``rate`` may be set anew before any step; ``betas`` are the shares of the mean gradient and of
+    its mean square that a step keeps [1]; ``l2`` is the penalty on the squares of each of the
+    weights [1], ``decay`` the share of the weights, times the rate, that each step takes off: AdamW
+    (Loshchilov and Hutter 2019). The rest of the graph gets no gradient.
     """
 
     def __init__(
@@ -53,11 +44,6 @@ class Adam:
             many = torch.tensor([one.numel() for one in weights])
             each = torch.tensor([2.0 * one for one in l2], dtype=torch.float64)
             self.slope_of_l2 = each.repeat_interleave(many).to(self.values)
-
-    @property
-    def state(self) -> Mapping[str, Tensor]:
-        """What the next step depends on beside the weights, to be stored or filled."""
-        return {"mean": self.mean, "square": self.square, "steps": self.steps}
 
     def step(self, loss: Tensor) -> None:
         """Move the weights."""

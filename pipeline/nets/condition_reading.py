@@ -51,16 +51,9 @@ def window_features(x: Tensor) -> Tensor:
 class Readers(nn.Module):
     """Fixed networks that read a number of the conditions from windows and the other conditions.
 
-    Parameters
-    ----------
-    x : Tensor, shape (N, C, L)
-        Recorded windows, scaled to -1..1.
-    numbers, words : Tensor, shape (N, K), (N, D)
-        Their conditions, encoded; word 0 is one that is not known.
-    read : int
-        Column of ``numbers`` that is read.
-    unknown : float
-        Share of the words that are hidden in training [1].
+    x (N, C, L) are recorded windows, scaled to -1..1, ``numbers`` (N, K) and ``words`` (N, D) their
+    conditions, encoded, where word 0 is one that is not known. They read column ``read`` of the
+    numbers; a share ``unknown`` of the words is hidden in training [1].
     """
 
     def __init__(

@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from numpy.typing import ArrayLike
 from torch import Tensor, nn
 
 from pipeline.nets.dcgan_settings import (
@@ -26,9 +25,14 @@ from pipeline.nets.dcgan_settings import (
     GanSettings,
     GanTraining,
 )
-from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_model import document_of, fill
-from pipeline.schema.arrays import Floats, packed
+from pipeline.nets.stored import (
+    document_of,
+    fill,
+    history_of,
+    reproducible,
+    state_of,
+)
+from pipeline.schema.arrays import Floats
 
 SLOPE = 0.2
 """Of LeakyReLU below zero [1]."""
@@ -268,19 +272,11 @@ class TrainedGan:
         generator = torch.Generator().manual_seed(seed)
         return torch.randn(many, self.settings.latent, generator=generator)
 
-    def sample(
-        self, conditions: Mapping[str, Any], *, seed: int = 0, noise: ArrayLike | None = None
-    ) -> Floats:
+    def sample(self, conditions: Mapping[str, Any], *, seed: int = 0) -> Floats:
         """Windows at conditions, shape (N, C, L), in the units of the channels.
 
-        Parameters
-        ----------
-        conditions : mapping of str to array_like, shape (N,)
-            By name; the empty word, or a discrete one left out, for one that is not known.
-        seed : int
-            Of the noise.
-        noise : array_like, shape (N, Z), optional
-            Instead of noise by ``seed``.
+        ``conditions`` by name, shape (N,); the empty word, or a discrete one left out, for one that
+        is not known; ``seed`` is that of the noise.
 
         Raises
         ------
@@ -288,20 +284,12 @@ class TrainedGan:
             When a condition is missing, was not learnt, or lies outside of what was.
         """
         numbers, words = encoded(self.space, conditions)
-        if noise is None:
-            given = self.noise(len(numbers), seed)
-        else:
-            given = torch.from_numpy(samples("noise", noise, 2)).to(torch.float32)
-        if given.shape != (len(numbers), self.settings.latent):
-            raise ValueError(
-                f"noise has shape {tuple(given.shape)}: give {len(numbers)} rows of "
-                f"{self.settings.latent} numbers"
-            )
+        noise = self.noise(len(numbers), seed)
         parts = [np.zeros((0, len(self.channels), self.length))]
         with reproducible(), torch.no_grad():
             for k in range(0, len(numbers), ROWS):
                 rows = slice(k, k + ROWS)
-                scaled = self.network(given[rows], numbers[rows], words[rows])
+                scaled = self.network(noise[rows], numbers[rows], words[rows])
                 parts.append(self.scaling.restored(scaled))
         return np.concatenate(parts)
 
@@ -319,7 +307,7 @@ class TrainedGan:
                 "shift": self.scaling.shift.tolist(), "scale": self.scaling.scale.tolist(),
                 "clipped": self.scaling.clipped,
             },
-            "state": {k: packed(v.numpy()) for k, v in self.network.state_dict().items()},
+            "state": state_of(self.network),
             "history": self.history.tolist(),
         }  # fmt: skip
 
@@ -351,7 +339,7 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
                 scale=np.array(scaling["scale"], dtype=np.float64), clipped=scaling["clipped"],
             ),
             network=built.requires_grad_(False).eval(),
-            history=np.array(document["history"], dtype=np.float64).reshape(-1, 3),
+            history=history_of(document),
         )  # fmt: skip
 
 

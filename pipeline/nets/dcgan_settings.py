@@ -23,13 +23,7 @@ SLACK = 1e-6
 
 @dataclass(frozen=True, kw_only=True)
 class GanSettings(Ranged, section="gan"):
-    """Size of a conditional DCGAN; the defaults are those of DCGAN2019.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, the kernel is even, or a word is not known.
-    """
+    """Size of a conditional DCGAN; the defaults are those of DCGAN2019."""
 
     latent: Count = 3500
     """Numbers of the noise."""
@@ -64,13 +58,7 @@ class GanSettings(Ranged, section="gan"):
 
 @dataclass(frozen=True, kw_only=True)
 class GanTraining(Ranged, section="gan_training"):
-    """Budget of an adversarial training and its settings; the defaults are those of DCGAN2019.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, or a word is not known.
-    """
+    """Budget of an adversarial training and its settings; the defaults are those of DCGAN2019."""
 
     steps: Count = 148_000
     batch: Annotated[int, Range(least=2)] = 32

@@ -1,28 +1,22 @@
-"""Adversarial training of the conditional DCGAN: one loop, checkpoints, running mean of weights.
+"""Adversarial training of the conditional DCGAN: one loop, running mean of the weights.
 
-A training that was interrupted goes on from its checkpoint to the same bits on the CPU, which is
-the reference; on a GPU bits may differ.  A judge takes no part: it may look on through a watch.
+A judge takes no part: it may look on through a watch.
 
 Sources: DCGAN2019; hinge loss: Lim and Ye 2017; R1, lazily: Mescheder, Geiger and Nowozin 2018,
 Karras et al. 2020; running mean of the weights: Yazici et al. 2019.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from hashlib import sha256
-from math import inf
-from pathlib import Path
-from time import perf_counter
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
-from torch import Tensor, nn
+from torch import Tensor
 from torch.nn.functional import relu, softplus
 
 from pipeline.nets.adam import Adam, flat
-from pipeline.nets.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
+from pipeline.nets.best_state import Diverged
 from pipeline.nets.condition_reading import Readers
 from pipeline.nets.dcgan import (
     ChannelScaling,
@@ -34,67 +28,29 @@ from pipeline.nets.dcgan import (
 )
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
 from pipeline.nets.spectral_distance import energy_distance
-from pipeline.nets.trained import reproducible, samples
-from pipeline.nets.window_training import Diverged, autocast, cooled, usable_precision
+from pipeline.nets.stored import reproducible, samples
+from pipeline.nets.window_training import autocast, cooled, usable_precision
 
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GanStep:
-    """What an adversarial training says every so many steps."""
-
-    number: int
-    of: int
-    """Steps that are done, and that there are."""
-    discriminator: float
-    generator: float
-    """Mean losses since it last said something [1]."""
-    seconds: float
-    left_s: float
-    """Time of this call so far [s], and to come, at the mean time of its steps."""
-    so_far: Callable[[], TrainedGan]
-    """The trained generator as it stands, to sample from."""
-
-
-Watch = Callable[[GanStep], bool | None]
-"""Called every ``GanTraining.every`` steps; true ends the training."""
+Watch = Callable[[int, Callable[[], TrainedGan]], bool | None]
+"""Called every ``GanTraining.every`` steps with their number and what gives the generator as it
+stands, to sample from; true ends the training."""
 
 
 def train_gan(
     kind: GanSettings, values: ArrayLike, conditions: Mapping[str, Any], *, training: GanTraining,
     channels: Sequence[str], units: Sequence[str] = (),
-    condition_units: Mapping[str, str] | None = None, checkpoint: Path | None = None,
-    watch: Watch | None = None, device: str = "cpu", read: str = "",
+    condition_units: Mapping[str, str] | None = None, watch: Watch | None = None, read: str = "",
 ) -> TrainedGan:  # fmt: skip
     """Generator that is trained on windows and their conditions.
 
-    Parameters
-    ----------
-    kind : GanSettings
-        Sizes.
-    values : array_like, shape (N, C, L)
-        Windows, in the units of the channels.
-    conditions : mapping of str to array_like, shape (N,)
-        Numbers, or words, by name.
-    training : GanTraining
-        Budget.
-    channels, units : sequence of str
-        Of the windows.
-    condition_units : mapping of str to str, optional
-        Units of the conditions that are numbers.
-    checkpoint : Path or None
-        File to go on from where it is there, written whenever a watch is called.
-    watch : callable or None
-        Called every ``training.every`` steps, and after the last.
-    device : str
-        Of torch.
-    read : str
-        Condition, a number, whose readings count by ``training.reading``.
+    ``values`` (N, C, L) in the ``units`` of the ``channels``; ``conditions`` by name, numbers or
+    words, shape (N,). ``watch`` is called every ``training.every`` steps, and after the last;
+    ``read`` names the condition, a number, whose readings count by ``training.reading``.
 
     Raises
     ------
     ValueError
-        When shapes do not fit, a value is not finite, the training diverges (:class:`Diverged`), or
-        the checkpoint is of another training.
+        When shapes do not fit, a value is not finite, or the training diverges (:class:`Diverged`).
     """
     x = samples("values", values, 3)
     if len(x) < 2 or 0 in x.shape or len(channels) != x.shape[1]:
@@ -115,27 +71,23 @@ def train_gan(
             f"{read!r}: name one, or set it to 0"
         )
     scaling = ChannelScaling.of(x)
-    told = (x, *encoded(space, conditions))
-    precision = usable_precision(training.precision, device)
+    precision = usable_precision(training.precision)
     with reproducible(), torch.random.fork_rng(devices=[]):
         torch.manual_seed(training.seed)
-        loop = _Loop(kind, training, space, (x.shape[1], x.shape[2]), device, precision)
-        data = (scaling.scaled(x), *told[1:])
+        loop = _Loop(kind, training, space, (x.shape[1], x.shape[2]), precision)
+        data = (scaling.scaled(x), *encoded(space, conditions))
         if training.reading:
             at = [one.name for one in space.continuous].index(read)
-            recorded, numbers, words = (one.to(device) for one in data)
-            loop.readers = Readers(recorded, numbers, words, at, kind.unknown)
-        print_of = _fingerprint(kind, training, space, told, precision, device)
+            loop.readers = Readers(*data, at, kind.unknown)
 
         def so_far() -> TrainedGan:
-            network = averaged(loop.average).to("cpu")
             return TrainedGan(
                 settings=kind, training=training, space=space, channels=tuple(channels),
                 units=tuple(units) or ("",) * len(channels), length=x.shape[2], scaling=scaling,
-                network=network, history=np.array(loop.at.history).reshape(-1, 3),
+                network=averaged(loop.average), history=np.array(loop.history).reshape(-1, 3),
             )  # fmt: skip
 
-        loop.run(data, so_far, watch, checkpoint, print_of)
+        loop.run(data, so_far, watch)
         return so_far()
 
 
@@ -144,49 +96,32 @@ class _Loop:
 
     def __init__(
         self, kind: GanSettings, training: GanTraining, space: ConditionSpace,
-        shape: tuple[int, int], device: str, precision: str,
+        shape: tuple[int, int], precision: str,
     ) -> None:  # fmt: skip
         self.kind, self.training, self.precision = kind, training, precision
-        self.device = torch.device(device)
         channels, length = shape
-        self.generator = Generator(channels, length, space, kind).to(self.device)
-        self.discriminator = Discriminator(channels, space, kind).to(self.device)
+        self.generator = Generator(channels, length, space, kind)
+        self.discriminator = Discriminator(channels, space, kind)
         self.average = averaged(self.generator)
-        self.all = nn.ModuleDict(
-            {
-                "generator": self.generator, "discriminator": self.discriminator,
-                "average": self.average,
-            }
-        )  # fmt: skip
         self.mean = flat(list(self.average.parameters()))
         rate, betas = training.learning_rate, (training.beta1, training.beta2)
         self.rates = {
             "generator": rate, "discriminator": training.discriminator_rate or rate,
         }  # fmt: skip
         self.adam = {
-            name: Adam(list(self.all[name].parameters()), one, betas=betas)
+            name: Adam(list(getattr(self, name).parameters()), one, betas=betas)
             for name, one in self.rates.items()
         }
-        self.state = {
-            f"{name} {k}": v for name, one in self.adam.items() for k, v in one.state.items()
-        }
         self.readers: Readers | None = None
-        self.at = Checkpoint(history=[], best=inf, best_at=0, best_state={})
+        self.history: list[tuple[float, float, float]] = []
 
     def run(
         self, data: tuple[Tensor, Tensor, Tensor], so_far: Callable[[], TrainedGan],
-        watch: Watch | None, checkpoint: Path | None, fingerprint: str,
+        watch: Watch | None,
     ) -> None:  # fmt: skip
         """Train to the last step, or until a watch ends it."""
-        first = 0
-        if checkpoint is not None and checkpoint.exists():
-            self.at = read_checkpoint(checkpoint, fingerprint, self.all, self.state)
-            torch.set_rng_state(self.at.generator)
-            first = int(self.at.history[-1][0]) if self.at.history else 0
-        data = (data[0].to(self.device), data[1].to(self.device), data[2].to(self.device))
-        started = perf_counter()
-        sums, many = torch.zeros(2, device=self.device), 0
-        for done in range(first + 1, self.training.steps + 1):
+        sums, many = torch.zeros(2), 0
+        for done in range(1, self.training.steps + 1):
             sums += self._step(data, done)
             many += 1
             if done % self.training.every and done != self.training.steps:
@@ -197,18 +132,9 @@ class _Loop:
                     f"adversarial training diverged within {done} steps: lower "
                     f"gan_training.learning_rate from {self.training.learning_rate:g}"
                 )
-            self.at.history.append((float(done), losses[0], losses[1]))
+            self.history.append((float(done), losses[0], losses[1]))
             sums, many = torch.zeros_like(sums), 0
-            if checkpoint is not None:
-                self.at.generator = torch.get_rng_state()
-                write_checkpoint(checkpoint, fingerprint, self.at, self.all, self.state)
-            seconds = perf_counter() - started
-            left = seconds / (done - first) * (self.training.steps - done)
-            said = GanStep(
-                number=done, of=self.training.steps, discriminator=losses[0], generator=losses[1],
-                seconds=seconds, left_s=left, so_far=so_far,
-            )  # fmt: skip
-            if watch is not None and watch(said):
+            if watch is not None and watch(done, so_far):
                 break
 
     def _step(self, data: tuple[Tensor, Tensor, Tensor], done: int) -> Tensor:
@@ -219,15 +145,15 @@ class _Loop:
             one.rate = left * self.rates[name]
         real, numbers, words = told
         pairs = 2 if self.training.spectrum or self.training.reading else 1
-        noise = torch.randn(pairs * batch, self.kind.latent).to(self.device)
-        with autocast(self.precision, self.device.type):
+        noise = torch.randn(pairs * batch, self.kind.latent)
+        with autocast(self.precision):
             made = self.generator(noise, numbers.repeat(pairs, 1), words.repeat(pairs, 1)).float()
         fake, *others = made.split(batch)
         towards = real.new_zeros(())
         refused = real.new_zeros(())
         if done > self.training.warm:
             refused = self._discriminated(told, fake.detach(), done)
-            with autocast(self.precision, self.device.type):
+            with autocast(self.precision):
                 again = self.discriminator(fake, numbers, words).float()
             hinge = self.training.loss == "hinge"
             towards = -again.mean() if hinge else softplus(-again).mean()
@@ -251,7 +177,7 @@ class _Loop:
         beside = [
             torch.cat([part, part, *([part.roll(1, 0)] if wrong else [])]) for part in conditions
         ]
-        with autocast(self.precision, self.device.type):
+        with autocast(self.precision):
             scores = self.discriminator(shown, *beside).float()
         of_real, *others = scores.split(len(real))
         hinge = self.training.loss == "hinge"
@@ -267,11 +193,11 @@ class _Loop:
 
     def _batch(self, data: tuple[Tensor, Tensor, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
         """Windows at random, the words of some of them hidden."""
-        rows = torch.randint(len(data[0]), (self.training.batch,)).to(self.device)
+        rows = torch.randint(len(data[0]), (self.training.batch,))
         real, numbers, words = (part[rows] for part in data)
         if words.shape[1] and self.kind.unknown:
             known = torch.rand(words.shape) >= self.kind.unknown
-            words = words * known.to(self.device)
+            words = words * known
         return real, numbers, words
 
     @torch.no_grad()
@@ -289,18 +215,3 @@ def gradient_penalty(
     score = discriminator(x, numbers, words).sum()
     (slope,) = torch.autograd.grad(score, x, create_graph=True)
     return slope.square().sum(dim=(1, 2)).mean()
-
-
-def _fingerprint(
-    kind: GanSettings, training: GanTraining, space: ConditionSpace, told: Sequence[Any],
-    precision: str, device: str,
-) -> str:  # fmt: skip
-    """SHA-256 of what decides on the bits of a training; the number of steps does not."""
-    digest = sha256(torch.__version__.encode())
-    same = replace(training, steps=1)
-    digest.update(repr((kind, same, space, precision, device)).encode())
-    for part in told:
-        array = part.numpy() if isinstance(part, Tensor) else part
-        digest.update(f"{array.shape}{array.dtype}".encode())
-        digest.update(np.ascontiguousarray(array).tobytes())
-    return digest.hexdigest()

@@ -122,18 +122,9 @@ def collapse(
 ) -> Collapse:  # fmt: skip
     """Spread of samples against that of recorded windows, pair by pair.
 
-    Parameters
-    ----------
-    recorded, sampled : array_like, shape (N, C, L)
-        A sample for each recorded window, at its conditions.
-    conditions : array_like, shape (N, K)
-        As numbers of about the same scale.
-    losses : array_like, shape (H,)
-        Of the discriminator over the training [1].
-    most : int
-        Windows that are looked at, at random.
-    seed : int
-        Of that.
+    ``sampled`` has a window for each of ``recorded``, (N, C, L), at its ``conditions`` (N, K),
+    numbers of about the same scale; ``losses`` (H,) are those of the discriminator over the
+    training [1]. ``most`` windows are looked at, at random by ``seed``.
     """
     rng = np.random.default_rng(seed)
     many = len(np.asarray(recorded))

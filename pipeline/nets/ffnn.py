@@ -36,16 +36,8 @@ ROWS = 4096
 class FilteredNetwork(nn.Module, ABC):
     """Bands over the channels, and rules that are linear in the consequent inputs.
 
-    Parameters
-    ----------
-    bands : int
-        J.
-    sensors, inputs : int
-        N and K.
-    bounds : sequence of pairs of float
-        Least and greatest value of each of the F parameters of a band.
-    start : Tensor, shape (J, F)
-        Bands that training starts from.
+    ``bounds`` are least and greatest value of each of the F parameters of a band; training starts
+    from the bands ``start`` (J, F).
     """
 
     channels: Tensor
@@ -111,25 +103,20 @@ class FilteredNetwork(nn.Module, ABC):
     def normal_equations(
         self, bands: Tensor, x: Tensor, c: Tensor, y: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """A'A / T, shape (..., M, M), and A'y / T, shape (..., M), with M = J (K + 1)."""
+        """A'A / T, shape (..., M, M), and A'y / T, shape (..., M, 1), with M = J (K + 1)."""
         gram: Tensor | float = 0.0
         moment: Tensor | float = 0.0
         for k in range(0, len(y), ROWS):
             a = self.designs(bands, x[k : k + ROWS], c[k : k + ROWS])
             gram = gram + a.mT @ a
-            moment = moment + (a.mT @ y[k : k + ROWS, None])[..., 0]
+            moment = moment + a.mT @ y[k : k + ROWS, None]
         return torch.as_tensor(gram) / len(y), torch.as_tensor(moment) / len(y)
 
     @torch.no_grad()
     def solve_consequents(self, x: Tensor, c: Tensor, y: Tensor, ridge: float) -> Tensor:
         """Set the consequents to those of ridge least squares; shape (J, K + 1).
 
-        Parameters
-        ----------
-        x, c, y : Tensor, shapes (T, N), (T, K), (T,)
-            Samples.
-        ridge : float
-            Least is mean((A b - y)^2) + ridge b'b.
+        Least is mean((A b - y)^2) + ``ridge`` b'b over samples x (T, N), c (T, K), y (T,).
         """
         found = ridge_solution(*self.normal_equations(self.bands, x, c, y), ridge)
         self.consequents.copy_(found.view_as(self.consequents))
@@ -142,13 +129,12 @@ class FilteredNetwork(nn.Module, ABC):
 
 
 def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
-    """Solution b of (G + ridge 1) b = m, shape (..., M), G of shape (..., M, M).
+    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M).
 
     The ridge bounds the condition, so that normal equations lose no more than the ridge hides.
     """
     diagonal = ridge * torch.eye(gram.shape[-1], dtype=gram.dtype)
-    factor = torch.linalg.cholesky(gram + diagonal)
-    return torch.cholesky_solve(moment[..., None], factor)[..., 0]
+    return torch.cholesky_solve(moment, torch.linalg.cholesky(gram + diagonal))
 
 
 class Whitened:
@@ -157,14 +143,7 @@ class Whitened:
     Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
     on b crawl; in z they are orthogonal where it starts.
 
-    Parameters
-    ----------
-    built : FilteredNetwork
-        At the bands that training starts from.
-    x, c, y : Tensor, shapes (T, N), (T, K), (T,)
-        Samples, of whose least squares b0 is the solution.
-    ridge : float
-        Of these.
+    b0 is the solution of the least squares of samples x (T, N), c (T, K), y (T,).
     """
 
     def __init__(
@@ -176,7 +155,7 @@ class Whitened:
             one = torch.eye(len(gram), dtype=gram.dtype)
             factor = torch.linalg.cholesky(gram + ridge * one)
             self.map = torch.linalg.solve_triangular(factor.mT, one, upper=True)
-            self.start = ridge_solution(gram, moment, ridge)
+            self.start = ridge_solution(gram, moment, ridge)[..., 0]
         self.z = torch.zeros_like(self.start).requires_grad_()
         self.parameters = [built.places, self.z]
         self.settle()
@@ -200,13 +179,6 @@ class FuzzyFilteredNetwork(FilteredNetwork):
     Shares need temperatures of one sign, or their sum could vanish.  So the bands take the scaled
     rise, 0 to 1 over what was learnt, plus an offset; what lies so far below everything learnt that
     less than a twentieth of the offset is left counts as that twentieth.
-
-    Parameters
-    ----------
-    settings : FuzzyFilteredSettings
-        Bands and offset.
-    sensors, inputs : int
-        N, at least 3, and K.
     """
 
     def __init__(self, settings: FuzzyFilteredSettings, sensors: int, inputs: int) -> None:
@@ -227,15 +199,7 @@ class FuzzyFilteredNetwork(FilteredNetwork):
 
 
 class ClassicFuzzyNetwork(FilteredNetwork):
-    """The classic network: bells (centre, half-width, slope), sigmoids (steepness, threshold).
-
-    Parameters
-    ----------
-    settings : ClassicFuzzySettings
-        Bands.
-    sensors, inputs : int
-        N, at least 3, and K.
-    """
+    """The classic network: bells (centre, half-width, slope), sigmoids (steepness, threshold)."""
 
     def __init__(self, settings: ClassicFuzzySettings, sensors: int, inputs: int) -> None:
         along = ((0.0, sensors - 1.0), (NARROWEST, float(sensors)), (1.0, 6.0))
@@ -261,14 +225,7 @@ class ClassicFuzzyNetwork(FilteredNetwork):
 class BackPropagationNetwork(nn.Module):
     """One sigmoid layer of H nodes and a linear output: 9-7-1 and 9-16-1 in the comparison.
 
-    Parameters
-    ----------
-    settings : BackPropagationSettings
-        Nodes H, and whether the consequent inputs enter.
-    sensors, inputs : int
-        N and K.
-    generator : Generator
-        Of the initial weights, uniform within 1 / sqrt(inputs of the node).
+    Initial weights are uniform within 1 / sqrt(inputs of the node).
     """
 
     def __init__(

@@ -20,7 +20,7 @@ from pipeline.nets.adam import Adam
 from pipeline.nets.dcgan import TrainedGan, encoded
 from pipeline.nets.settings import Whole
 from pipeline.nets.spectral_distance import distances, short_spectra
-from pipeline.nets.trained import reproducible, samples
+from pipeline.nets.stored import reproducible, samples
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, NotNegative, Positive, Ranged
 
@@ -71,18 +71,8 @@ def explain(
 ) -> Explained:  # fmt: skip
     """Noise and value of ``condition`` that explain a recorded window best.
 
-    Parameters
-    ----------
-    gan : TrainedGan
-        Whose weights stay as they are.
-    window : array_like, shape (C, L)
-        In the units of the channels.
-    condition : str
-        A continuous one, that is sought.
-    given : mapping of str to object
-        The other conditions, one value each; discrete ones may be left out.
-    settings : LatentSearch, optional
-        Budget.
+    ``window`` (C, L) in the units of the channels; ``given`` holds one value of each other
+    condition; discrete ones may be left out.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Networks on windows of signals: CNN-LSTM with attention, and what it is held against.
 
 All take scaled windows, shape (B, T, C), the newest row last, and give the scaled output, shape
-(B,) or (B, H) (:mod:`pipeline.nets.window_model` scales).  Convolutions see the past alone: each
+(B,) (:mod:`pipeline.nets.window_model` scales).  Convolutions see the past alone: each
 row of what they give depends on no later row; those of the residual network, which tells something
 of the whole window, see both sides.
 
@@ -11,11 +11,14 @@ Wang, Yan and Oates 2017 (residual network).
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from pipeline.nets.ffnn import ridge_solution
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
@@ -28,39 +31,24 @@ from pipeline.nets.sequence_settings import (
 
 
 class SequenceNetwork(nn.Module, ABC):
-    """A network whose last step is a dense layer on features of the window.
+    """A network whose last step is a dense layer on features of the window."""
 
-    Parameters
-    ----------
-    features : int
-        Of a window.
-    outputs : int or None
-        H; None for one output without a dimension of its own.
-    """
-
-    def __init__(self, features: int, outputs: int | None) -> None:
+    def __init__(self, features: int) -> None:
         super().__init__()
-        self.outputs = outputs
-        self.dense = nn.Linear(features, outputs or 1)
+        self.dense = nn.Linear(features, 1)
 
     @abstractmethod
     def features(self, x: Tensor) -> Tensor:
         """Features of windows, shape (B, F)."""
 
     def forward(self, x: Tensor) -> Tensor:
-        """Scaled output, shape (B,) or (B, H)."""
+        """Scaled output, shape (B,)."""
         y: Tensor = self.dense(self.features(x))
-        return y[:, 0] if self.outputs is None else y
+        return y[:, 0]
 
 
 class CausalConvolution(nn.Module):
-    """Convolution over time that sees a row and those before it, zeros before the first.
-
-    Parameters
-    ----------
-    inputs, filters, kernel, dilation : int
-        Of the convolution.
-    """
+    """Convolution over time that sees a row and those before it, zeros before the first."""
 
     def __init__(self, inputs: int, filters: int, kernel: int, dilation: int = 1) -> None:
         super().__init__()
@@ -97,8 +85,8 @@ def over_rows(x: Tensor, convolution: nn.Conv1d) -> Tensor:
 class Lstm(SequenceNetwork):
     """A plain LSTM; its last state enters the dense layer."""
 
-    def __init__(self, settings: LstmSettings, channels: int, outputs: int | None) -> None:
-        super().__init__(settings.units, outputs)
+    def __init__(self, settings: LstmSettings, length: int, channels: int) -> None:
+        super().__init__(settings.units)
         self.lstm = nn.LSTM(channels, settings.units)
 
     def features(self, x: Tensor) -> Tensor:
@@ -110,8 +98,8 @@ class Lstm(SequenceNetwork):
 class CnnLstm(SequenceNetwork):
     """Convolution, ReLU, max-pool, LSTM; its last state enters the dense layer."""
 
-    def __init__(self, settings: CnnLstmSettings, channels: int, outputs: int | None) -> None:
-        super().__init__(settings.units, outputs)
+    def __init__(self, settings: CnnLstmSettings, length: int, channels: int) -> None:
+        super().__init__(settings.units)
         self.pool = settings.pool
         self.convolution = CausalConvolution(channels, settings.filters, settings.kernel)
         self.lstm = nn.LSTM(settings.filters, settings.units)
@@ -136,10 +124,8 @@ class CnnLstm(SequenceNetwork):
 class CnnLstmAttention(CnnLstm):
     """Convolution, LSTM, and the mean of its states with weights that depend on them."""
 
-    def __init__(
-        self, settings: CnnLstmAttentionSettings, channels: int, outputs: int | None
-    ) -> None:
-        super().__init__(settings, channels, outputs)
+    def __init__(self, settings: CnnLstmAttentionSettings, length: int, channels: int) -> None:
+        super().__init__(settings, length, channels)
         rows = settings.attention or settings.units
         self.score = nn.Linear(settings.units, rows)
         self.direction = nn.Linear(rows, 1, bias=False)
@@ -177,8 +163,8 @@ class ResidualBlock(nn.Module):
 class Tcn(SequenceNetwork):
     """Residual blocks of dilated causal convolutions; their last row enters the dense layer."""
 
-    def __init__(self, settings: TcnSettings, channels: int, outputs: int | None) -> None:
-        super().__init__(settings.filters, outputs)
+    def __init__(self, settings: TcnSettings, length: int, channels: int) -> None:
+        super().__init__(settings.filters)
         wide = [channels] + [settings.filters] * settings.blocks
         self.blocks = nn.Sequential(
             *(
@@ -217,11 +203,9 @@ class StridedBlock(nn.Module):
 class ResNet(SequenceNetwork):
     """Residual blocks over the whole window; mean and RMS of each filter enter the dense layer."""
 
-    def __init__(
-        self, settings: ResNetSettings, length: int, channels: int, outputs: int | None
-    ) -> None:
+    def __init__(self, settings: ResNetSettings, length: int, channels: int) -> None:
         wide = [settings.filters * 2**k for k in range(settings.blocks)]
-        super().__init__(2 * wide[-1], outputs)
+        super().__init__(2 * wide[-1])
         stride = -(-length // settings.rows)
         reach = max(settings.kernel // 2, stride - 1)  # every sample is seen
         self.stem = nn.Conv1d(channels, wide[0], 2 * reach + 1, stride=stride, padding=reach)
@@ -242,11 +226,9 @@ class ResNet(SequenceNetwork):
 class Arx(SequenceNetwork):
     """Linear in the last rows of the window; :meth:`solve` finds its coefficients."""
 
-    def __init__(
-        self, settings: ArxSettings, length: int, channels: int, outputs: int | None
-    ) -> None:
+    def __init__(self, settings: ArxSettings, length: int, channels: int) -> None:
         self.lags = min(settings.lags or length, length)
-        super().__init__(self.lags * channels, outputs)
+        super().__init__(self.lags * channels)
         self.ridge = settings.ridge
         self.to(torch.float64)
 
@@ -260,17 +242,21 @@ class Arx(SequenceNetwork):
         a, y = self.features(x), y.reshape(len(y), -1)
         a_mean, y_mean = a.mean(0), y.mean(0)
         a, y = a - a_mean, y - y_mean
-        diagonal = self.ridge * torch.eye(a.shape[1], dtype=a.dtype)
-        factor = torch.linalg.cholesky(a.T @ a / len(y) + diagonal)
-        b = torch.cholesky_solve(a.T @ y / len(y), factor)
+        b = ridge_solution(a.T @ a / len(y), a.T @ y / len(y), self.ridge)
         self.dense.weight.copy_(b.T)
         self.dense.bias.copy_(y_mean - a_mean @ b)
 
 
+NETWORKS: dict[type[SequenceSettings], Callable[[Any, int, int], SequenceNetwork]] = {
+    CnnLstmAttentionSettings: CnnLstmAttention, CnnLstmSettings: CnnLstm, LstmSettings: Lstm,
+    TcnSettings: Tcn, ResNetSettings: ResNet, ArxSettings: Arx,
+}  # fmt: skip
+"""Settings of a kind -> what builds its network for windows of T rows and C channels."""
+
+
 def sequence_network(
-    settings: SequenceSettings, length: int, channels: int, outputs: int | None,
-    generator: torch.Generator,
-) -> SequenceNetwork:  # fmt: skip
+    settings: SequenceSettings, length: int, channels: int, generator: torch.Generator
+) -> SequenceNetwork:
     """The network of a kind's settings for windows of T rows and C channels, not yet trained.
 
     Initial weights are uniform within 1 / sqrt(inputs of the node), in an LSTM within
@@ -281,13 +267,18 @@ def sequence_network(
     ValueError
         When windows are empty, or the settings are of no network.
     """
-    if length < 1 or channels < 1 or (outputs is not None and outputs < 1):
+    if length < 1 or channels < 1:
         raise ValueError(
-            f"a network on windows of {length} rows and {channels} channels with {outputs} outputs "
-            "cannot be built: give at least one of each"
+            f"a network on windows of {length} rows and {channels} channels cannot be built: give "
+            "at least one of each"
+        )
+    if type(settings) not in NETWORKS:
+        raise ValueError(
+            f"{type(settings).__name__} is of no network on windows: give one of "
+            "nets.sequence_settings"
         )
     with torch.device("meta"):  # without torch's own initial weights
-        built = _built(settings, length, channels, outputs)
+        built = NETWORKS[type(settings)](settings, length, channels)
     built.to_empty(device="cpu")
     with torch.no_grad():
         for module in built.modules():
@@ -302,23 +293,3 @@ def sequence_network(
                 if name == "bias_ih_l0":  # of an LSTM: input, forget, cell and output gates
                     values.unflatten(0, (4, -1))[1] += 1.0
     return built
-
-
-def _built(
-    settings: SequenceSettings, length: int, channels: int, outputs: int | None
-) -> SequenceNetwork:
-    if isinstance(settings, CnnLstmAttentionSettings):
-        return CnnLstmAttention(settings, channels, outputs)
-    if isinstance(settings, CnnLstmSettings):
-        return CnnLstm(settings, channels, outputs)
-    if isinstance(settings, LstmSettings):
-        return Lstm(settings, channels, outputs)
-    if isinstance(settings, TcnSettings):
-        return Tcn(settings, channels, outputs)
-    if isinstance(settings, ResNetSettings):
-        return ResNet(settings, length, channels, outputs)
-    if isinstance(settings, ArxSettings):
-        return Arx(settings, length, channels, outputs)
-    raise ValueError(
-        f"{type(settings).__name__} is of no network on windows: give one of nets.sequence_settings"
-    )

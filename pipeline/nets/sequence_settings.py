@@ -77,11 +77,6 @@ class ResNetSettings(SequenceSettings, section="resnet"):
     Residual blocks of He, Zhang, Ren and Sun 2016 over time as in Wang, Yan and Oates 2017, without
     batch normalisation, which would take a window's amplitude away or need the statistics of
     others.
-
-    Raises
-    ------
-    ValueError
-        When the kernel is even.
     """
 
     kind: ClassVar[str] = "resnet"
@@ -119,15 +114,19 @@ class ArxSettings(SequenceSettings, section="arx"):
     output [1]."""
 
 
+KINDS: dict[str, type[SequenceSettings]] = {
+    one.kind: one
+    for one in (
+        ArxSettings, LstmSettings, CnnLstmSettings, CnnLstmAttentionSettings, TcnSettings,
+        ResNetSettings,
+    )
+}  # fmt: skip
+"""Kind of network by its name in files -> its settings."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class WindowTraining(Ranged, section="window_training"):
-    """Budget of a training on windows and its settings, the same for every network.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, or the precision is none of these.
-    """
+    """Budget of a training on windows and its settings, the same for every network."""
 
     epochs: Count = 100
     """Passes over the training windows at most."""
@@ -168,13 +167,7 @@ class WindowTraining(Ranged, section="window_training"):
 
 @dataclass(frozen=True, kw_only=True)
 class TuningSettings(Ranged, section="tuning"):
-    """Budget of a search for the settings of a network on windows, and where it searches.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, a range is empty, or there is no search of that name.
-    """
+    """Budget of a search for the settings of a network on windows, and where it searches."""
 
     method: str = "genetic"
     """Name of the search in :data:`pipeline.search.methods.METHODS`."""

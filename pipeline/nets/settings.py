@@ -46,15 +46,15 @@ class BackPropagationSettings(NetworkSettings, section="back_propagation"):
     temperatures alone."""
 
 
+KINDS: dict[str, type[NetworkSettings]] = {
+    one.kind: one for one in (FuzzyFilteredSettings, ClassicFuzzySettings, BackPropagationSettings)
+}
+"""Kind of network by its name in files -> its settings."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class TrainingSettings(Ranged, section="training"):
-    """Budget of a training and its settings, the same for every network and method.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, or the passes do not suffice for one population.
-    """
+    """Budget of a training and its settings, the same for every network and method."""
 
     passes: Count = 400
     """Passes over the training samples at most.  A pass is an epoch of a gradient method, one

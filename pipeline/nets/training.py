@@ -11,7 +11,6 @@ Whole groups are kept for early stopping, and the state with the least error on 
 """
 
 from collections.abc import Callable, Sequence
-from math import inf, isfinite
 
 import numpy as np
 import torch
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from pipeline.kernels import compiled
+from pipeline.nets.best_state import BestState
 from pipeline.nets.ffnn import (
     BackPropagationNetwork,
     FilteredNetwork,
@@ -27,10 +27,12 @@ from pipeline.nets.ffnn import (
     network,
     ridge_solution,
 )
-from pipeline.nets.settings import NetworkSettings, TrainingSettings
-from pipeline.nets.trained import Scaling, Trained, reproducible, samples
+from pipeline.nets.settings import BackPropagationSettings, NetworkSettings, TrainingSettings
+from pipeline.nets.stored import Scaling, reproducible, samples
+from pipeline.nets.trained import Trained
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 
 METHODS: dict[str, tuple[str, ...]] = {
     "fuzzy_filtered": ("genetic", "projection", "gradient"),
@@ -49,22 +51,10 @@ def train(
 ) -> Trained:  # fmt: skip
     """Network that is trained on samples, in its best state.
 
-    Parameters
-    ----------
-    kind : NetworkSettings
-        Settings of the network, which say which one it is.
-    method : str
-        One of :data:`METHODS` for that kind.
-    x : array_like, shape (T, N)
-        Temperatures above the reference [K], the sensors in their order along the machine.
-    c : array_like, shape (T, K)
-        Consequent inputs.
-    y : array_like, shape (T,)
-        What is learnt, such as a deformation [µm].
-    group : sequence, shape (T,)
-        Label of the group of each sample, such as its speed profile.
-    settings : TrainingSettings
-        Budget.
+    x (T, N) are temperatures above the reference [K], the sensors in their order along the machine,
+    c (T, K) consequent inputs, y (T,) what is learnt, such as a deformation [µm]; ``group`` (T,)
+    labels samples that belong together, such as a speed profile; ``method`` is one of
+    :data:`METHODS` for that kind.
 
     Raises
     ------
@@ -92,20 +82,30 @@ def train(
     with reproducible():
         generator = torch.Generator().manual_seed(settings.seed)
         built = network(kind, x.shape[1], c.shape[1], generator)
-        scaling = Scaling.of(kind, x[learnt], c[learnt], y[learnt])
+        of_x, of_c = _inputs_scaling(kind, x[learnt]), Scaling.standard(c[learnt], axis=0)
+        of_y = Scaling.standard(y[learnt])
 
         def scaled(rows: Bools) -> Samples:
-            return *scaling.inputs(x[rows], c[rows]), scaling.output(y[rows])
+            return of_x.scaled(x[rows]), of_c.scaled(c[rows]), of_y.scaled(y[rows])
 
         training = scaled(learnt)
         validation = scaled(held) if kept else training
-        progress = Progress(built, training, validation, settings.patience, scaling.y_scale)
+        progress = Progress(built, training, validation, settings.patience)
         _WAYS[method](built, training, settings, progress, generator)
         progress.keep_best()
     return Trained(
-        kind=kind, method=method, settings=settings, scaling=scaling, network=built,
-        history=np.array(progress.history), validation_groups=kept,
+        kind=kind, method=method, settings=settings, x_scaling=of_x, c_scaling=of_c, y_scaling=of_y,
+        network=built, history=progress.errors(of_y.scale), validation_groups=kept,
     )  # fmt: skip
+
+
+def _inputs_scaling(kind: NetworkSettings, x: Floats) -> Scaling:
+    """Temperatures to 0..1, all alike, or for the sigmoid network each to -1..1."""
+    low, high = x.min(axis=0), x.max(axis=0)
+    if isinstance(kind, BackPropagationSettings):
+        return Scaling.of(0.5 * (low + high), 0.5 * (high - low), x)
+    one = np.ones(x.shape[1])
+    return Scaling.of(low.min() * one, (high.max() - low.min()) * one, x)
 
 
 def validation_groups(labels: Sequence[str], settings: TrainingSettings) -> tuple[str, ...]:
@@ -129,57 +129,24 @@ def validation_groups(labels: Sequence[str], settings: TrainingSettings) -> tupl
     return tuple(sorted(str(one) for one in groups[order[:many]]))
 
 
-class Progress:
-    """Errors by pass, the best state so far, and when to stop.
-
-    Parameters
-    ----------
-    built : Network
-        That is being trained.
-    training, validation : tuple of Tensor
-        Scaled x, c and y.
-    patience : int
-        Passes without a gain after which it stops.
-    unit : float
-        Of the scaled output [µm].
-    """
+class Progress(BestState):
+    """Errors by pass on training and validation samples."""
 
     def __init__(
-        self, built: Network, training: Samples, validation: Samples, patience: int, unit: float
+        self, built: Network, training: Samples, validation: Samples, patience: int
     ) -> None:
-        self.built, self.training, self.validation = built, training, validation
-        self.patience, self.unit = patience, unit
-        self.history: list[tuple[float, float, float]] = []
-        self.best, self.best_at = inf, 0
-        self.state = _copied(built)
+        super().__init__(built, "training diverged in its first pass: lower training.learning_rate")
+        self.training, self.validation, self.patience = training, validation, patience
 
     def stopped(self, passes: int) -> bool:
         """Take down the errors after so many passes; whether the training is over."""
-        errors = [self._rmse(part) for part in (self.training, self.validation)]
-        if not all(isfinite(e) for e in errors):
-            if not self.history:
-                raise ValueError(
-                    "training diverged in its first pass: lower training.learning_rate"
-                )
-            return True  # the best state is an earlier one
-        self.history.append((float(passes), self.unit * errors[0], self.unit * errors[1]))
-        if errors[1] < self.best:
-            self.best, self.best_at = errors[1], passes
-            self.state = _copied(self.built)
-        return passes - self.best_at >= self.patience
-
-    def keep_best(self) -> None:
-        """Give the network its best state."""
-        self.built.load_state_dict(self.state)
+        finite = self.add(passes, self._rmse(self.training), self._rmse(self.validation))
+        return not finite or self.idle >= self.patience
 
     @torch.no_grad()
     def _rmse(self, part: Samples) -> float:
         x, c, y = part
         return float(torch.sqrt(torch.mean((self.built(x, c) - y) ** 2)))
-
-
-def _copied(built: Network) -> dict[str, Tensor]:
-    return {name: values.clone() for name, values in built.state_dict().items()}
 
 
 def _genetic(
@@ -196,9 +163,9 @@ def _genetic(
     def cost(genes: Floats) -> Floats:
         bands = torch.from_numpy(genes).view(-1, *shape)
         gram, moment = built.normal_equations(bands, x, c, y)
-        b = ridge_solution(gram, moment, settings.ridge)
+        b = ridge_solution(gram, moment, settings.ridge)[..., 0]
         # mean((A b - y)^2) + ridge b'b is the power of y less b'm where b solves the equations
-        least: Floats = (power - (b * moment).sum(-1)).numpy()
+        least: Floats = (power - (b * moment[..., 0]).sum(-1)).numpy()
         return least
 
     gap = settings.population - 1  # children of a generation: one elite stays
@@ -287,18 +254,8 @@ def _descent(
 def descend(order, x, y, hidden, hidden_bias, output, output_bias, h, rate):  # type: ignore[no-untyped-def]
     """One pass of back-propagation: w <- w - rate d(e^2 / 2)/dw after each sample, in place.
 
-    Parameters
-    ----------
-    order : ndarray of int, shape (T,)
-        Of the samples.
-    x, y : ndarray, shapes (T, N) and (T,)
-        Scaled inputs and output.
-    hidden, hidden_bias, output, output_bias : ndarray, shapes (H, N), (H,), (1, H), (1,)
-        Weights, changed in place.
-    h : ndarray, shape (H,)
-        Scratch.
-    rate : float
-        Learning rate.
+    ``order`` (T,) of the samples, scaled x (T, N) and y (T,); weights (H, N), (H,), (1, H), (1,)
+    change in place; ``h`` (H,) is to work in.
     """
     for t in order:
         e = output_bias[0] - y[t]

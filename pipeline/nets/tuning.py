@@ -22,6 +22,7 @@ from statistics import median
 
 import numpy as np
 
+from pipeline.nets.best_state import Diverged
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     SequenceSettings,
@@ -29,7 +30,7 @@ from pipeline.nets.sequence_settings import (
     WindowTraining,
 )
 from pipeline.nets.window_model import TrainedSequence
-from pipeline.nets.window_training import Diverged, Epoch, train_windows
+from pipeline.nets.window_training import train_windows
 from pipeline.nets.windows import Windows
 from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats
@@ -98,25 +99,14 @@ class Tuned:
 
 def tune(
     kind: SequenceSettings, windows: Windows, training: WindowTraining, settings: TuningSettings,
-    *, compute: Compute = "processes", device: str = "cpu",
+    *, compute: Compute = "processes",
 ) -> Tuned:  # fmt: skip
     """The best settings within their ranges, and the network that was trained with them.
 
-    Parameters
-    ----------
-    kind : SequenceSettings
-        Of the network; ``units`` is tuned where it has them, the rest is kept.
-    windows : Windows
-        To learn from and to stop by; their groups are whole recordings.
-    training : WindowTraining
-        Of the trainings in full; those of candidates differ in what :class:`TuningSettings` says.
-        The k-th of the best has the seed ``training.seed`` + k, from 0.
-    settings : TuningSettings
-        Budget and ranges.
-    compute : {"processes", "serial", "threads"}
-        Where candidates are trained, each on one thread; on a GPU one after another, here.
-    device : str
-        Of torch.
+    ``units`` of ``kind`` is tuned where it has them, the rest is kept. ``training`` is that of the
+    trainings in full, of which the k-th of the best has the seed ``training.seed`` + k, from 0;
+    those of candidates differ in what :class:`TuningSettings` says. Groups of ``windows`` are whole
+    recordings.
 
     Raises
     ------
@@ -134,8 +124,7 @@ def tune(
             "settings are compared by recordings that are not learnt from: set "
             "window_training.validation above 0"
         )
-    place: Compute = "serial" if device.startswith("cuda") else compute
-    search = _Search(kind, thinned(windows, settings.windows), training, settings, place, device)
+    search = _Search(kind, thinned(windows, settings.windows), training, settings, compute)
     box = search.box
     found = minimise(
         settings.method, search.cost, box.low, box.high, population=settings.population,
@@ -161,13 +150,8 @@ def tune(
 def thinned(windows: Windows, most: int) -> Windows:
     """Some windows of each recording, spread evenly in their order.
 
-    Parameters
-    ----------
-    windows : Windows
-        Of which some are taken.
-    most : int
-        Windows in all, where there are no more recordings than that; at least one of each stays, so
-        that the choice of recordings by a seed stays the same.
+    ``most`` in all, where there are no more recordings than that; at least one of each stays, so
+    that the choice of recordings by a seed stays the same.
     """
     if len(windows.y) <= most:
         return windows
@@ -192,28 +176,15 @@ Task = tuple[SequenceSettings, WindowTraining]
 
 
 class _Search:
-    """Costs of generations, and all candidates that were trained for them.
-
-    Parameters
-    ----------
-    kind, training
-        As they were given.
-    windows : Windows
-        Of a candidate.
-    settings : TuningSettings
-        Budget and ranges.
-    place, device
-        Where candidates are trained.
-    """
+    """Costs of generations, and all candidates that were trained for them."""
 
     def __init__(
         self, kind: SequenceSettings, windows: Windows, training: WindowTraining,
-        settings: TuningSettings, place: Compute, device: str,
+        settings: TuningSettings, place: Compute,
     ) -> None:  # fmt: skip
         self.kind, self.windows, self.settings = kind, windows, settings
         self.training = replace(training, epochs=settings.epochs, patience=settings.patience)
         self.place: Compute = place
-        self.device = device
         self.generation = 0
         self.known: dict[tuple[float, ...], Candidate] = {}
         own = {item.name for item in (*fields(kind), *fields(training))}  # type: ignore[arg-type]
@@ -229,7 +200,7 @@ class _Search:
         new = [one for one in dict.fromkeys(asked) if one not in self.known]
         limits = self._limits()
         tasks = [_with(self.kind, self.training, self._named(one)) for one in new]
-        attempt = partial(_attempt, windows=self.windows, limits=limits, device=self.device)
+        attempt = partial(_attempt, windows=self.windows, limits=limits)
         for one, (errors, pruned) in zip(
             new, mapped(attempt, tasks, compute=self.place), strict=True
         ):
@@ -264,7 +235,7 @@ def _in_full(search: _Search, windows: Windows, training: WindowTraining) -> lis
     for k, one in enumerate(best[: search.settings.retrained]):
         full = replace(training, seed=training.seed + k, validation_seed=split)
         tasks.append(_with(search.kind, full, one.values))
-    train = partial(_trained, windows=windows, device=search.device)
+    train = partial(_trained, windows=windows)
     again = mapped(train, tasks, compute=search.place)
     return sorted((one for one in again if one is not None), key=_error)
 
@@ -284,29 +255,27 @@ def _values(found: TrainedSequence, names: Sequence[str]) -> Values:
     }
 
 
-def _attempt(
-    task: Task, windows: Windows, limits: dict[int, float], device: str
-) -> tuple[Floats, bool]:
+def _attempt(task: Task, windows: Windows, limits: dict[int, float]) -> tuple[Floats, bool]:
     """Validation errors of a candidate after each epoch, and whether it was pruned."""
     least, pruned = inf, False
 
-    def watch(epoch: Epoch) -> bool:
+    def watch(epoch: int, error: float) -> bool:
         nonlocal least, pruned
-        least = min(least, epoch.validation)
-        pruned = least > limits.get(epoch.number, inf)
+        least = min(least, error)
+        pruned = least > limits.get(epoch, inf)
         return pruned
 
     try:
-        found = train_windows(task[0], windows, settings=task[1], watch=watch, device=device)
+        found = train_windows(task[0], windows, settings=task[1], watch=watch)
     except Diverged:
         return np.empty(0), False
     return found.history[:, 2], pruned
 
 
-def _trained(task: Task, windows: Windows, device: str) -> TrainedSequence | None:
+def _trained(task: Task, windows: Windows) -> TrainedSequence | None:
     """Network of a training in full; None where it diverges."""
     try:
-        return train_windows(task[0], windows, settings=task[1], device=device)
+        return train_windows(task[0], windows, settings=task[1])
     except Diverged:
         return None
 

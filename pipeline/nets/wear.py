@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.stored import document_of
 from pipeline.nets.window_model import TrainedSequence, restore_sequence
-from pipeline.nets.window_training import Watch, train_windows
+from pipeline.nets.window_training import train_windows
 from pipeline.nets.windows import Windows
 from pipeline.schema.arrays import Floats
 
@@ -64,12 +65,8 @@ class WearJudge:
     ) -> Floats:
         """Wear of windows in ``wear_unit``, shape (N,); a class from 0 to 1.
 
-        Parameters
-        ----------
-        values : array_like, shape (N, C, L)
-            In the units of the recordings.
-        conditions : mapping of str to array_like, shape (N,)
-            Those that it was trained with.
+        ``values`` (N, C, L) in the units of the recordings; ``conditions`` those that it was
+        trained with, (N,) each.
 
         Raises
         ------
@@ -103,7 +100,7 @@ def restore_judge(document: Mapping[str, Any]) -> WearJudge:
     ValueError
         When the document lacks something, or its numbers do not fit together.
     """
-    try:
+    with document_of("a judge of wear"):
         return WearJudge(
             trained=restore_sequence(document["trained"]),
             shift=tuple(map(float, document["shift"])), scale=tuple(map(float, document["scale"])),
@@ -112,37 +109,19 @@ def restore_judge(document: Mapping[str, Any]) -> WearJudge:
             condition_scale=tuple(map(float, document["condition_scale"])),
             wear_unit=str(document["wear_unit"]),
         )  # fmt: skip
-    except (KeyError, TypeError) as error:
-        raise ValueError(f"the document of a judge of wear has no or no fit {error}") from error
 
 
 def train_judge(
     values: ArrayLike, wear: ArrayLike, tool: ArrayLike, *, scaling: Scaling, wear_unit: str,
     conditions: Mapping[str, ArrayLike] | None = None, network: ResNetSettings | None = None,
-    training: WindowTraining | None = None, watch: Watch | None = None, device: str = "cpu",
+    training: WindowTraining | None = None,
 ) -> WearJudge:  # fmt: skip
     """Train a judge on windows of known wear.
 
-    Parameters
-    ----------
-    values : array_like, shape (N, C, L)
-        Windows in the units of the recordings.
-    wear : array_like, shape (N,)
-        In ``wear_unit``.
-    tool : array_like of str, shape (N,)
-        Whole ones are kept for early stopping.
-    scaling : (sequence, sequence)
-        Shift and scale of the C channels, of training windows.
-    wear_unit : str
-        ``"um"``, or ``"1"`` for 0 and 1.
-    conditions : mapping of str to array_like, shape (N,)
-        Known numbers; none by default.
-    network, training : settings
-        Of the network and its budget.
-    watch : callable or None
-        Called after each epoch; true ends the training.
-    device : str
-        Of torch.
+    ``values`` (N, C, L) in the units of the recordings, ``wear`` (N,) in ``wear_unit`` (``"um"``,
+    or ``"1"`` for 0 and 1); whole tools of ``tool`` (N,) are kept for early stopping; ``scaling``
+    is shift and scale of the C channels, of training windows; ``conditions`` are known numbers by
+    name, (N,) each.
 
     Raises
     ------
@@ -162,7 +141,7 @@ def train_judge(
     groups: NDArray[np.str_] = np.asarray(tool, str)
     trained = train_windows(
         network or ResNetSettings(), Windows(x=x, y=np.asarray(wear, float), group=groups),
-        settings=training or WindowTraining(), watch=watch, device=device,
+        settings=training or WindowTraining(),
     )  # fmt: skip
     return WearJudge(
         trained=trained, shift=tuple(map(float, scaling[0])), scale=tuple(map(float, scaling[1])),

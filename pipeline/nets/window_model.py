@@ -6,75 +6,37 @@ precision of the training was.
 """
 
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import ArrayLike
-from torch import Tensor, nn
+from torch import Tensor
 
 from pipeline.nets.sequence import CnnLstmAttention, SequenceNetwork, sequence_network
 from pipeline.nets.sequence_settings import (
-    ArxSettings,
+    KINDS,
     CnnLstmAttentionSettings,
-    CnnLstmSettings,
-    LstmSettings,
-    ResNetSettings,
     SequenceSettings,
-    TcnSettings,
     WindowTraining,
 )
-from pipeline.nets.trained import reproducible, samples
+from pipeline.nets.stored import (
+    Scaling,
+    document_of,
+    fill,
+    history_of,
+    reproducible,
+    restored_scaling,
+    samples,
+    scaling_document,
+    state_of,
+)
 from pipeline.nets.windows import WindowInput
-from pipeline.schema.arrays import Floats, packed, unpacked
+from pipeline.schema.arrays import Floats
 
-KINDS: dict[str, type[SequenceSettings]] = {
-    one.kind: one
-    for one in (
-        CnnLstmAttentionSettings,
-        CnnLstmSettings,
-        LstmSettings,
-        TcnSettings,
-        ResNetSettings,
-        ArxSettings,
-    )
-}
-"""Kind of network by its name in files -> its settings."""
 ROWS = 1024
 """Windows of one step of a prediction."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WindowScaling:
-    """What is taken off and divided by, of inputs and outputs."""
-
-    x_shift: Floats
-    x_scale: Floats
-    """Mean and standard deviation of each channel; shape (C,)."""
-    y_shift: float
-    y_scale: float
-    """Of the target."""
-
-    @staticmethod
-    def of(x: Floats, y: Floats) -> "WindowScaling":
-        """Scaling of windows, shape (B, T, C), and targets by what is learnt from."""
-        x_scale, y_scale = x.std(axis=(0, 1)), float(y.std())
-        still = x_scale <= 1e-12 * np.maximum(np.abs(x).max(axis=(0, 1)), 1e-300)
-        same = y_scale <= 1e-12 * max(float(np.abs(y).max()), 1e-300)
-        return WindowScaling(
-            x_shift=x.mean(axis=(0, 1)), x_scale=np.where(still, 1.0, x_scale),
-            y_shift=float(y.mean()), y_scale=1.0 if same else y_scale,
-        )  # fmt: skip
-
-    def inputs(self, x: Floats, kind: torch.dtype) -> Tensor:
-        """Scaled windows."""
-        return torch.from_numpy((x - self.x_shift) / self.x_scale).to(kind)
-
-    def output(self, y: Floats, kind: torch.dtype) -> Tensor:
-        """Scaled target."""
-        return torch.from_numpy((y - self.y_shift) / self.y_scale).to(kind)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,8 +55,9 @@ class TrainedSequence:
     """Inputs of the channels, where they were given."""
     leaks: tuple[str, ...]
     """Inputs that could not be known yet; empty but for a demonstration."""
-    scaling: WindowScaling
-    """Of inputs and output."""
+    x_scaling: Scaling
+    y_scaling: Scaling
+    """Scaling of each channel, and of the target."""
     network: SequenceNetwork
     """In its best state."""
     history: Floats
@@ -110,12 +73,9 @@ class TrainedSequence:
         return len(self.history)
 
     def predict(self, windows: ArrayLike) -> Floats:
-        """Target of windows, shape (B,) or (B, H), in its unit.
+        """Target of windows, shape (B,), in its unit.
 
-        Parameters
-        ----------
-        windows : array_like, shape (B, T, C)
-            In the units that were learnt from, the newest row last.
+        Windows (B, T, C) are in the units that were learnt from, the newest row last.
 
         Raises
         ------
@@ -123,15 +83,8 @@ class TrainedSequence:
             When the shape does not fit the network, or a value is not finite.
         """
         parts = [self.network(x).numpy() for x in self._steps(windows)]
-        shape = (0,) if self.network.outputs is None else (0, self.network.outputs)
-        found = np.concatenate(parts) if parts else np.empty(shape)
-        return found.astype(np.float64) * self.scaling.y_scale + self.scaling.y_shift
-
-    def features(self, windows: ArrayLike) -> Floats:
-        """What the dense layer sees of windows, shape (B, F); raises as :meth:`predict`."""
-        parts = [self.network.features(x).numpy() for x in self._steps(windows)]
-        empty = np.empty((0, self.network.dense.in_features))
-        return (np.concatenate(parts) if parts else empty).astype(np.float64)
+        found = np.concatenate(parts) if parts else np.empty(0)
+        return self.y_scaling.restored(found.astype(np.float64))
 
     def attention(self, windows: ArrayLike) -> Floats:
         """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.
@@ -154,7 +107,7 @@ class TrainedSequence:
     def _steps(self, windows: ArrayLike) -> Iterator[Tensor]:
         """Scaled windows in pieces, for which gradients are off and torch has one thread."""
         x = samples("windows", windows, 3)
-        wanted = self.length, len(self.scaling.x_shift)
+        wanted = self.length, len(self.x_scaling.shift)
         if x.shape[1:] != wanted:
             raise ValueError(
                 f"windows have shape {x.shape}: this network takes {wanted[0]} rows of {wanted[1]} "
@@ -163,28 +116,24 @@ class TrainedSequence:
         dtype = self.network.dense.weight.dtype
         with reproducible(), torch.no_grad():
             for k in range(0, len(x), ROWS):
-                yield self.scaling.inputs(x[k : k + ROWS], dtype)
+                yield self.x_scaling.scaled(x[k : k + ROWS], dtype)
 
     def document(self) -> dict[str, Any]:
         """All of it in plain lists, numbers and words, as JSON holds them; weights in base64."""
-        scaling = self.scaling
         return {
             "kind": self.kind.kind,
             "network": asdict(self.kind),  # type: ignore[call-overload]
             "training": asdict(self.settings),
             "precision": self.precision,
             "length": self.length,
-            "outputs": self.network.outputs,
+            "outputs": None,
             "inputs": [asdict(one) for one in self.inputs],
             "leaks": list(self.leaks),
-            "scaling": {
-                "x_shift": scaling.x_shift.tolist(), "x_scale": scaling.x_scale.tolist(),
-                "y_shift": scaling.y_shift, "y_scale": scaling.y_scale,
-            },
-            "state": {k: packed(v.numpy()) for k, v in self.network.state_dict().items()},
+            "scaling": scaling_document(x=self.x_scaling, y=self.y_scaling),
+            "state": state_of(self.network),
             "history": self.history.tolist(),
             "validation_groups": list(self.validation_groups),
-        }  # fmt: skip
+        }
 
 
 def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
@@ -197,44 +146,14 @@ def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
     """
     with document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])
-        told = document["scaling"]
-        scaling = WindowScaling(
-            x_shift=np.array(told["x_shift"], dtype=np.float64),
-            x_scale=np.array(told["x_scale"], dtype=np.float64),
-            y_shift=float(told["y_shift"]), y_scale=float(told["y_scale"]),
-        )  # fmt: skip
-        built = sequence_network(
-            kind, document["length"], len(scaling.x_shift), document["outputs"], torch.Generator()
-        )
+        x, y = (restored_scaling(document["scaling"], part) for part in "xy")
+        built = sequence_network(kind, document["length"], len(x.shift), torch.Generator())
         fill(built, document["state"])
         return TrainedSequence(
             kind=kind, settings=WindowTraining(**document["training"]),
             precision=document["precision"], length=document["length"],
             inputs=tuple(WindowInput(**one) for one in document["inputs"]),
-            leaks=tuple(document["leaks"]), scaling=scaling, network=built,
-            history=np.array(document["history"], dtype=np.float64).reshape(-1, 3),
+            leaks=tuple(document["leaks"]), x_scaling=x, y_scaling=y, network=built,
+            history=history_of(document),
             validation_groups=tuple(document["validation_groups"]),
         )  # fmt: skip
-
-
-@contextmanager
-def document_of(what: str) -> Iterator[None]:
-    """Say what is wrong with the document that is read inside, in one sentence.
-
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its parts do not fit together.
-    """
-    try:
-        yield
-    except KeyError as error:
-        raise ValueError(f"the document of {what} has no or no known {error}") from error
-    except (TypeError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        raise ValueError(f"the document of {what} does not fit together: {said}") from error
-
-
-def fill(built: nn.Module, stored: Mapping[str, Any]) -> None:
-    """Put stored weights into a network."""
-    built.load_state_dict({k: torch.from_numpy(unpacked(v)) for k, v in stored.items()})

@@ -20,13 +20,7 @@ from pipeline.schema.ranges import Positive, Range, Ranged
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording(Ranged):
-    """Signals of one run, sampled at even times.
-
-    Raises
-    ------
-    ValueError
-        When signals differ in length or shape, or the step is not positive.
-    """
+    """Signals of one run, sampled at even times."""
 
     name: str
     """Name of the recording, which is the group of its windows."""
@@ -102,12 +96,11 @@ class Windows:
     x: Floats
     """Inputs, the newest row last; shape (B, T, C)."""
     y: Floats
-    """Target; shape (B,) or (B, H)."""
+    """Target; shape (B,)."""
     group: NDArray[np.str_]
     """Recording that each is of; shape (B,)."""
     at: Ints = field(default_factory=lambda: np.array(-1))
-    """Sample of the recording whose target is predicted, the last one of H; -1 where not known;
-    shape (B,)."""
+    """Sample of the recording whose target is predicted; -1 where not known; shape (B,)."""
     inputs: tuple[WindowInput, ...] = ()
     """Inputs of the C channels."""
     leaks: tuple[str, ...] = ()
@@ -125,57 +118,33 @@ class Windows:
 
 def windows_of(
     recordings: Sequence[Recording], inputs: Sequence[WindowInput], target: str, length: int,
-    horizon_s: float, *, outputs: int | None = None, every: int = 1, allow_leaks: bool = False,
-    joined: bool = False,
+    horizon_s: float, *, allow_leaks: bool = False, joined: bool = False,
 ) -> Windows:  # fmt: skip
     """All windows of recordings.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        One name each.
-    inputs : sequence of WindowInput
-        Channels of the windows, in this order.
-    target : str
-        Signal that is predicted.
-    length : int
-        Rows T of a window.
-    horizon_s : float
-        Time [s] by which a prediction comes before what it predicts; infinite for a prediction
-        before the motion, which no measurement may enter.
-    outputs : int or None
-        H: the last H samples of the target up to t at once; None for the one at t.
-    every : int
-        Samples from one window to the next.
-    allow_leaks : bool
-        Whether inputs that could not be known yet are let in and named in ``leaks``, to show what
-        a leak would seem to gain.
-    joined : bool
-        Whether the inputs stay views, of which some are taken.
+    ``inputs`` are the channels in this order, ``length`` the rows T; a prediction comes
+    ``horizon_s`` [s] before what it predicts, infinite for one before the motion, which no
+    measurement may enter.  ``allow_leaks`` lets inputs in that could not be known yet and names
+    them in ``leaks``, to show what a leak would seem to gain; ``joined`` inputs stay views, of
+    which some are taken.
 
     Raises
     ------
     ValueError
-        When an input could not be known yet: a measurement younger than the horizon (with H
-        outputs, than the horizon before the first of them), a measurement or the target that is
-        declared as known before the motion, or an input that holds the very values of the target.
-        Also when a signal is missing or not finite, two recordings have one name, or none is long
-        enough for a window.
+        When an input could not be known yet: a measurement younger than the horizon, a measurement
+        or the target that is declared as known before the motion, or an input that holds the very
+        values of the target.  Also when a signal is missing or not finite, two recordings have one
+        name, or none is long enough for a window.
     """
     _check(recordings, inputs, target, length, horizon_s)
-    if min(every, outputs or 1) < 1 or (outputs or 1) > length:
-        raise ValueError(
-            f"every = {every} and outputs = {outputs}: give at least 1, and no more outputs than "
-            f"the window has rows ({length})"
-        )
     leaks = []
     for one in inputs:
-        said = _leak(one, recordings, target, horizon_s, outputs or 1)
+        said = _leak(one, recordings, target, horizon_s)
         if said and not allow_leaks:
             raise ValueError(said)
         if said:
             leaks.append(one.name)
-    parts = [_of_recording(one, inputs, target, length, outputs, every) for one in recordings]
+    parts = [_of_recording(one, inputs, target, length) for one in recordings]
     if not any(len(part.at) for part in parts):
         raise ValueError(
             f"no recording of {', '.join(one.name for one in recordings)} is long enough for a "
@@ -227,14 +196,13 @@ def _check(
 
 
 def _leak(
-    given: WindowInput, recordings: Sequence[Recording], target: str, horizon_s: float, outputs: int
+    given: WindowInput, recordings: Sequence[Recording], target: str, horizon_s: float
 ) -> str:
     """What is wrong with an input that could not be known yet; empty where nothing is."""
     age = given.older_than_s
     if age is not None:
-        needed = horizon_s + (outputs - 1) * max(one.step_s for one in recordings)
-        if age < needed * (1.0 - 1e-12) or needed == inf:
-            most = "that no measurement may enter" if needed == inf else f"of {needed:g} s"
+        if age < horizon_s * (1.0 - 1e-12) or horizon_s == inf:
+            most = "that no measurement may enter" if horizon_s == inf else f"of {horizon_s:g} s"
             return (
                 f"input {given.name!r} is a measurement that may be {age:g} s old, younger than "
                 f"the horizon {most}: raise its older_than_s, or leave it out"
@@ -254,9 +222,8 @@ def _leak(
 
 
 def _of_recording(
-    recording: Recording, inputs: Sequence[WindowInput], target: str, length: int,
-    outputs: int | None, every: int,
-) -> Windows:  # fmt: skip
+    recording: Recording, inputs: Sequence[WindowInput], target: str, length: int
+) -> Windows:
     """Windows of one recording; there may be none."""
     lags = [
         0 if one.older_than_s is None else ceil(one.older_than_s / recording.step_s * (1 - 1e-12))
@@ -264,7 +231,7 @@ def _of_recording(
     ]
     truth = np.asarray(recording.signals[target], dtype=np.float64)
     first = length - 1 + max(lags)
-    at = np.arange(first, len(truth), every)
+    at = np.arange(first, len(truth))
     columns = [
         np.asarray(recording.signals[one.name], dtype=np.float64)[max(lags) - lag :][: -lag or None]
         for one, lag in zip(inputs, lags, strict=True)
@@ -272,6 +239,5 @@ def _of_recording(
     x = np.empty((0, length, len(inputs)))
     if len(at):  # a view: rows of all windows are those of one table
         table = np.stack(columns, axis=1)
-        x = sliding_window_view(table, length, axis=0)[::every].transpose(0, 2, 1)
-    ends = at if outputs is None else at[:, None] + np.arange(1 - outputs, 1)
-    return Windows(x=x, y=truth[ends], group=np.full(len(at), recording.name), at=at)
+        x = sliding_window_view(table, length, axis=0).transpose(0, 2, 1)
+    return Windows(x=x, y=truth[at], group=np.full(len(at), recording.name), at=at)

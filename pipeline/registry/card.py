@@ -17,17 +17,7 @@ MOST = 8
 
 
 def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, str]]) -> str:
-    """The card of a bundle.
-
-    Parameters
-    ----------
-    bundle : Bundle
-        Whose files lie in ``folder``.
-    folder : Path
-        ``data/models/<machine>`` or ``data/champion/<machine>``.
-    units : mapping of str to mapping of str to str
-        Unit of each column, by sub-model.
-    """
+    """The card of a bundle."""
     lines = [
         f"# Digital twin of {bundle.machine} ({bundle.origin} records)",
         "",

@@ -40,16 +40,8 @@ def register(
 ) -> Version:
     """The version of a bundle; it is logged and registered unless its content is there already.
 
-    Parameters
-    ----------
-    bundle : Bundle
-        As :func:`~pipeline.schema.bundle.bundle_of` found it in ``folder``.
-    folder : Path
-        ``data/models/<machine>`` or ``data/champion/<machine>``.
-    root : Path
-        The project.
-    made_with : callable
-        The settings that it was made with; logged with the run.
+    ``bundle`` lies in ``folder``, ``data/models/<machine>`` or ``data/champion/<machine>``; the
+    settings that ``made_with`` gives are logged with the run.
 
     Raises
     ------

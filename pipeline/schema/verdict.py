@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, SupportsFloat
 
 from pipeline.schema.model import LeftOut, Origin
 
@@ -235,6 +235,15 @@ def _times_missed(score: Score, reason: str) -> float:
          if error is not None and score.limits[name] > 0 and f" {error:.4g} " in reason),
         default=0.0,
     )  # fmt: skip
+
+
+def significant(value: SupportsFloat, digits: int = 6) -> float:
+    """A number to so many significant digits.
+
+    >>> significant(0.123456789), significant(1234.5, 2)
+    (0.123457, 1200.0)
+    """
+    return float(f"{float(value):.{digits}g}")
 
 
 def sized(value: float, unit: str, digits: int = 4) -> str:

@@ -2,7 +2,7 @@
 
 Searches with a population, one interface, by name in ``methods``: genetic algorithm (``genetic``:
 selection, crossover and mutation in ``operators``), whale optimisation (``whale``), particle swarm
-(``swarm``), grey wolves (``wolf``) and random search (``random_search``).  NSGA-II for several
+(``swarm``), grey wolves (``wolf``) and random search.  NSGA-II for several
 objectives (``nsga2``, with constrained domination and knee in ``dominance``), and compass search
 around a good start (``compass``).  Parameters are searched in the unit cube of their
 :class:`~pipeline.search.box.Box`, in their own units or on a logarithmic scale, real or whole
@@ -14,6 +14,6 @@ Agarwal and Meyarivan 2002; Kolda, Lewis and Torczon 2003; Branke, Deb, Dierolf 
 """
 
 __all__ = [
-    "box", "compass", "dominance", "genetic", "methods", "nsga2", "operators", "random_search",
+    "box", "compass", "dominance", "genetic", "methods", "nsga2", "operators",
     "result", "swarm", "whale", "wolf",
 ]  # fmt: skip

@@ -153,23 +153,6 @@ class Box:
         unit[:, self.low == self.high] = 0.5
         return np.clip(unit, 0.0, 1.0)
 
-    def centred(self, unit: Floats) -> Floats:
-        """The same points, shape (P, D), with each whole number in the middle of its share."""
-        if not self._some_whole:
-            return unit
-        return np.where(self.integer, self.unit(self.place(unit)), unit)
-
-    def next_whole(self, unit: Floats) -> tuple[Floats, Floats]:
-        """One whole number below and one above a point, both of shape (D,), inside the bounds.
-
-        On an axis that is continuous both are the point itself.
-        """
-        x = self.place(unit[None])
-        step = np.where(self.integer, 1.0, 0.0)
-        below = self.unit(np.maximum(x - step, self.low))[0]
-        above = self.unit(np.minimum(x + step, self.high))[0]
-        return np.where(self.integer, below, unit), np.where(self.integer, above, unit)
-
     def at_bounds(self, x: Floats) -> Sides:
         """-1 where ``x`` is at a lower bound, 1 at an upper one, else 0; all of shape (D,).
 
@@ -200,18 +183,8 @@ def first_population(
 ) -> Floats:
     """``start``, then a Latin hypercube, in the unit cube; shape (many, D).
 
-    Parameters
-    ----------
-    box : Box
-        Bounds.
-    many : int
-        Individuals.
-    start : array_like, shape (K, D), optional
-        Those that are given, in the parameters' units.
-    rng : numpy.random.Generator
-        Random numbers.
-    setting : str
-        Name under which the user set ``many``, for the message.
+    ``start`` (K, D) are given individuals, in the parameters' units; ``setting`` is the name under
+    which the user set ``many``, for the message.
 
     Raises
     ------

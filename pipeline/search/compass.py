@@ -27,29 +27,14 @@ def compass(
     evaluations: int,
     step: float = 0.1,
     log: ArrayLike | None = None,
-    integer: ArrayLike | None = None,
     callback: Callback | None = None,
 ) -> SearchResult:
     """Least cost near ``start`` within a number of evaluations; never above the start's.
 
-    Parameters
-    ----------
-    cost : callable
-        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
-    low, high, start : array_like, shape (D,)
-        Bounds, in the parameters' units, and where it begins.
-    evaluations : int
-        At most, at least 1: the start's own.  Axes for which a round has none left have their turn
-        in the next.
-    step : float
-        Of the first round, as a share of the box, above 0 to 1.
-    log : array_like of bool, optional
-        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
-    integer : array_like of bool, optional
-        Which parameters are whole numbers, shape (D,), or one answer for all; a step is at least to
-        the next one.
-    callback : callable, optional
-        Called after each round with its number, the best individual and its cost; True ends it.
+    ``cost`` gives costs (P,) of individuals (P, D); one that is not finite counts as the worst.
+    ``evaluations`` count the start's own; axes for which a round has none left have their turn in
+    the next.  ``step`` is that of the first round, as a share of the box, above 0 to 1; ``log`` as
+    in :meth:`Box.of`; ``callback`` sees each round and may end it.
 
     Returns
     -------
@@ -74,7 +59,7 @@ def compass(
             f"compass.evaluations = {evaluations} must be at least 1, and compass.step = {step} "
             "lie above 0, at most 1"
         )
-    box = Box.of(low, high, log, integer)
+    box = Box.of(low, high, log)
     progress = Progress(cost=cost, box=box, most=evaluations + 1, callback=callback)
     unit = box.unit(start)
     best = float(progress.evaluate(unit)[0])
@@ -87,10 +72,9 @@ def compass(
             stopped = "limit"
             break
         axes = np.roll(free, -turn)[:many]
-        polled = _neighbours(box, place, axes, step)
+        polled = _neighbours(place, axes, step)
         costs = progress.evaluate(polled)
         minima = _parabola_minima(place, axes, polled, best, costs, step)[: left - len(polled)]
-        minima = box.centred(minima)
         polled = np.concatenate([polled, minima])
         costs = np.concatenate([costs, progress.evaluate(minima)])
         turn, idle = turn + many, idle + many
@@ -102,14 +86,13 @@ def compass(
     return progress.result(place[None], np.array([best]), stopped)
 
 
-def _neighbours(box: Box, place: Floats, axes: Rows, step: float) -> Floats:
+def _neighbours(place: Floats, axes: Rows, step: float) -> Floats:
     """Below and above along each axis, inside the cube; shape (2 N, D)."""
     polled = np.tile(place, (2 * len(axes), 1))
     each = np.arange(len(axes))
-    below, above = box.next_whole(place)
-    polled[2 * each, axes] = np.minimum(np.maximum(place[axes] - step, 0.0), below[axes])
-    polled[2 * each + 1, axes] = np.maximum(np.minimum(place[axes] + step, 1.0), above[axes])
-    return box.centred(polled)
+    polled[2 * each, axes] = np.maximum(place[axes] - step, 0.0)
+    polled[2 * each + 1, axes] = np.minimum(place[axes] + step, 1.0)
+    return polled
 
 
 def _parabola_minima(

@@ -17,12 +17,8 @@ Ranks = NDArray[np.intp]
 def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools:
     """Whether individuals dominate others; the leading axes broadcast.
 
-    Parameters
-    ----------
-    one, other : ndarray, shape (..., O)
-        Objectives of both, none NaN.
-    mine, theirs : ndarray, shape (...)
-        By how much each passes its limits; 0 inside all of them.
+    Objectives ``one`` and ``other`` (..., O), none NaN; ``mine`` and ``theirs`` (...) by how much
+    each passes its limits, 0 inside all of them.
     """
     shape = np.broadcast_shapes(one.shape, other.shape)[:-1]
     nowhere_worse, somewhere_better = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
@@ -41,10 +37,7 @@ def ranks(objectives: Floats, violation: Floats) -> Ranks:
     Front k + 1 is what none dominates once fronts 0 to k are taken away.  Those of one front keep
     all limits, or pass them by the same.
 
-    Parameters
-    ----------
-    objectives, violation : ndarray, shapes (P, O) and (P,)
-        Of each individual, no objective NaN; violation is 0 inside all limits.
+    Objectives (P, O), none NaN; ``violation`` (P,) is 0 inside all limits.
     """
     above = dominates(objectives[:, None], objectives, violation[:, None], violation)
     dominated_by = above.sum(axis=0)
@@ -63,10 +56,7 @@ def crowding(objectives: Floats) -> Floats:
 
     Sum over the objectives of the distance between both neighbours as a share of the front's range.
 
-    Parameters
-    ----------
-    objectives : ndarray, shape (F, O)
-        Of the front's members, none NaN.
+    Objectives (F, O) of the front's members, none NaN.
     """
     many = len(objectives)
     distance = np.zeros(many)
@@ -86,12 +76,7 @@ def survivors(objectives: Floats, violation: Floats, many: int) -> tuple[Ranks, 
 
     The lower front comes first; within one, the greater crowding distance (:func:`crowding`).
 
-    Parameters
-    ----------
-    objectives, violation : ndarray, shapes (P, O) and (P,)
-        As in :func:`ranks`.
-    many : int
-        Up to P.
+    Objectives and violation as in :func:`ranks`; ``many`` up to P.
     """
     front = ranks(objectives, violation)
     distance = np.empty(len(front))
@@ -111,16 +96,8 @@ def crowded_tournament(
     as in Deb's own program: what stands alone on a worse front, and is not dominated by
     whom it meets, keeps its chance, and a front that begins in a corner still spreads.
 
-    Parameters
-    ----------
-    objectives, violation : ndarray, shapes (P, O) and (P,)
-        As in :func:`ranks`.
-    distance : ndarray, shape (P,)
-        Crowding distance of each.
-    draws : int
-        Parents.
-    rng : numpy.random.Generator
-        Random numbers.
+    Objectives and violation as in :func:`ranks`; ``distance`` (P,) is the crowding distance of
+    each.
     """
     rounds = -(-2 * draws // len(distance))
     drawn = np.concatenate([rng.permutation(len(distance)) for _ in range(rounds)])[: 2 * draws]
@@ -143,10 +120,7 @@ def knee(objectives: ArrayLike) -> int:
     ideal is what of -(1, ..., 1) is at right angles to them.  A front that bulges away from the
     ideal has its knee at one of its ends; of equal ones it is the first.
 
-    Parameters
-    ----------
-    objectives : array_like, shape (F, O)
-        Of the front's members, at least one.
+    Objectives (F, O) of the front's members, at least one.
 
     Raises
     ------

@@ -8,13 +8,11 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.ranges import Count, Positive, Range, Share
 from pipeline.search import operators
-from pipeline.search.box import Box
-from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+from pipeline.search.result import Evolution, Progress, SearchSettings
 
 CHOICES = {
     "selection": ("tournament", "stochastic_universal"),
@@ -28,78 +26,54 @@ CHOICES = {
 class GeneticSettings(SearchSettings, section="genetic"):
     """Settings of the genetic algorithm.
 
-    Parameters
-    ----------
-    population : int
-        Individuals P, at least 2.
-    generations : int
-        Generations at most, the first population among them.
-    selection : str
-        ``tournament`` or ``stochastic_universal``.
-    tournament : int
-        Competitors for each parent's place.
-    fitness : str
-        Measure of stochastic universal selection and of the adaptive rates: ``rank``,
-        ``exponential`` (FFNN2015) or ``window``, how much better than the worst.
-    breadth : float
-        c of ``exponential``, exp(-(f - f_min) / (c sigma)): the smaller, the more the best alone
-        are chosen [1].
-    crossover : str
-        ``sbx`` (simulated binary) or ``blend``.
-    crossover_eta : float
-        Distribution index of ``sbx``.
-    alpha : float
-        Widening of ``blend``.
-    crossover_rate : float
-        Share of the pairs that cross; with ``adaptive`` the greatest.
-    gene_rate : float
-        Share of a crossing pair's genes that cross.
-    mutation_rate : float, optional
-        Share of the genes that mutate, 1 / D unless given; with ``adaptive`` the greatest.
-    mutation_eta : float
-        Distribution index of polynomial mutation.
-    elite : int
-        Best individuals that always stay.
-    generation_gap : float
-        Children of a generation as a share of the population, above 0 to 1; never so many that the
-        elite had no place.
-    survival : str
-        ``truncation``: the best of parents and children together stay; ``replacement``: all
-        children do, in place of the worst parents.
-    adaptive : bool
-        Rates by fitness (Srinivas and Patnaik 1994): the best are disrupted least.
-    limit : float
-        Cost at which the search ends.
-    stall : int, optional
-        Generations without a gain of more than ``stall_gain`` after which the search ends.
-    stall_gain : float
-        In the cost's unit.
-    seed : int
-        Of the random numbers.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
+    Examples
+    --------
+    >>> from pipeline.search.result import minimise
+    >>> def cost(x):
+    ...     return (x[:, 0] - 3.0) ** 2 + (np.log10(x[:, 1]) + 4.0) ** 2
+    >>> result = minimise(cost, [0, 1e-6], [10, 1], GeneticSettings(), log=[False, True])
+    >>> bool(abs(result.x[0] - 3) < 0.01), bool(abs(result.x[1] - 1e-4) < 1e-6), result.evaluations
+    (True, True, 6301)
     """
 
     population: Annotated[int, Range(least=2)] = 64
+    """Individuals P, at least 2."""
     generations: Count = 100
+    """Generations at most, the first population among them."""
     selection: str = "stochastic_universal"
+    """``tournament`` or ``stochastic_universal``."""
     tournament: Count = 2
+    """Competitors for each parent's place."""
     fitness: str = "exponential"
+    """Measure of stochastic universal selection and of the adaptive rates: ``rank``,
+    ``exponential`` (FFNN2015) or ``window``, how much better than the worst."""
     breadth: Positive = 1.0
+    """c of ``exponential``, exp(-(f - f_min) / (c sigma)): the smaller, the more the best alone are
+    chosen [1]."""
     crossover: str = "sbx"
+    """``sbx`` (simulated binary) or ``blend``."""
     crossover_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 5.0
+    """Distribution index of ``sbx``."""
     alpha: Annotated[float, Range(least=0.0, most=10.0)] = 0.5
+    """Widening of ``blend``."""
     crossover_rate: Share = 1.0
+    """Share of the pairs that cross; with ``adaptive`` the greatest."""
     gene_rate: Share = 1.0
+    """Share of a crossing pair's genes that cross."""
     mutation_rate: Share | None = None
+    """Share of the genes that mutate, 1 / D unless given; with ``adaptive`` the greatest."""
     mutation_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 20.0
+    """Distribution index of polynomial mutation."""
     elite: Annotated[int, Range(least=0)] = 1
+    """Best individuals that always stay."""
     generation_gap: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
+    """Children of a generation as a share of the population, above 0 to 1; never so many that the
+    elite had no place."""
     survival: str = "truncation"
+    """``truncation``: the best of parents and children together stay; ``replacement``: all children
+    do, in place of the worst parents."""
     adaptive: bool = False
+    """Rates by fitness (Srinivas and Patnaik 1994): the best are disrupted least."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -121,58 +95,15 @@ class GeneticSettings(SearchSettings, section="genetic"):
         most = self.population - self.elite
         return min(max(round(self.generation_gap * self.population), 1), most)
 
-
-def minimise(
-    cost: Cost,
-    low: ArrayLike,
-    high: ArrayLike,
-    settings: GeneticSettings,
-    *,
-    log: ArrayLike | None = None,
-    integer: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    callback: Callback | None = None,
-) -> SearchResult:
-    """Least cost within the bounds by the genetic algorithm.
-
-    Parameters
-    ----------
-    cost : callable
-        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
-    low, high : array_like, shape (D,)
-        Bounds, in the parameters' units; no individual leaves them.
-    settings : GeneticSettings
-        Of the algorithm.
-    log : array_like of bool, optional
-        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
-    integer : array_like of bool, optional
-        Which parameters are whole numbers, shape (D,), or one answer for all.
-    start : array_like, shape (K, D), optional
-        Individuals of the first population; the others fill the box evenly (Latin hypercube).
-    callback : callable, optional
-        Called after each generation with its number, the best individual and its cost; True ends
-        the search.
-
-    Raises
-    ------
-    ValueError
-        When bounds, start or the cost's answer do not fit together.
-
-    Examples
-    --------
-    >>> def cost(x):
-    ...     return (x[:, 0] - 3.0) ** 2 + (np.log10(x[:, 1]) + 4.0) ** 2
-    >>> result = minimise(cost, [0, 1e-6], [10, 1], GeneticSettings(), log=[False, True])
-    >>> bool(abs(result.x[0] - 3) < 0.01), bool(abs(result.x[1] - 1e-4) < 1e-6), result.evaluations
-    (True, True, 6301)
-    """
-    box = Box.of(low, high, log, integer)
-    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
-    unit, costs = _best(unit, costs, settings.population)
-    while not (stopped := progress.stopped()):
-        children = offspring(unit, costs, settings, rng)
-        unit, costs = _survivors(unit, costs, children, progress.evaluate(children), settings)
-    return progress.result(unit, costs, stopped)
+    def evolution(
+        self, progress: Progress, rng: np.random.Generator, unit: Floats, costs: Floats
+    ) -> Evolution:
+        """Selection, crossover, mutation and survival."""
+        unit, costs = _best(unit, costs, self.population)
+        while True:
+            children = offspring(unit, costs, self, rng)
+            unit, costs = _survivors(unit, costs, children, progress.evaluate(children), self)
+            yield unit, costs
 
 
 def _survivors(
@@ -194,16 +125,7 @@ def offspring(
 ) -> Floats:
     """Children of a generation, shape (settings.children, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Parents in the unit cube, best first.
-    costs : ndarray, shape (P,)
-        Theirs.
-    settings : GeneticSettings
-        Of the operators.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``unit`` (P, D) are the parents in the unit cube, best first, ``costs`` (P,) theirs.
     """
     pairs = (settings.children + 1) // 2
     parents, crossing, mutating = _selected(
@@ -224,18 +146,9 @@ def bred(
 ) -> Floats:  # fmt: skip
     """Children of pairs of parents, shape (2 N, D), in the unit cube.
 
-    Parameters
-    ----------
-    parents : ndarray, shape (2 N, D)
-        In the unit cube; the first N cross with the others.
-    crossing : float or ndarray, shape (N, 1)
-        Probability that a pair crosses.
-    mutating : float or ndarray, shape (2 N, 1)
-        Probability that a gene mutates.
-    settings : GeneticSettings
-        Kind of crossover, and widths of its steps and those of mutation.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``parents`` (2 N, D) in the unit cube, the first N cross with the others; ``crossing`` is the
+    probability that a pair crosses, one or (N, 1), ``mutating`` that a gene mutates, one or (2 N,
+    1).
     """
     pairs = len(parents) // 2
     first, second = parents[:pairs], parents[pairs:]

@@ -22,13 +22,7 @@ from pipeline.search.genetic import GeneticSettings, bred, mutation_rate
 
 @dataclass(frozen=True, kw_only=True)
 class FrontSettings(Ranged, section="front"):
-    """Settings of NSGA-II; the defaults are those of Deb et al. 2002.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of NSGA-II; the defaults are those of Deb et al. 2002."""
 
     population: Annotated[int, Range(least=4)] = 100
     """Individuals P, and children of a generation; at least 4."""
@@ -101,23 +95,10 @@ def front(
 ) -> FrontResult:
     """Non-dominated answers within the bounds.
 
-    Parameters
-    ----------
-    evaluate : callable
-        Objectives, shape (P, O), all to become least, and violations, shape (P,), of individuals,
-        shape (P, D); one with an objective that is not finite counts as the worst.
-    low, high : array_like, shape (D,)
-        Bounds, in the parameters' units; no individual leaves them.
-    settings : FrontSettings
-        Of the algorithm.
-    log : array_like of bool, optional
-        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
-    integer : array_like of bool, optional
-        Which parameters are whole numbers, shape (D,), or one answer for all.
-    start : array_like, shape (K, D), optional
-        Individuals of the first population; the others fill the box evenly (Latin hypercube).
-    callback : callable, optional
-        Called after each generation with its number and its front; True ends the search.
+    ``evaluate`` gives objectives (P, O), all to become least, and violations (P,) of individuals
+    (P, D); one with an objective that is not finite counts as the worst. Bounds (D,) are in the
+    parameters' units; ``log``, ``integer``, ``start`` and ``callback`` as in
+    :func:`~pipeline.search.result.minimise`.
 
     Raises
     ------

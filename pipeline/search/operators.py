@@ -16,14 +16,7 @@ def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Ro
 
     The one at place i of P (best is 0) wins with probability ((P - i)^s - (P - i - 1)^s) / P^s.
 
-    Parameters
-    ----------
-    many : int
-        Individuals P, best first, so that the lowest place wins.
-    draws, size : int
-        Parents, and competitors s for each.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``many`` individuals P stand best first, so that the lowest place wins; s is ``size``.
     """
     # the least of s even draws in 0..1 is 1 - (1 - u)^(1/s) of one
     least = 1.0 - (1.0 - rng.random(draws)) ** (1.0 / size)
@@ -37,14 +30,7 @@ def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) 
     Each individual is drawn its expectation draws f_i / sum f times, rounded up or down (Baker
     1987); the order is shuffled.
 
-    Parameters
-    ----------
-    fitness : ndarray, shape (P,)
-        At least 0, not all 0.
-    draws : int
-        Parents.
-    rng : numpy.random.Generator
-        Random numbers.
+    ``fitness`` (P,) is at least 0, not all 0.
     """
     edges = fitness.cumsum()
     pointers = (np.arange(draws) + rng.random()) * (edges[-1] / draws)
@@ -58,12 +44,7 @@ def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) 
 def ranked(many: int, pressure: float = 2.0) -> Floats:
     """Fitness that falls linearly with the place, from ``pressure`` to 2 - ``pressure``; mean 1.
 
-    Parameters
-    ----------
-    many : int
-        Individuals P.
-    pressure : float
-        Expected children of the best, 1 to 2 (Baker 1985).
+    ``pressure`` is the expected number of children of the best, 1 to 2 (Baker 1985).
     """
     return np.linspace(pressure, 2.0 - pressure, many) if many > 1 else np.ones(1)
 
@@ -71,10 +52,7 @@ def ranked(many: int, pressure: float = 2.0) -> Floats:
 def windowed(costs: Floats) -> Floats:
     """How much better than the worst finite cost, shape (P,); ones when all are the same.
 
-    Parameters
-    ----------
-    costs : ndarray, shape (P,)
-        Best first.
+    ``costs`` (P,) stand best first.
     """
     finite = costs[: costs.searchsorted(np.inf)]
     if len(finite) == 0:
@@ -87,12 +65,8 @@ def windowed(costs: Floats) -> Floats:
 def exponential(costs: Floats, breadth: float = 1.0) -> Floats:
     """exp(-(f - f_min) / (c sigma)), shape (P,), sigma of the generation's finite costs.
 
-    Parameters
-    ----------
-    costs : ndarray, shape (P,)
-        f, best first; of those that are infinite the fitness is 0.
-    breadth : float
-        c (FFNN2015: r_g = c sigma_g).
+    ``costs`` f (P,) stand best first; of those that are infinite the fitness is 0. ``breadth`` is c
+    (FFNN2015: r_g = c sigma_g).
     """
     many = int(costs.searchsorted(np.inf))
     span = float(costs[many - 1]) - float(costs[0]) if many else 0.0
@@ -119,16 +93,8 @@ def simulated_binary(
     would leave the cube, the same for both, so that they keep their parents' middle.  Which child
     is nearer to which parent is left to chance for each gene.
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (N, D)
-        Parents.
-    crossed : ndarray of bool, shape (N, D)
-        Genes that cross; the others are their parent's.
-    eta : float
-        The greater, the nearer the children are to their parents.
-    rng : numpy.random.Generator
-        Random numbers.
+    Parents (N, D); genes that are not ``crossed`` (N, D) are their parent's; the greater ``eta``,
+    the nearer the children are to their parents.
     """
     middle = 0.5 * (first + second)
     half = 0.5 * np.abs(second - first)
@@ -151,16 +117,8 @@ def blend(
 
     What is outside the cube is cut off (BLX-alpha, Eshelman and Schaffer 1993); shape (2, N, D).
 
-    Parameters
-    ----------
-    first, second : ndarray, shape (N, D)
-        Parents.
-    crossed : ndarray of bool, shape (N, D)
-        Genes that cross; the others are their parent's.
-    alpha : float
-        At least 0; at 0.5 the children spread as their parents do.
-    rng : numpy.random.Generator
-        Random numbers.
+    Parents (N, D); genes that are not ``crossed`` (N, D) are their parent's; at an ``alpha`` of 0.5
+    the children spread as their parents do.
     """
     wider = alpha * np.abs(second - first)
     low = np.maximum(np.minimum(first, second) - wider, 0.0)
@@ -184,14 +142,8 @@ def polynomial(x: Floats, eta: float, rng: np.random.Generator) -> Floats:
     Each side of the density keeps its half and is cut off at the wall on its side, so that no gene
     leaves the cube (Deb and Agrawal 1999).
 
-    Parameters
-    ----------
-    x : ndarray
-        Genes, 0 to 1.
-    eta : float
-        The greater, the smaller the steps; without walls their mean size is 1 / (eta + 2).
-    rng : numpy.random.Generator
-        Random numbers.
+    Genes x are 0 to 1; the greater ``eta``, the smaller the steps: without walls their mean size is
+    1 / (eta + 2).
     """
     chance = rng.uniform(-1.0, 1.0, x.shape)
     gap = np.where(chance > 0, 1.0 - x, x)
@@ -207,14 +159,9 @@ def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
     k min((f_max - f) / (f_max - f_mean), 1): the best are disrupted least (Srinivas and Patnaik
     1994).
 
-    Parameters
-    ----------
-    fitness : ndarray, shape (P,)
-        Of the population; the greater, the better.
-    own : ndarray, shape (N,)
-        f, the better of the two fitnesses of each pair, or that of each individual.
-    greatest : float
-        k, the probability of those below the mean.
+    ``fitness`` (P,) of the population, the greater, the better; ``own`` (N,) is f, the better of
+    the two of each pair, or that of each individual; ``greatest`` is k, the probability of those
+    below the mean.
     """
     best, mean = fitness.max(), fitness.mean()
     if not best > mean:
@@ -225,14 +172,8 @@ def adaptive_rates(fitness: Floats, own: Floats, greatest: float) -> Floats:
 def encircled(z: Floats, goal: Floats, step: Floats, swing: Floats) -> Floats:
     """Points about a goal, G - A |C G - Z|, of whales and wolves (Mirjalili et al. 2014, 2016).
 
-    Parameters
-    ----------
-    z : ndarray, shape (P, D)
-        Z, where they are, seen from the point that counts as zero.
-    goal : ndarray, shape (..., D)
-        G, what they encircle, seen from there.
-    step, swing : ndarray, shape (..., P, D) or (..., P, 1)
-        A from -a to a, and C from 0 to 2 [1].
+    Z (P, D) is where they are, G (..., D) what they encircle, both seen from the point that counts
+    as zero; ``step`` is A from -a to a, ``swing`` C from 0 to 2 [1], (..., P, D) or (..., P, 1).
     """
     away = swing * goal
     away -= z

@@ -1,6 +1,7 @@
-"""Progress of a search: settings of all methods, evaluations, stopping criteria and the result."""
+"""The loop of all searches with a population: settings, evaluations, stopping criteria, result."""
 
-from collections.abc import Callable, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import inf
 from typing import Annotated
@@ -14,19 +15,15 @@ from pipeline.search.box import Box, Sides, first_population
 
 Cost = Callable[[Floats], Floats]
 """Costs, shape (P,), of individuals, shape (P, D)."""
+Evolution = Iterator[tuple[Floats, Floats]]
+"""Population after population, (P, D) in the unit cube, with its costs (P,), without an end."""
 Callback = Callable[[int, Floats, float], bool | None]
 """Called after each generation with its number, the best individual and its cost; True ends."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchSettings(Ranged, section="search"):
-    """Settings that all methods with a population share.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range, or a count is no whole number.
-    """
+class SearchSettings(Ranged, ABC, section="search"):
+    """Settings that all methods with a population share."""
 
     population: Count = 30
     """Individuals P."""
@@ -51,6 +48,12 @@ class SearchSettings(Ranged, section="search"):
             value = getattr(self, name)
             if value is not None and value != int(value):
                 raise ValueError(f"{self.section}.{name} = {value} must be a whole number")
+
+    @abstractmethod
+    def evolution(
+        self, progress: "Progress", rng: np.random.Generator, unit: Floats, costs: Floats
+    ) -> "Evolution":
+        """Populations that follow the first one, shape (P, D) in the unit cube, with costs (P,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,18 +84,7 @@ class SearchResult:
     shape (D,)."""
 
     def bounds_hit(self, names: Sequence[str]) -> dict[str, str]:
-        """``low`` or ``high`` for each parameter of the best individual at a bound, by its name.
-
-        Parameters
-        ----------
-        names : sequence of str
-            Of the D parameters, in their order.
-
-        Raises
-        ------
-        ValueError
-            When there are more or fewer names than parameters.
-        """
+        """``low`` or ``high`` for each parameter of the best individual at a bound, by its name."""
         if len(names) != len(self.at_bounds):
             raise ValueError(
                 f"{len(names)} names for {len(self.at_bounds)} parameters: give one for each"
@@ -189,30 +181,37 @@ class Progress:
         )
 
 
-def begin(
-    cost: Cost, box: Box, settings: SearchSettings, *, start: ArrayLike | None,
-    callback: Callback | None,
-) -> tuple[Progress, np.random.Generator, Floats, Floats]:  # fmt: skip
-    """Progress, random numbers, first population (P, D) in the unit cube, and its costs (P,).
+def minimise(
+    cost: Cost, low: ArrayLike, high: ArrayLike, settings: SearchSettings, *,
+    log: ArrayLike | None = None, integer: ArrayLike | None = None,
+    start: ArrayLike | None = None, callback: Callback | None = None,
+) -> SearchResult:  # fmt: skip
+    """Least cost within the bounds by the method of the settings.
 
     Parameters
     ----------
     cost : callable
-        Costs, shape (P,), of individuals, shape (P, D).
-    box : Box
-        Bounds.
+        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
+    low, high : array_like, shape (D,)
+        Bounds, in the parameters' units; no individual leaves them.
     settings : SearchSettings
-        Counts, stopping criteria and seed.
+        Of the method, which is theirs.
+    log : array_like of bool, optional
+        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
+    integer : array_like of bool, optional
+        Which parameters are whole numbers, shape (D,), or one answer for all.
     start : array_like, shape (K, D), optional
         Individuals of the first population; the others fill the box evenly (Latin hypercube).
     callback : callable, optional
-        Sees each generation and may end the search.
+        Called after each generation with its number, the best individual and its cost; True ends
+        the search.
 
     Raises
     ------
     ValueError
-        When start or the cost's answer do not fit.
+        When bounds, start or the cost's answer do not fit together.
     """
+    box = Box.of(low, high, log, integer)
     progress = Progress(
         cost=cost, box=box, most=settings.generations, limit=settings.limit, stall=settings.stall,
         stall_gain=settings.stall_gain, callback=callback,
@@ -220,4 +219,8 @@ def begin(
     rng = np.random.default_rng(settings.seed)
     setting = f"{settings.section}.population"
     unit = first_population(box, settings.population, start, rng, setting=setting)
-    return progress, rng, unit, progress.evaluate(unit)
+    costs = progress.evaluate(unit)
+    evolution = settings.evolution(progress, rng, unit, costs)
+    while not (stopped := progress.stopped()):
+        unit, costs = next(evolution)
+    return progress.result(unit, costs, stopped)

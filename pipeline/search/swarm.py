@@ -12,13 +12,11 @@ from math import sqrt
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range
-from pipeline.search.box import Box
 from pipeline.search.operators import inside
-from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+from pipeline.search.result import Evolution, Progress, SearchSettings
 
 SETTLES = 4.0
 """Sum of both attractions above which the constriction is defined [1]."""
@@ -26,27 +24,14 @@ SETTLES = 4.0
 
 @dataclass(frozen=True, kw_only=True)
 class SwarmSettings(SearchSettings, section="swarm"):
-    """Settings of the particle swarm.
-
-    Parameters
-    ----------
-    population, generations, limit, stall, stall_gain, seed
-        As in :class:`~pipeline.search.result.SearchSettings`.
-    own, best : float
-        c_1 and c_2, attraction of a particle's own best and of the best of all [1]; their sum lies
-        above 4.
-    fastest : float
-        Greatest velocity along each axis, as a share of the box for each generation [1].
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of the particle swarm."""
 
     own: Annotated[float, Range(least=0.0, most=10.0)] = 2.05
     best: Annotated[float, Range(least=0.0, most=10.0)] = 2.05
+    """c_1 and c_2, attraction of a particle's own best and of the best of all [1]; their sum lies
+    above 4."""
     fastest: Annotated[float, Range(above=0.0, most=1.0)] = 0.5
+    """Greatest velocity along each axis, as a share of the box for each generation [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,35 +47,21 @@ class SwarmSettings(SearchSettings, section="swarm"):
         phi = self.own + self.best
         return 2.0 / (phi - 2.0 + sqrt(phi * (phi - 4.0)))
 
-
-def minimise(
-    cost: Cost,
-    low: ArrayLike,
-    high: ArrayLike,
-    settings: SwarmSettings,
-    *,
-    log: ArrayLike | None = None,
-    integer: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    callback: Callback | None = None,
-) -> SearchResult:
-    """Least cost within the bounds by a swarm of particles.
-
-    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
-    """
-    box = Box.of(low, high, log, integer)
-    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
-    velocity, own, own_costs = np.zeros_like(unit), unit, costs
-    while not (stopped := progress.stopped()):
-        velocity = accelerated(velocity, own - unit, progress.unit - unit, settings, rng)
-        ahead = unit + velocity
-        unit = inside(ahead.copy())
-        velocity[ahead != unit] = 0.0
-        costs = progress.evaluate(unit)
-        better = costs < own_costs
-        own_costs = np.where(better, costs, own_costs)
-        own = np.where(better[:, None], unit, own)
-    return progress.result(unit, costs, stopped)
+    def evolution(
+        self, progress: Progress, rng: np.random.Generator, unit: Floats, costs: Floats
+    ) -> Evolution:
+        """Particles that remember their own best, and stop at walls."""
+        velocity, own, own_costs = np.zeros_like(unit), unit, costs
+        while True:
+            velocity = accelerated(velocity, own - unit, progress.unit - unit, self, rng)
+            ahead = unit + velocity
+            unit = inside(ahead.copy())
+            velocity[ahead != unit] = 0.0
+            costs = progress.evaluate(unit)
+            better = costs < own_costs
+            own_costs = np.where(better, costs, own_costs)
+            own = np.where(better[:, None], unit, own)
+            yield unit, costs
 
 
 def accelerated(
@@ -99,14 +70,7 @@ def accelerated(
 ) -> Floats:  # fmt: skip
     """Velocities of the next generation, shape (P, D), of the unit cube.
 
-    Parameters
-    ----------
-    velocity, to_own, to_all : ndarray, shape (P, D)
-        Velocities, and distances to each particle's own best and to the best of all.
-    settings : SwarmSettings
-        Attractions and greatest velocity.
-    rng : numpy.random.Generator
-        Random numbers.
+    Velocities, and distances to each particle's own best and to the best of all, are (P, D).
     """
     chance = rng.random((2, *velocity.shape))
     chi, most = settings.constriction, settings.fastest

@@ -15,50 +15,31 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Range, Share
-from pipeline.search.box import Box
 from pipeline.search.operators import encircled, inside
-from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+from pipeline.search.result import Evolution, Progress, SearchSettings
 
 
 @dataclass(frozen=True, kw_only=True)
 class WhaleSettings(SearchSettings, section="whale"):
-    """Settings of the whale optimisation algorithm; the defaults are those of its authors.
-
-    Parameters
-    ----------
-    population, generations, limit, stall, stall_gain, seed
-        As in :class:`~pipeline.search.result.SearchSettings`.
-    reach : float
-        a at the beginning [1]; it falls evenly to 0.
-    spiral : float
-        b, how fast the spiral widens [1].
-    least_turn, greatest_turn : float
-        Range of l, turns of the spiral [1].
-    roams : bool
-        Whether whales with abs(A) >= 1 roam about another whale, else they encircle the best one.
-    by_axis : bool
-        Whether A and C are drawn for each axis, as the paper's text has it, or once for each whale,
-        as in its authors' program, which draws the whale to roam about anew for each axis, too.
-    origin : float
-        Place on every axis of the unit cube that the formulas take for zero [1].
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of the whale optimisation algorithm; the defaults are those of its authors."""
 
     reach: Positive = 2.0
+    """a at the beginning [1]; it falls evenly to 0."""
     spiral: Annotated[float, Range(least=0.0, most=10.0)] = 1.0
+    """b, how fast the spiral widens [1]."""
     least_turn: Annotated[float, Range(least=-10.0, most=10.0)] = -1.0
     greatest_turn: Annotated[float, Range(least=-10.0, most=10.0)] = 1.0
+    """Range of l, turns of the spiral [1]."""
     roams: bool = True
+    """Whether whales with abs(A) >= 1 roam about another whale, else they encircle the best one."""
     by_axis: bool = False
+    """Whether A and C are drawn for each axis, as the paper's text has it, or once for each whale,
+    as in its authors' program, which draws the whale to roam about anew for each axis, too."""
     origin: Share = 0.5
+    """Place on every axis of the unit cube that the formulas take for zero [1]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -68,38 +49,14 @@ class WhaleSettings(SearchSettings, section="whale"):
                 f"{self.greatest_turn}"
             )
 
-
-def minimise(
-    cost: Cost,
-    low: ArrayLike,
-    high: ArrayLike,
-    settings: WhaleSettings,
-    *,
-    log: ArrayLike | None = None,
-    integer: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    callback: Callback | None = None,
-) -> SearchResult:
-    """Least cost within the bounds by whales.
-
-    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
-
-    Examples
-    --------
-    >>> def cost(x):
-    ...     return (x[:, 0] - 3.0) ** 2 + (x[:, 1] - 7) ** 2
-    >>> some = WhaleSettings(population=20, generations=200)
-    >>> result = minimise(cost, [0, 1], [10, 9], some, integer=[False, True])
-    >>> bool(abs(result.x[0] - 3) < 0.01), float(result.x[1]), result.evaluations
-    (True, 7.0, 4000)
-    """
-    box = Box.of(low, high, log, integer)
-    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
-    while not (stopped := progress.stopped()):
-        left = 1.0 - (len(progress.history) - 1) / settings.generations
-        unit = moved(unit, progress.unit, left * settings.reach, settings, rng)
-        costs = progress.evaluate(unit)
-    return progress.result(unit, costs, stopped)
+    def evolution(
+        self, progress: Progress, rng: np.random.Generator, unit: Floats, costs: Floats
+    ) -> Evolution:
+        """Whales whose reach falls evenly."""
+        while True:
+            left = 1.0 - (len(progress.history) - 1) / self.generations
+            unit = moved(unit, progress.unit, left * self.reach, self, rng)
+            yield unit, progress.evaluate(unit)
 
 
 def moved(
@@ -107,18 +64,8 @@ def moved(
 ) -> Floats:
     """Whales a generation later, shape (P, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Whales.
-    best : ndarray, shape (D,)
-        Z*, the best so far.
-    reach : float
-        a of this generation [1].
-    settings : WhaleSettings
-        Of the spiral, and of roaming.
-    rng : numpy.random.Generator
-        Random numbers.
+    Whales ``unit`` (P, D); ``best`` (D,) is Z*, the best so far; ``reach`` a of this generation
+    [1].
     """
     many, genes = unit.shape
     chance = rng.random((3, many, 1))

@@ -11,13 +11,11 @@ which point of the box it is; in boxes that are symmetric about zero, as in the 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Positive, Share
-from pipeline.search.box import Box
 from pipeline.search.operators import encircled, inside
-from pipeline.search.result import Callback, Cost, SearchResult, SearchSettings, begin
+from pipeline.search.result import Evolution, Progress, SearchSettings
 
 LEADERS = 3
 """Alpha, beta and delta, the wolves that lead; fewer in a smaller pack."""
@@ -25,51 +23,24 @@ LEADERS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class WolfSettings(SearchSettings, section="wolf"):
-    """Settings of the grey wolf optimiser; the defaults are those of the paper.
-
-    Parameters
-    ----------
-    population, generations, limit, stall, stall_gain, seed
-        As in :class:`~pipeline.search.result.SearchSettings`.
-    reach : float
-        a at the beginning [1]; it falls evenly to 0.
-    origin : float
-        Place on every axis of the unit cube that the formulas take for zero [1].
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of the grey wolf optimiser; the defaults are those of the paper."""
 
     reach: Positive = 2.0
+    """a at the beginning [1]; it falls evenly to 0."""
     origin: Share = 0.5
+    """Place on every axis of the unit cube that the formulas take for zero [1]."""
 
-
-def minimise(
-    cost: Cost,
-    low: ArrayLike,
-    high: ArrayLike,
-    settings: WolfSettings,
-    *,
-    log: ArrayLike | None = None,
-    integer: ArrayLike | None = None,
-    start: ArrayLike | None = None,
-    callback: Callback | None = None,
-) -> SearchResult:
-    """Least cost within the bounds by a pack of wolves.
-
-    Parameters and errors are those of :func:`pipeline.search.genetic.minimise`.
-    """
-    box = Box.of(low, high, log, integer)
-    progress, rng, unit, costs = begin(cost, box, settings, start=start, callback=callback)
-    leaders, theirs = unit[:0], costs[:0]
-    while not (stopped := progress.stopped()):
-        leaders, theirs = _best_of(leaders, theirs, unit, costs)
-        left = 1.0 - (len(progress.history) - 1) / settings.generations
-        unit = moved(unit, leaders, left * settings.reach, settings.origin, rng)
-        costs = progress.evaluate(unit)
-    return progress.result(unit, costs, stopped)
+    def evolution(
+        self, progress: Progress, rng: np.random.Generator, unit: Floats, costs: Floats
+    ) -> Evolution:
+        """Wolves about the three best so far."""
+        leaders, theirs = unit[:0], costs[:0]
+        while True:
+            leaders, theirs = _best_of(leaders, theirs, unit, costs)
+            left = 1.0 - (len(progress.history) - 1) / self.generations
+            unit = moved(unit, leaders, left * self.reach, self.origin, rng)
+            costs = progress.evaluate(unit)
+            yield unit, costs
 
 
 def _best_of(leaders: Floats, theirs: Floats, unit: Floats, costs: Floats) -> tuple[Floats, Floats]:
@@ -84,18 +55,8 @@ def moved(
 ) -> Floats:
     """Wolves a generation later, shape (P, D), in the unit cube.
 
-    Parameters
-    ----------
-    unit : ndarray, shape (P, D)
-        Wolves.
-    leaders : ndarray, shape (L, D)
-        The best so far, L up to 3.
-    reach : float
-        a of this generation [1].
-    origin : float
-        Place on every axis that the formulas take for zero [1].
-    rng : numpy.random.Generator
-        Random numbers.
+    Wolves ``unit`` (P, D); ``leaders`` (L, D) are the best so far, L up to 3; ``reach`` is a of
+    this generation [1]; ``origin`` the place on every axis that the formulas take for zero [1].
     """
     shape = (len(leaders), *unit.shape)
     step = rng.random(shape)

@@ -90,12 +90,8 @@ class Residuals:
 def splits(groups: Sequence[str], folds: int) -> Iterator[tuple[list[str], list[str]]]:
     """Pairs of groups to fit on and groups left out; each group is left out once.
 
-    Parameters
-    ----------
-    groups : sequence of str
-        In the order in which neighbours shall be left out together.
-    folds : int
-        Number of pairs, at most one a group.
+    Neighbours in the order of ``groups`` are left out together; there are ``folds`` pairs, at most
+    one a group.
 
     Examples
     --------
@@ -118,12 +114,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
     A regime that has residuals of fewer groups than half of all, or of one, has no band of its own
     unless it is the only one: the band over all regimes serves it.
 
-    Parameters
-    ----------
-    residuals : Residuals
-        Of groups left out.
-    alike : bool
-        Whether groups are drawn alike, as days and tools are, and no kinds of their own.
+    ``alike`` are groups that are drawn alike, as days and tools are, and no kinds of their own.
 
     Raises
     ------
@@ -213,14 +204,8 @@ def half_widths(regime: Labels, bands: Bands) -> tuple[Floats, Floats]:
 def interval(predicted: Floats, regime: Labels, bands: Bands) -> tuple[Floats, Floats]:
     """Low and high of the 90 % interval around predictions, each (N,).
 
-    Parameters
-    ----------
-    predicted : ndarray, shape (N,)
-        In the unit of the bands.
-    regime : ndarray of str, shape (N,)
-        Of each sample; what it depends on has to be known when the prediction is made.
-    bands : mapping of str to Band
-        From :func:`bands`.
+    ``predicted`` in the unit of the bands; what the regime of each sample depends on has to be
+    known when the prediction is made.
     """
     lower, upper = half_widths(regime, bands)
     return predicted - lower, predicted + upper
@@ -241,18 +226,8 @@ def adaptive(
     old, has raised it by 0.9 ``step`` when it lay outside the interval of its own time and lowered
     it by 0.1 ``step`` when it lay inside.  Nothing of t itself or later is looked at.
 
-    Parameters
-    ----------
-    t : ndarray, shape (N,)
-        Not falling [s].
-    measured, predicted : ndarray, shape (N,)
-        In the unit of the bands; NaN where nothing was measured, which changes no factor.
-    regime : ndarray of str, shape (N,)
-        Of each sample.
-    bands : mapping of str to Band
-        From :func:`bands`.
-    settings : AdaptiveSettings
-        Step and delay.
+    Times t (N,) do not fall [s]; ``measured`` and ``predicted`` (N,) are in the unit of the bands,
+    NaN where nothing was measured, which changes no factor.
 
     Raises
     ------
@@ -306,16 +281,8 @@ def chosen_step(
     and Raftery 2007): it is least, in the mean, for the interval that holds 90 %.  Each group
     weighs the same.
 
-    Parameters
-    ----------
-    residuals : Residuals
-        Of training groups only.
-    bands : mapping of str to Band
-        From :func:`bands`.
-    steps : sequence of float
-        To choose from; 0 is an interval that does not adapt.
-    delay_s : float
-        A measured value is known this long after its time [s].
+    ``residuals`` are of training groups only; a step of 0 is an interval that does not adapt; a
+    measured value is known ``delay_s`` after its time [s].
 
     Raises
     ------

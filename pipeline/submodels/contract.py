@@ -77,15 +77,7 @@ class Target:
     deciding; 0 where each decides."""
 
     def unknown_interval(self, score: Score, trained: int) -> str:
-        """Why the interval of a score over all groups is not known; empty where it is of use.
-
-        Parameters
-        ----------
-        score : Score
-            Over all groups that decide.
-        trained : int
-            Cases that the model was fitted on.
-        """
+        """Why the interval of a score over all groups is not known; empty where it is of use."""
         ratio = score.half_width_over_rmse
         if ratio is None or ratio <= self.widest:
             return ""
@@ -123,41 +115,26 @@ Ends = Mapping[tuple[str, str], tuple[str, str]]
 
 
 class SubModel(ABC, Generic[Fit, Judging, M]):
-    """One sub-model.
-
-    Attributes
-    ----------
-    name : str
-        Of its folder, its lists in the fleet, its stages.
-    title : str
-        As a person on the shop floor calls what it models.
-    needs : str
-        What to record for it, in a sentence.
-    reads : tuple of str
-        Fields of :class:`~pipeline.submodels.cases.Records` that it reads, in the order of the
-        stages' commands.
-    model : type
-        Of its ``model.json``.
-    fitting, judging : type
-        Frozen dataclasses whose fields are sections of params.yaml.  Both have ``identity`` and
-        ``roles``.
-    inputs : tuple of Input
-        What its predictions look at.
-    ends : Ends
-        Columns of :meth:`serve`'s answer with the ends of the 90 % interval, by quantity and
-        regime.  Where a quantity is one of each axis, its letter follows the name there, and stands
-        before the columns.
-    """
+    """One sub-model."""
 
     name: ClassVar[str]
+    """Name of its folder, its lists in the fleet, its stages."""
     title: ClassVar[str]
+    """What it models, as a person on the shop floor calls it."""
     needs: ClassVar[str]
+    """What to record for it, in a sentence."""
     reads: ClassVar[tuple[str, ...]]
+    """Fields of :class:`~pipeline.submodels.cases.Records` in the order of the stages' commands."""
     model: ClassVar[type[Model]]
+    """Type of ``model.json``."""
     fitting: ClassVar[type]
     judging: ClassVar[type]
+    """Frozen dataclasses of sections of params.yaml; both have ``identity`` and ``roles``."""
     inputs: ClassVar[tuple[Input, ...]]
+    """Signals that its predictions look at."""
     ends: ClassVar[Ends] = {}
+    """Columns of :meth:`serve`'s answer with the ends of the 90 % interval.  Where a quantity is of
+    each axis, its letter follows the name there, and stands before the columns."""
 
     @abstractmethod
     def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
@@ -167,14 +144,8 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
         """Cases in the records of a machine.
 
-        Parameters
-        ----------
-        records : Records
-            Of the machine.
-        settings : object
-            Of the fit or of the judgement; both say how records are read.
-        sets : GoldenSets or None
-            What is frozen; None while a model is fitted, which looks at training cases only.
+        ``sets`` says what is frozen; None while a model is fitted, which looks at training cases
+        only.
         """
 
     @abstractmethod
@@ -228,21 +199,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shown(Generic[M]):
-    """What a sub-model's page is made of; None where a file is not there.
-
-    Parameters
-    ----------
-    model, verdict, predictions
-        The three files of the sub-model.
-    truth : mapping or None
-        What is true of a simulated machine.
-    clean, signals : Path or None
-        Folders of the machine's clean records and of its signals.
-    shelf : object
-        Through which further files are read, so that the page can name its sources.
-    folder : Path
-        Of the sub-model's files.
-    """
+    """What a sub-model's page is made of; None where a file is not there."""
 
     machine: str
     origin: str
@@ -250,10 +207,14 @@ class Shown(Generic[M]):
     verdict: Verdict | None
     predictions: "pd.DataFrame | None"
     truth: Mapping[str, Any] | None = None
+    """What is true of a simulated machine."""
     shelf: Any = None
+    """Reader of further files, so that the page can name its sources."""
     folder: Path = Path()
+    """Folder of the sub-model's files."""
     clean: Path | None = None
     signals: Path | None = None
+    """Folders of the machine's clean records and of its signals."""
 
     def parameters(self, group: str = "") -> Mapping[str, Parameter]:
         """Parameters of a group by name; none without a model."""

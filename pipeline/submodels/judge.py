@@ -6,49 +6,42 @@ fit.  Training cases are compared and never decide.  Sealed cases are looked at 
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from math import isfinite
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.schema.arrays import Floats
-from pipeline.schema.days import day_of_text, is_day
-from pipeline.schema.golden import FrozenSet, GoldenSets
+from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
 from pipeline.schema.outside import outside_conditions, widening
-from pipeline.schema.predictions import AGAIN, BASELINE
 from pipeline.schema.verdict import (
     Figures,
-    GoldenUsed,
     JudgedCase,
     OutsideConditions,
     Role,
     Score,
-    Skill,
     Status,
     Verdict,
     sized,
 )
-from pipeline.signals.parts import selection
-from pipeline.submodels.cases import Case, Cases, learnt_from
+from pipeline.submodels.cases import Case, Cases
 from pipeline.submodels.contract import Predictor, Target
-from pipeline.submodels.rounding import grid_step, left_open
+from pipeline.submodels.frozen import golden_used, leak_reasons, set_reasons
+from pipeline.submodels.scoring import (
+    ALL,
+    FEWEST_GROUPS,
+    rounded,
+    score_of,
+    scored_rows,
+    skills,
+    spread_over,
+    trained_again,
+)
 from pipeline.submodels.statistics import auc, spread_of
 
-DIGITS = 6
-"""Significant digits of a stored error."""
-DRAWS = 2000
-"""Bootstrap samples of the groups."""
-FEWEST_GROUPS = 3
-"""Groups below which a bootstrap over them says nothing."""
 CANARY_SAMPLES, CANARY_VALUES = 100, 10
 """Samples, and different values among them, from which on a prediction without any error at all has
 seen what it predicts [1]."""
-STEP = "step"
-"""Column of a prediction: resolution of the recorded signal that it is derived from."""
-ALL = "all"
-"""Group of a score over all groups of one role."""
 WORDS = {
     "mae": "mean error",
     "rmse": "RMSE",
@@ -82,22 +75,8 @@ def judge(
 ) -> Judged:
     """Judge a model on all cases of some roles.
 
-    Parameters
-    ----------
-    model : Model
-        As stored.
-    predictor : callable
-        Of the model.
-    cases : Cases
-        Of the machine, with their roles.
-    targets : sequence of Target
-        What is predicted and what it is held against.
-    sets : GoldenSets or None
-        What is frozen of the machine.
-    files : mapping of str to mapping
-        Entries of the manifest by raw file.
-    roles : iterable of str
-        Of the cases that are looked at; ``("sealed",)`` at promotion.
+    ``files`` are entries of the manifest by raw file; ``roles`` of the cases that are looked at are
+    ``("sealed",)`` at promotion.
     """
     looked_at = cases.of(*roles)
     predicted = [(case, predictor(case)) for case in looked_at]
@@ -131,7 +110,7 @@ def judge(
         status=status,
         reasons=tuple(reasons),
         judged_role=deciding if decisive else None,
-        golden=_golden_used(None if sets is None else sets.golden),
+        golden=golden_used(None if sets is None else sets.golden),
         scores=tuple(scores),
         skills=tuple(
             s for target in targets
@@ -177,44 +156,6 @@ def _table(
     return frame.astype({"scored": bool})
 
 
-def figures(predicted: Floats, measured: Floats) -> Figures:
-    """Errors of a prediction where both are known, to six significant digits.
-
-    Examples
-    --------
-    >>> found = figures(np.array([20.0, 24.0]), np.array([21.0, 21.0]))
-    >>> found.mae, found.rmse, found.max, found.bias
-    (2.0, 2.23607, 3.0, 1.0)
-    """
-    known = np.isfinite(predicted) & np.isfinite(measured)
-    predicted, measured = predicted[known], measured[known]
-    if not len(measured):
-        return Figures()
-    error = predicted - measured
-    rms, most = float(np.sqrt(np.mean(measured**2))), float(np.abs(measured).max())
-    rmse, largest = float(np.sqrt(np.mean(error**2))), float(np.abs(error).max())
-    mean, peak = float(measured.mean()), float(measured.max())
-    return Figures(
-        mae=rounded(float(np.abs(error).mean())),
-        rmse=rounded(rmse),
-        max=rounded(largest),
-        bias=rounded(float(error.mean())),
-        relative_percent=_percent(rmse, rms),
-        max_percent=_percent(largest, most),
-        peak_percent=_percent(float(predicted.max()) - peak, abs(peak)),
-        mean_percent=_percent(float(predicted.mean()) - mean, abs(mean)),
-    )
-
-
-def rounded(value: float) -> float | None:
-    """A number to six significant digits; None when it is not finite."""
-    return float(f"{value:.{DIGITS}g}") if isfinite(value) else None
-
-
-def _percent(part: float, whole: float) -> float | None:
-    return rounded(100 * part / whole) if whole > 0 else None
-
-
 def _deciding(cases: Sequence[Case]) -> Role:
     """The role that a verdict rests on."""
     there = {case.role for case in cases}
@@ -222,27 +163,9 @@ def _deciding(cases: Sequence[Case]) -> Role:
     return next((role for role in order if role in there), "held_out")
 
 
-def _scored_rows(frame: pd.DataFrame, target: Target) -> pd.DataFrame:
-    """Rows of a target whose measurement, prediction and what has to be beaten are known."""
-    if not len(frame):
-        return frame
-    rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]
-    names = [BASELINE + name for name in target.must_beat if BASELINE + name in rows.columns]
-    known = rows["scored"].to_numpy(bool).copy()
-    for name in ("measured", "predicted", *names):
-        values = rows[name].to_numpy(float)
-        # a baseline that a whole case has not is none of that case
-        absent = np.zeros(len(rows), dtype=bool)
-        if name in names:
-            empty = rows[name].isna().groupby(rows["case"]).transform("all")
-            absent = empty.to_numpy(bool)
-        known &= np.isfinite(values) | absent
-    return rows[known]
-
-
 def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
     """Scores of a target by role and group, and over all groups of each role."""
-    rows = _scored_rows(frame, target)
+    rows = scored_rows(frame, target)
     if not len(rows):
         return []
     found = []
@@ -260,10 +183,10 @@ def _scores(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Score]:
 
 def _held(rows: pd.DataFrame, target: Target, group: str, role: Any, deciding: Role) -> Score:
     """A score, with its status where its role decides."""
-    score = _score(rows, target, group, role)
+    score = score_of(rows, target, group, role)
     if role != deciding:
         return score
-    score = replace(score, spread=_spread(rows))
+    score = replace(score, spread=spread_over(rows))
     return _over_all(rows, score, target) if group == ALL else _held_against(score, target)
 
 
@@ -271,10 +194,10 @@ def _with_use(
     score: Score, frame: pd.DataFrame, target: Target, outside: set[str], trained: int
 ) -> Score:
     """A score over all groups with whether its interval is of use, inside where groups are many."""
-    rows = _scored_rows(frame, target)
+    rows = scored_rows(frame, target)
     rows = rows[(rows["role"] == score.role) & ~rows["case"].isin(outside)]
     many = rows["group"].nunique() >= FEWEST_GROUPS
-    inside = _score(rows, target, ALL, score.role) if many else score
+    inside = score_of(rows, target, ALL, score.role) if many else score
     score = replace(score, inside_ratio=inside.half_width_over_rmse)
     return replace(score, unknown_interval=target.unknown_interval(score, trained))
 
@@ -284,77 +207,6 @@ def _lone(scores: Sequence[Score], target: Target) -> str | None:
     failed = [one.group for one in scores if one.status == "failed"]
     passed = sum(one.status == "passed" for one in scores)
     return failed[0] if target.alone and len(failed) == 1 and passed >= target.alone else None
-
-
-def _score(rows: pd.DataFrame, target: Target, group: str, role: Any) -> Score:
-    measured = rows["measured"].to_numpy(float)
-    others = {
-        name: figures(rows[BASELINE + name].to_numpy(float), measured)
-        for name in target.baselines if BASELINE + name in rows.columns
-    }  # fmt: skip
-    return Score(
-        quantity=target.quantity,
-        unit=target.unit,
-        group=group,
-        regime=target.regime,
-        role=role,
-        n=len(rows),
-        baselines={name: one for name, one in others.items() if one.mae is not None},
-        limits=target.limits if group != ALL else {},
-        rounding=_rounding(rows, target) if others else {},
-        half_width=rounded(float((rows["high"] - rows["low"]).astype(float).mean()) / 2),
-        **_figures(rows, "predicted"),
-    )
-
-
-def _figures(rows: pd.DataFrame, name: str) -> dict[str, Any]:
-    """Figures of one prediction by their names in a score; the interval moves along with it."""
-    measured, predicted, served, low, high = (
-        rows[column].to_numpy(float) for column in ("measured", name, "predicted", "low", "high")
-    )
-    bounded = np.isfinite(low) & np.isfinite(high)
-    error = (measured - (predicted - served))[bounded]
-    inside = (low[bounded] <= error) & (error <= high[bounded])
-    share = rounded(float(inside.mean())) if bounded.any() else None
-    return vars(figures(predicted, measured)) | {"coverage_90": share}
-
-
-def _spread(rows: pd.DataFrame) -> dict[str, float]:
-    """Spread of each figure over the trainings whose predictions are there for all rows."""
-    again = _trained_again(rows)
-    if len(again) < 2:
-        return {}
-    found = pd.DataFrame([_figures(rows, name) for name in again], dtype=float).dropna(axis=1)
-    return {str(name): spread_of(values.to_numpy()) for name, values in found.items()}
-
-
-def _trained_again(rows: pd.DataFrame) -> list[str]:
-    """Columns of the trainings with other seeds whose predictions are there for all rows."""
-    return [n for n in map(str, rows) if n.startswith(AGAIN) and rows[n].notna().all()]
-
-
-def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
-    """What the sensor's steps leave open of the difference to what has to be beaten."""
-    step = target.resolution or _recorded_step(rows, target)
-    if step <= 0:
-        return {}
-    measured, predicted = (rows[name].to_numpy(float) for name in ("measured", "predicted"))
-    _, groups = np.unique(rows["group"].to_numpy(str), return_inverse=True)
-    return {
-        name: left_open(predicted, rows[BASELINE + name].to_numpy(float), measured, groups, step)
-        for name in target.must_beat
-        if BASELINE + name in rows.columns and rows[BASELINE + name].notna().all()
-    }
-
-
-def _recorded_step(rows: pd.DataFrame, target: Target) -> float:
-    """Resolution of the recorded signal: of the prediction's column, else of the values' grid."""
-    if not target.must_beat:
-        return 0.0
-    if STEP in rows:
-        known = rows[STEP].to_numpy(float)
-        return float(np.nanmax(known, initial=0.0))
-    return grid_step(rows["measured"].to_numpy(float))
 
 
 def _held_against(score: Score, target: Target) -> Score:
@@ -492,7 +344,7 @@ def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:
         return [], []
-    again = [auc(rows[name].to_numpy(float), truth) for name in _trained_again(rows)]
+    again = [auc(rows[name].to_numpy(float), truth) for name in trained_again(rows)]
     spread = spread_of(np.array(again, float)) if len(again) > 1 else 0.0
     said = f"{target.quantity}: area under the ROC curve {area:.3g} is"
     if abs(area - target.least_auc) < spread:
@@ -500,81 +352,9 @@ def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
     return ([f"{said} below {target.least_auc:g}"] if area < target.least_auc else []), []
 
 
-def skills(frame: pd.DataFrame, target: Target, deciding: Role) -> list[Skill]:
-    """Skill against each baseline over the groups that decide, with bootstrapped intervals."""
-    rows = _scored_rows(frame, target)
-    rows = rows[rows["role"] == deciding] if len(rows) else rows
-    found = []
-    for name in target.baselines:
-        column = BASELINE + name
-        if not len(rows) or column not in rows.columns:
-            continue
-        part = rows[rows[column].notna()]
-        if not len(part):
-            continue
-        error = (part["predicted"] - part["measured"]).to_numpy(float)
-        other = (part[column] - part["measured"]).to_numpy(float)
-        _, group = np.unique(part["group"].to_numpy(str), return_inverse=True)
-        count = int(group.max()) + 1
-        sums = np.stack(
-            [
-                np.bincount(group, weights=w, minlength=count)
-                for w in (np.abs(error), np.abs(other), error**2, other**2)
-            ]
-        )
-        mae, rmse = _skill(sums.sum(axis=1))
-        low_high: list[tuple[float, float] | None] = [None, None]
-        if count >= FEWEST_GROUPS:
-            draws = np.random.default_rng(0).integers(0, count, (DRAWS, count))
-            drawn = _skill(sums[:, draws].sum(axis=2))
-            low_high = [_interval(values) for values in drawn]
-        found.append(
-            Skill(
-                quantity=target.quantity, regime=target.regime, baseline=name, groups=count,
-                mae=rounded(float(mae)), mae_interval_95=low_high[0],
-                rmse=rounded(float(rmse)), rmse_interval_95=low_high[1],
-            )
-        )  # fmt: skip
-    return found
-
-
-def _skill(sums: Floats) -> tuple[Any, Any]:
-    """Skill on MAE and on RMSE from sums of (|e|, |b|, e^2, b^2) in the first axis."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return 1 - sums[0] / sums[1], 1 - np.sqrt(sums[2] / sums[3])
-
-
-def _interval(values: Floats) -> tuple[float, float] | None:
-    if not np.isfinite(values).all():
-        return None
-    low, high = np.quantile(values, [0.025, 0.975])
-    return float(f"{low:.{DIGITS}g}"), float(f"{high:.{DIGITS}g}")
-
-
-def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:
-    """Cases to judge by whose raw bytes the model was fitted on, under whatever name."""
-    fitted: dict[str, list[tuple[str, str]]] = {}
-    for trained in model.trained_on:
-        for one in trained.files:
-            fitted.setdefault(one.sha256, []).append((trained.case, one.file))
-    found = []
-    for case in cases:
-        for one in case.files:
-            seen = [
-                file for name, file in fitted.get(one.sha256, ())
-                if not (file == one.file and name != case.name and is_day(name))
-            ]  # fmt: skip
-            if seen:  # another day of the same log is none
-                found.append(
-                    f"{case.name}: {one.file} has the same bytes as {seen[0]}, which the model "
-                    "was fitted on"
-                )
-    return found
-
-
 def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[str]:
     """A target whose prediction equals its measurement bit for bit: it has seen it."""
-    rows = _scored_rows(frame, target)
+    rows = scored_rows(frame, target)
     rows = rows[rows["role"] == deciding] if len(rows) else rows
     if len(rows) < CANARY_SAMPLES or rows["measured"].nunique() < CANARY_VALUES:
         return []
@@ -584,68 +364,6 @@ def seen_reasons(frame: pd.DataFrame, target: Target, deciding: Role) -> list[st
         f"{target.quantity}: all {len(rows)} predictions equal what was measured bit for bit: an "
         "input of the model holds the measurement, find it and leave it out"
     ]
-
-
-def set_reasons(
-    model: Model, sets: GoldenSets | None, files: Mapping[str, Mapping[str, Any]]
-) -> list[str]:
-    """What is wrong with the frozen sets themselves."""
-    if sets is None:
-        return []
-    found = []
-    if sets.machine != model.machine:
-        found.append(f"the golden set is one of {sets.machine}, not of {model.machine}")
-    for what, frozen in (("golden", sets.golden), ("sealed", sets.sealed)):
-        if frozen is None:
-            continue
-        found += changes(frozen, files, what)
-        seen = dict(p for one in model.trained_on if (p := learnt_from(frozen, one)) is not None)
-        found += [
-            f"{one.file} of the {what} set has the same bytes as {file.file}, which the model was "
-            "fitted on"
-            for one, file in seen.items()
-        ]
-    return found
-
-
-def changes(
-    frozen: FrozenSet, files: Mapping[str, Mapping[str, Any]], what: str = "golden"
-) -> list[str]:
-    """One sentence for each file of a frozen set that is no longer what was frozen.
-
-    A file that reaches into its days and was not frozen changes the set as much as one that is
-    not what it was.
-    """
-    found = []
-    for one in frozen.files:
-        entry = files.get(selection(one.file)[0])
-        if entry is None:
-            found.append(f"{one.file} of the {what} set is not among the records")
-        elif entry["sha256"] != one.sha256:
-            found.append(
-                f"{one.file} of the {what} set has sha256 {str(entry['sha256'])[:12]}, "
-                f"frozen was {one.sha256[:12]}"
-            )
-    if frozen.days is not None:
-        known = {one.file for one in frozen.files}
-        found += [
-            f"{name} reaches into the days of the {what} set and was not frozen with it"
-            for name, entry in sorted(files.items())
-            if name not in known
-            and entry.get("last")
-            and day_of_text(str(entry["last"]), frozen.time_zone) in frozen.days
-        ]
-    return found
-
-
-def _golden_used(frozen: FrozenSet | None) -> GoldenUsed | None:
-    if frozen is None:
-        return None
-    days = frozen.days
-    return GoldenUsed(
-        sha256=frozen.sha256, files=len(frozen.files),
-        first="" if days is None else days.first, last="" if days is None else days.last,
-    )  # fmt: skip
 
 
 def _status(

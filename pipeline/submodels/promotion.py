@@ -18,7 +18,8 @@ from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Role, Score, Status, Verdict
 from pipeline.submodels.cases import Cases, Records
 from pipeline.submodels.contract import SubModel
-from pipeline.submodels.judge import FEWEST_GROUPS, judge
+from pipeline.submodels.judge import judge
+from pipeline.submodels.scoring import FEWEST_GROUPS
 from pipeline.submodels.statistics import gains
 
 
@@ -93,22 +94,9 @@ def contest(
 ) -> Contest:
     """Predict the same cases with both models of a sub-model, and compare their errors.
 
-    Parameters
-    ----------
-    submodel : SubModel
-        Which.
-    settings : object
-        Of its ``judging`` type.
-    records : Records
-        Of the machine, those that the sub-model reads.
-    sets : GoldenSets or None
-        What is frozen of the machine.
-    champion, challenger : Path
-        Folders of the two models.
-    tolerance : float
-        As in :class:`PromotionSettings` [1].
-    roles : sequence of Role
-        Of the cases that are looked at; ``("sealed",)`` for the last look.
+    ``settings`` are of its ``judging`` type; ``champion`` and ``challenger`` the folders of the two
+    models; ``tolerance`` as in :class:`PromotionSettings` [1]; ``roles`` of the cases that are
+    looked at are ``("sealed",)`` for the last look.
     """
     name = submodel.name
     try:
@@ -138,12 +126,7 @@ def contest(
 def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Compared]:
     """Errors of two models of a sub-model, paired over the groups that decide.
 
-    Parameters
-    ----------
-    champion, challenger : Verdict
-        Of the same cases.
-    tolerance : float
-        As in :class:`PromotionSettings` [1].
+    Both are verdicts on the same cases; ``tolerance`` as in :class:`PromotionSettings` [1].
     """
     first, second = _by_group(champion), _by_group(challenger)
     targets = dict.fromkeys((s.quantity, s.regime, s.unit) for s in second.values())
@@ -194,17 +177,6 @@ def objections(
     A challenger serves when it is significantly better in at least one sub-model, or adds one that
     passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it
     nor against it.
-
-    Parameters
-    ----------
-    contests : sequence of Contest
-        Of the sub-models that differ.
-    statuses : dict of str to Status
-        Of the challenger's sub-models, as their verdicts say.
-    added : sequence of str
-        Sub-models that the champion does not have.
-    absent : sequence of str
-        Sub-models that only the champion has.
     """
     found = [f"its {name} failed: see {name}/verdict.json" for name, status in statuses.items()
              if status == "failed"]  # fmt: skip

@@ -8,7 +8,7 @@ lies within 1.96 of it is not decided.
 import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.schema.verdict import Figures
+from pipeline.schema.verdict import Figures, significant
 
 NORMAL_95 = 1.96
 FEWEST_VALUES = 5
@@ -22,10 +22,7 @@ def grid_step(values: Floats) -> float:
 
     A signal whose values lie on no grid has a resolution that its samples do not tell.
 
-    Parameters
-    ----------
-    values : ndarray, any shape
-        As recorded, in any unit; what is not finite is left out.
+    Values as recorded, in any unit; what is not finite is left out.
 
     Examples
     --------
@@ -54,14 +51,8 @@ def left_open(
 ) -> Figures:
     """Difference of MAE and of RMSE of two predictions that rounding leaves open.
 
-    Parameters
-    ----------
-    predicted, other, measured : ndarray, shape (N,)
-        In the order of time within a group.
-    groups : ndarray of int, shape (N,)
-        Day, recording or tool; a value that is shown does not last from one to the next.
-    step : float
-        Of the sensor, in the unit of the quantity.
+    Samples (N,) in the order of time within a group (day, recording, tool): a value that is shown
+    does not last from one to the next; ``step`` is that of the sensor, in the unit of the quantity.
 
     Examples
     --------
@@ -85,6 +76,6 @@ def left_open(
     roots = float(np.sqrt(np.mean(off**2)) + np.sqrt(np.mean(others_off**2)))
     squares = width(2 * (predicted - other))
     return Figures(
-        mae=float(f"{width(np.sign(off) - np.sign(others_off)):.6g}"),
-        rmse=float(f"{squares / roots if roots > 0 else 0.0:.6g}"),
+        mae=significant(width(np.sign(off) - np.sign(others_off))),
+        rmse=significant(squares / roots if roots > 0 else 0.0),
     )

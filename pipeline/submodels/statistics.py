@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.predictions import AGAIN
+from pipeline.schema.verdict import significant
 
 BLOCK = 8.0
 """Length of a block of residuals over their autocorrelation length [1]."""
@@ -67,14 +68,8 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
     with g_b = J_b' r_b over blocks (Liang and Zeger 1986), scaled by B / (B - D), with Student's t
     of B - D degrees of freedom.
 
-    Parameters
-    ----------
-    jacobian : ndarray, shape (N, D)
-        Of the residuals.
-    residuals : ndarray, shape (N,)
-        At the optimum.
-    blocks : ndarray of int, shape (N,)
-        Which block each residual belongs to.
+    ``jacobian`` (N, D) of the ``residuals`` (N,) at the optimum; ``blocks`` (N,) number the block
+    of each.
     """
     from scipy.special import stdtrit
 
@@ -108,12 +103,8 @@ def uncertainty_of(jacobian: Floats, residuals: Floats, blocks: NDArray[np.int64
 def correlation_rows(residuals: Floats, stretch: Ints) -> float:
     """Integrated autocorrelation of residuals, in rows; at least 1.
 
-    Parameters
-    ----------
-    residuals : ndarray, shape (N,)
-        In the order of time within a stretch.
-    stretch : ndarray of int, shape (N,)
-        Stretch without a gap of each row; only pairs within one stretch count.
+    ``residuals`` (N,) in the order of time within a ``stretch`` (N,) without a gap; only pairs
+    within one stretch count.
     """
     centred = residuals - residuals.mean()
     power = float(np.mean(centred**2))
@@ -146,12 +137,7 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
     Clustered residuals underestimate the variance in a direction that only few blocks excite: where
     two parameters do the same to these, the residuals have no part along their difference.
 
-    Parameters
-    ----------
-    jacobian : ndarray, shape (N, D)
-        Of the residuals.
-    noise : float
-        In the unit of the residuals.
+    ``jacobian`` (N, D) of the residuals, ``noise`` in their unit; shape (D,).
 
     Returns
     -------
@@ -169,10 +155,7 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
 def spread_of(values: Floats) -> float:
     """Half of the 95 % interval of one more value like these: Student's t times their deviation.
 
-    Parameters
-    ----------
-    values : ndarray, shape (K,)
-        A figure of K trainings that differ by their seeds, at least two.
+    ``values`` (K,) are a figure of K trainings that differ by their seeds, at least two.
 
     Examples
     --------
@@ -181,7 +164,7 @@ def spread_of(values: Floats) -> float:
     """
     from scipy.special import stdtrit
 
-    return float(f"{stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1):.6g}")
+    return significant(stdtrit(len(values) - 1, 0.975) * np.std(values, ddof=1))
 
 
 def rank_correlation(one: ArrayLike, other: ArrayLike) -> float:
@@ -203,10 +186,7 @@ LEVEL = 0.05
 def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     """Area under the ROC curve [1]; None with one class only.
 
-    Parameters
-    ----------
-    told, truth : ndarray, shape (N,)
-        Probability of a class, and whether it is that one: above a half.
+    The probability of a class (N,), and whether it is that one: ``truth`` above a half.
 
     Examples
     --------
@@ -227,14 +207,9 @@ def gains(
     A paired one-sided t-test over days: samples within a day hang together, days hardly do.  With
     fewer than ``fewest`` days nothing is significant and the simpler model stays.
 
-    Parameters
-    ----------
-    simple, rich : ndarray, shape (days,)
-        Mean squared errors of the same days, none of them learnt from.
-    level : float
-        Chance of keeping a richer model that is no better [1].
-    fewest : int
-        Days that a decision asks for, two or more; of two, both have to gain nearly the same.
+    Both (days,) are mean squared errors of the same days, none of them learnt from. ``level`` is
+    the chance of keeping a richer model that is no better [1]; ``fewest`` days are asked for, two
+    or more; of two, both have to gain nearly the same.
     """
     from scipy.special import stdtrit
 

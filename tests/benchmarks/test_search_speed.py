@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.search import methods
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 
 SETTINGS = GeneticSettings(population=64, generations=200)
 

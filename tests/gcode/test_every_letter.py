@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.codes.execution import HANDLERS
-from pipeline.gcode.dialects.siemens_line import G_CODES, SAME_AS
+from pipeline.gcode.dialects.siemens_words import G_CODES, SAME_AS
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import Interpreter
 from pipeline.gcode.modal import DIALECTS, GROUP_OF, GROUPS, M_STEPS, g_code, step_of

@@ -10,21 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.gcode.dialects.siemens import SiemensReader
-from pipeline.gcode.dialects.siemens_line import (
-    UNROTATED,
-    WITHOUT_MOTION,
-    constant,
-    rotated,
-    rotation,
-    tilt,
-)
+from pipeline.gcode.dialects.siemens_memory import UNROTATED, rotated, rotation, tilt
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE
+from pipeline.gcode.dialects.siemens_words import WITHOUT_MOTION
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, PathMode
 from pipeline.gcode.program import parse_program, read_program
 from pipeline.gcode.setup import Setup, Tool
-from pipeline.gcode.statements import Parameter
+from pipeline.gcode.statements import Parameter, constant
 from tests.gcode.following import long_in_proof, recorded, short
 
 PROGRAMS = recorded("gcode/elmoe_5axis/*.mpf", "gcode/elmoe_5axis/*ner.txt")

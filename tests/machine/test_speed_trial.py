@@ -24,7 +24,8 @@ from pipeline.machine.axis.speed_trial import (
 )
 from pipeline.machine.axis.three_loop_axis import servo_axis, servo_motor
 from pipeline.schema.si import RPM
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 from tests.small_project import ROOT
 from tests.test_notebooks import executed, images
 

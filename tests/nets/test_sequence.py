@@ -39,21 +39,13 @@ TINY: tuple[SequenceSettings, ...] = (
 )
 
 
-def built(kind: SequenceSettings, outputs: int | None = None, length: int = 7, channels: int = 2):  # type: ignore[no-untyped-def]
-    return sequence_network(kind, length, channels, outputs, torch.Generator().manual_seed(3))
+def built(kind: SequenceSettings, length: int = 7, channels: int = 2):  # type: ignore[no-untyped-def]
+    return sequence_network(kind, length, channels, torch.Generator().manual_seed(3))
 
 
 def rows(many: int = 5, length: int = 7, channels: int = 2) -> torch.Tensor:
     generator = torch.Generator().manual_seed(1)
     return torch.randn(many, length, channels, generator=generator, dtype=torch.float64)
-
-
-@pytest.mark.parametrize("kind", TINY, ids=repr)
-@pytest.mark.parametrize(("outputs", "shape"), [(None, (5,)), (1, (5, 1)), (3, (5, 3))])
-def test_outputs_have_their_shape(
-    kind: SequenceSettings, outputs: int | None, shape: tuple[int, ...]
-) -> None:
-    assert built(kind, outputs).double()(rows()).shape == shape
 
 
 @pytest.mark.parametrize("kind", TINY, ids=repr)
@@ -78,7 +70,7 @@ def test_initial_weights_are_the_generator_s_and_no_other_random_number_is_used(
     assert torch.equal(torch.get_rng_state(), before)
     for a, b in zip(one.parameters(), two.parameters(), strict=True):
         assert torch.equal(a, b) and torch.isfinite(a).all() and a.abs().max() > 0
-    other = sequence_network(kind, 7, 2, None, torch.Generator().manual_seed(4))
+    other = sequence_network(kind, 7, 2, torch.Generator().manual_seed(4))
     assert not torch.equal(other.dense.weight, one.dense.weight)
 
 
@@ -168,19 +160,18 @@ def test_the_tcn_sees_as_far_as_its_settings_say() -> None:
 
 
 @torch.no_grad()
-@pytest.mark.parametrize("outputs", [None, 2])
 @pytest.mark.parametrize("ridge", [1e-10, 0.3])
-def test_the_linear_model_is_numpy_s_least_squares(outputs: int | None, ridge: float) -> None:
-    network = built(ArxSettings(lags=4, ridge=ridge), outputs)
+def test_the_linear_model_is_numpy_s_least_squares(ridge: float) -> None:
+    network = built(ArxSettings(lags=4, ridge=ridge))
     assert isinstance(network, Arx)
     x = rows(many=60) + 0.7
-    y = torch.randn(60, outputs or 1, generator=torch.Generator().manual_seed(2)).double() + 2.0
-    network.solve(x, y[:, 0] if outputs is None else y)
+    y = torch.randn(60, 1, generator=torch.Generator().manual_seed(2)).double() + 2.0
+    network.solve(x, y[:, 0])
     a = x[:, -4:].reshape(60, -1).numpy()
     # rows of the penalty below those of the samples; the constant, last, has none
     penalty = np.hstack([np.sqrt(60 * ridge) * np.eye(8), np.zeros((8, 1))])
     stacked = np.vstack([np.hstack([a, np.ones((60, 1))]), penalty])
-    wanted, *_ = np.linalg.lstsq(stacked, np.vstack([y, np.zeros((8, outputs or 1))]), rcond=None)
+    wanted, *_ = np.linalg.lstsq(stacked, np.vstack([y, np.zeros((8, 1))]), rcond=None)
     np.testing.assert_allclose(network.dense.weight.numpy().T, wanted[:8], rtol=1e-7, atol=1e-9)
     np.testing.assert_allclose(network.dense.bias.numpy(), wanted[8], rtol=1e-7)
 

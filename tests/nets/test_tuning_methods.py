@@ -7,8 +7,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from pipeline.nets.best_state import Diverged
 from pipeline.nets.sequence_settings import LstmSettings, TuningSettings, WindowTraining
-from pipeline.nets.window_training import Diverged, train_windows
+from pipeline.nets.window_training import train_windows
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.search.box import Box
@@ -82,14 +83,6 @@ def compared(searches: list[str], budget: Budget) -> tuple[np.ndarray, dict[str,
         hit[search].update(names)
     errors = np.array([least for least, _ in found])
     return errors.reshape(budget.seeds, len(searches), 1), hit
-
-
-def test_a_search_finds_no_worse_than_its_first_generation() -> None:
-    few = Budget(dimensions=3, population=3, generations=2, seeds=1)
-    one = Budget(dimensions=3, population=3, generations=1, seeds=1)
-    for search in ("genetic", "TPE"):
-        least, sides = run((search, 0), few)
-        assert least <= run((search, 0), one)[0] and set(sides) == set(NAMES)
 
 
 @pytest.mark.proof

@@ -45,14 +45,6 @@ def test_no_window_crosses_from_one_recording_into_the_next() -> None:
     assert set(only.group) == {"b"} and len(only.at) == (found.group == "b").sum()
 
 
-def test_several_outputs_are_the_last_samples_and_need_older_measurements() -> None:
-    found = windows_of([recording()], [COMMAND], "error", 8, inf, outputs=3, every=4)
-    np.testing.assert_array_equal(found.y, found.x[:, -3:, 0] + 0.5)
-    np.testing.assert_array_equal(np.diff(found.at), 4)
-    with pytest.raises(ValueError, match=r"'error' .* younger than the horizon of 0\.07 s"):
-        windows_of([recording()], [OLD], "error", 8, 0.05, outputs=3)
-
-
 @pytest.mark.parametrize(
     ("given", "horizon", "said"),
     [
@@ -98,5 +90,3 @@ def test_what_cannot_be_made_windows_of_is_refused() -> None:
         Recording(name="a", step_s=STEP, signals={"u": np.ones(3), "v": np.ones(4)})
     with pytest.raises(ValueError, match=r"older_than_s = -0\.1 s"):
         WindowInput(name="error", older_than_s=-0.1)
-    with pytest.raises(ValueError, match="no more outputs than"):
-        windows_of([recording()], [COMMAND], "error", 4, 0.0, outputs=5)

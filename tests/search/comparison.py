@@ -8,6 +8,7 @@ import numpy as np
 from scipy import stats
 
 from pipeline.search import methods, whale
+from pipeline.search.result import minimise
 from tests.search.published import FUNCTIONS, Cost, Published
 
 Search = Callable[..., float]
@@ -36,7 +37,7 @@ def whale_by_axis(cost: Cost, low, high, budget: Budget, seed: int) -> float:
     some = whale.WhaleSettings(
         population=budget.population, generations=budget.generations, seed=seed, by_axis=True
     )
-    return whale.minimise(cost, low, high, some).cost
+    return minimise(cost, low, high, some).cost
 
 
 def tpe(cost: Cost, low, high, budget: Budget, seed: int) -> float:

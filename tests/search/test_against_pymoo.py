@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.stats import mannwhitneyu
 
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 from tests.search.landscapes import LANDSCAPES, Landscape
 
 POPULATION, GENERATIONS, SEEDS = 64, 50, 21

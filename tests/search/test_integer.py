@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from pipeline.search.box import Box
-from pipeline.search.compass import compass
 
 
 def test_each_whole_number_is_equally_likely_the_bounds_among_them() -> None:
@@ -55,15 +54,6 @@ def test_one_that_is_held_stays(log: bool) -> None:
     assert box.at_bounds(np.array([5.0])).tolist() == [0]
 
 
-def test_neighbours_are_the_next_whole_numbers_inside_the_bounds() -> None:
-    box = Box.of([0, 0, 0.0], [4, 4, 1.0], integer=[True, True, False])
-    below, above = box.next_whole(np.array([0.5, 0.99, 0.3]))
-    assert box.place(below[None])[0].tolist() == [1, 3, 0.3]
-    assert box.place(above[None])[0].tolist() == [3, 4, 0.3]
-    centred = box.centred(np.array([[0.41, 0.99, 0.3]]))
-    assert centred[0] == pytest.approx([0.5, 0.9, 0.3])
-
-
 @pytest.mark.parametrize(
     ("low", "high", "integer", "words"),
     [
@@ -92,44 +82,3 @@ def test_what_is_at_a_bound_is_said_by_side_and_how_near_depends_on_the_kind() -
     assert box.at_bounds(x).tolist() == [-1, 1, 0, 0, -1, 0, 0]
     x = np.array([0.002, 0.998, 0.0, 1000, 1.02e-4, 0.1, 3])
     assert box.at_bounds(x).tolist() == [0, 0, -1, 1, 0, 1, 0]
-
-
-@pytest.mark.parametrize("start", [2, 9])
-def test_compass_steps_to_the_next_whole_number_at_least(start: int) -> None:
-    """Its step is a hundredth of the box, and the next whole number is a tenth of it away."""
-
-    def cost(x: np.ndarray) -> np.ndarray:
-        assert (x[:, 0] == np.floor(x[:, 0])).all()
-        return (x[:, 0] - 7) ** 2 + (x[:, 1] - 0.31) ** 2
-
-    found = compass(
-        cost, [0, 0], [9, 1], [start, 0.5], evaluations=80, step=0.01, integer=[True, False]
-    )
-    assert found.x[0] == 7
-    assert found.x[1] == pytest.approx(0.31, abs=1e-6)
-
-
-def test_the_first_round_asks_for_both_next_whole_numbers() -> None:
-    asked = []
-
-    def cost(x: np.ndarray) -> np.ndarray:
-        asked.append(x[:, 0].tolist())
-        return np.zeros(len(x))
-
-    compass(cost, [0], [9], [4], evaluations=5, step=0.001, integer=True)
-    assert asked[:2] == [[4.0], [3.0, 5.0]]
-
-
-def test_its_parabolas_stand_on_the_whole_numbers_that_were_evaluated() -> None:
-    """A step of 1.5 ends on the second whole number; 4 further is the minimum, in one round."""
-    found = compass(
-        lambda x: (x[:, 0] - 44) ** 2, [0], [100], [40], evaluations=5, step=0.0149, integer=True
-    )
-    assert found.x.tolist() == [44.0]
-
-
-def test_compass_stays_among_whole_numbers_to_its_end() -> None:
-    found = compass(
-        lambda x: (x[:, 0] - 9.4) ** 2, [0], [9], [0], evaluations=300, integer=True
-    )  # fmt: skip
-    assert found.x.tolist() == [9.0] and found.at_bounds.tolist() == [1]

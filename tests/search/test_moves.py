@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.search import swarm, whale, wolf
 from pipeline.search.operators import encircled, inside
+from pipeline.search.result import minimise
 from pipeline.search.swarm import SwarmSettings
 from pipeline.search.whale import WhaleSettings
 from pipeline.search.wolf import WolfSettings
@@ -132,7 +133,7 @@ def test_particles_remember_their_best_and_stop_at_walls(monkeypatch) -> None:
     monkeypatch.setattr(swarm, "accelerated", spy)
     # an optimum behind the walls, so that many meet them
     some = SwarmSettings(population=6, generations=12)
-    swarm.minimise(cost, np.zeros(3), np.ones(3), some)
+    minimise(cost, np.zeros(3), np.ones(3), some)
     x = np.array(places)
     costs = ((x + 0.1) ** 2).sum(axis=2)
     walled = 0
@@ -165,24 +166,19 @@ def test_the_spiral_as_misprinted_and_no_roaming_are_worse(name: str, moved: boo
     def cost(seed: int, **form) -> float:
         some = WhaleSettings(population=30, generations=100, seed=seed, **form)
         there = one.cost(seed, moved=moved, dimensions=30)
-        return whale.minimise(there, low, high, some).cost
+        return minimise(there, low, high, some).cost
 
     ours, wrong = (np.array([cost(seed, **form) for seed in range(9)]) for form in ({}, printed))
     assert (ours < wrong).sum() >= 8
 
 
-@pytest.mark.parametrize(
-    ("search", "settings"), [(whale, WhaleSettings), (wolf, WolfSettings)], ids=["whale", "wolf"]
-)
-def test_zero_draws_whales_and_wolves_and_moves_with_its_setting(search, settings) -> None:
+@pytest.mark.parametrize("settings", [WhaleSettings, WolfSettings], ids=["whale", "wolf"])
+def test_zero_draws_whales_and_wolves_and_moves_with_its_setting(settings) -> None:
     """A sphere about the place that counts as zero is solved to rounding, one about another not."""
 
     def best(optimum: float, origin: float) -> float:
         some = settings(population=20, generations=150, origin=origin)
-        found = search.minimise(
-            lambda x: sphere(x - optimum), np.zeros(10), np.ones(10), some
-        )  # fmt: skip
-        return found.cost
+        return minimise(lambda x: sphere(x - optimum), np.zeros(10), np.ones(10), some).cost
 
     assert best(0.5, 0.5) < 1e-12 and best(0.25, 0.25) < 1e-12
     assert best(0.25, 0.5) > 1e-6 and best(0.5, 0.25) > 1e-6

@@ -1,4 +1,4 @@
-"""One set of faults for every sub-model: each is found and named by the shared judge."""
+"""Each fault is found and named by the judge that all sub-models share."""
 
 import hashlib
 from collections.abc import Callable
@@ -21,13 +21,9 @@ from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, OutsideConditions, UsedModel, Verdict
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
-from pipeline.submodels.contract import Prediction, Target, submodel, submodels
-from pipeline.submodels.judge import (
-    figures,
-    judge,
-    metrics,
-    seen_reasons,
-)
+from pipeline.submodels.contract import Prediction, Target, submodel
+from pipeline.submodels.judge import judge, metrics, seen_reasons
+from pipeline.submodels.scoring import figures
 
 ERRORS = {"train": 0.1, "a": 0.2, "b": 0.3, "c": 0.4}
 """Error of the model in each recording, constant over its samples."""
@@ -76,12 +72,10 @@ def judged(name: str, cases: list[Case], *, target=TARGET, predict=predictor, se
 
 
 TRAIN, A, B = case("train", "training"), case("a", "held_out"), case("b", "held_out")
-every_submodel = pytest.mark.parametrize("name", submodels())
 
 
-@every_submodel
-def test_a_sound_model_passes_on_what_it_was_not_fitted_on(name: str) -> None:
-    found = judged(name, [TRAIN, A, B]).verdict
+def test_a_sound_model_passes_on_what_it_was_not_fitted_on() -> None:
+    found = judged("spindle", [TRAIN, A, B]).verdict
     assert (found.status, found.reasons, found.judged_role) == ("passed", (), "held_out")
     scores = {s.group: s for s in found.scores if s.role == "held_out"}
     assert (scores["a"].mae, scores["b"].rmse) == (0.2, 0.3)
@@ -93,9 +87,8 @@ def test_a_sound_model_passes_on_what_it_was_not_fitted_on(name: str) -> None:
     assert metrics(found)["force"]["skill_mae"] == {"mean": 0.75}
 
 
-@every_submodel
-def test_an_error_beyond_its_limit_is_named_with_value_and_limit(name: str) -> None:
-    found = judged(name, [TRAIN, A, case("c", "held_out")]).verdict
+def test_an_error_beyond_its_limit_is_named_with_value_and_limit() -> None:
+    found = judged("spindle", [TRAIN, A, case("c", "held_out")]).verdict
     assert found.status == "failed"
     assert found.reasons == ("c: force, mean error 0.4 N is above 0.35 N",)
 
@@ -152,18 +145,19 @@ def banded(*, half: float, quantity: str = "force") -> Callable[[Case], Predicti
     return found
 
 
-@every_submodel
-def test_an_interval_of_no_use_is_not_known(name: str) -> None:
+def test_an_interval_of_no_use_is_not_known() -> None:
     """Beyond 2.5 times the RMSE over the groups that decide; training cases say nothing."""
-    rmse = judged(name, [TRAIN, A, B]).verdict.of("force", group="all", role="held_out")[0].rmse
-    wide = judged(name, [TRAIN, A, B], predict=banded(half=2.6 * rmse)).verdict
+    rmse = (
+        judged("spindle", [TRAIN, A, B]).verdict.of("force", group="all", role="held_out")[0].rmse
+    )
+    wide = judged("spindle", [TRAIN, A, B], predict=banded(half=2.6 * rmse)).verdict
     assert wide.unknown_intervals == {
         ("force", ""): "90 % interval not known: 1 training cases give one of 2.6 times the RMSE, "
         "no use above 2.5; record more of them"
     }
     assert metrics(wide)["force"]["half_width_over_rmse"] == "not known"
     assert wide.status == "passed"
-    narrow = judged(name, [TRAIN, A, B], predict=banded(half=2.4 * rmse)).verdict
+    narrow = judged("spindle", [TRAIN, A, B], predict=banded(half=2.4 * rmse)).verdict
     assert not narrow.unknown_intervals
     assert metrics(narrow)["force"]["half_width_over_rmse"] == pytest.approx(2.4, rel=1e-4)
 
@@ -201,10 +195,9 @@ def test_a_served_interval_that_is_not_known_is_empty_and_the_prediction_stands(
     assert found[["X_force_low", "X_force_high"]].isna().all(axis=None)
 
 
-@every_submodel
-def test_the_same_bytes_under_another_name_are_a_leak(name: str) -> None:
+def test_the_same_bytes_under_another_name_are_a_leak() -> None:
     copy = case("copy", "held_out", bytes_of="train")
-    found = judged(name, [TRAIN, A, copy]).verdict
+    found = judged("spindle", [TRAIN, A, copy]).verdict
     assert found.status == "failed"
     assert (
         "copy.csv has the same bytes as train.csv, which the model was fitted on"
@@ -212,13 +205,10 @@ def test_the_same_bytes_under_another_name_are_a_leak(name: str) -> None:
     )
 
 
-@every_submodel
-def test_a_case_outside_of_the_learnt_conditions_is_named_and_its_interval_widened(
-    name: str,
-) -> None:
+def test_a_case_outside_of_the_learnt_conditions_is_named_and_its_interval_widened() -> None:
     trained = [TRAIN, case("train2", "training", feed=1200.0)]
     far = case("a", "held_out", feed=1800.0)
-    result = judged(name, [*trained, far, B])
+    result = judged("spindle", [*trained, far, B])
     (outside,) = result.verdict.outside
     assert (outside.case, outside.condition, outside.value) == ("a", "feed", 1800.0)
     assert outside.learnt == "600 to 1200"
@@ -239,21 +229,19 @@ def test_a_condition_that_was_learnt_at_zero_alone_has_no_distance() -> None:
     assert widening(replace(outside, learnt="60 to 80")) == 1.5
 
 
-@every_submodel
-def test_a_word_that_was_not_learnt_is_outside(name: str) -> None:
+def test_a_word_that_was_not_learnt_is_outside() -> None:
     steel = replace(A, conditions={"material": Fact(value="1.4301")})
     (outside,) = outside_conditions(steel.conditions, conditions_of([TRAIN]))
     assert (outside.value, outside.learnt) == ("1.4301", "C45")
 
 
-@every_submodel
-def test_a_model_that_is_worse_than_its_baseline_fails(name: str) -> None:
+def test_a_model_that_is_worse_than_its_baseline_fails() -> None:
     def worse(one: Case) -> Prediction:
         frame = predictor(one).frame
         return Prediction(frame=frame.assign(predicted=frame["measured"] - 1.5))
 
     wide = replace(TARGET, limits={"mae": 9.0})
-    found = judged(name, [TRAIN, A, B], target=wide, predict=worse).verdict
+    found = judged("spindle", [TRAIN, A, B], target=wide, predict=worse).verdict
     assert found.status == "failed"
     assert found.reasons == (
         "force over all: mean error 1.5 N is not below that of mean, 1 N",
@@ -432,8 +420,7 @@ def test_one_other_training_or_one_that_lacks_rows_tells_no_spread() -> None:
     assert not any(score.spread for score in found.scores)
 
 
-@every_submodel
-def test_a_golden_file_that_changed_is_named(name: str) -> None:
+def test_a_golden_file_that_changed_is_named() -> None:
     frozen = FrozenSet(
         files=(SourceFile(file="a.csv", sha256="0" * 64), SourceFile(file="gone.csv", sha256="1")),
         days=Days(first="2026-01-19", last="2026-01-25"),
@@ -441,7 +428,7 @@ def test_a_golden_file_that_changed_is_named(name: str) -> None:
     late = {"late.txt": {"sha256": "2", "last": "2026-01-20T12:00:00Z"}}
     golden = replace(A, role="golden")
     sets = GoldenSets(machine="mill", golden=frozen)
-    found = judged(name, [TRAIN, golden, B], sets=sets, **late).verdict
+    found = judged("spindle", [TRAIN, golden, B], sets=sets, **late).verdict
     assert found.status == "failed"
     changed, gone, new = found.reasons
     assert "a.csv of the golden set has sha256" in changed
@@ -450,10 +437,9 @@ def test_a_golden_file_that_changed_is_named(name: str) -> None:
     assert new == "late.txt reaches into the days of the golden set and was not frozen with it"
 
 
-@every_submodel
-def test_a_golden_file_that_was_fitted_on_is_named(name: str) -> None:
+def test_a_golden_file_that_was_fitted_on_is_named() -> None:
     frozen = FrozenSet(files=TRAIN.files)
-    found = judged(name, [TRAIN, A], sets=GoldenSets(machine="mill", golden=frozen)).verdict
+    found = judged("spindle", [TRAIN, A], sets=GoldenSets(machine="mill", golden=frozen)).verdict
     assert found.status == "failed"
     assert "train.csv of the golden set has the same bytes as train.csv" in found.reasons[0]
 
@@ -643,10 +629,9 @@ def test_an_interval_that_holds_too_little_or_too_much_fails(share: float) -> No
     assert metrics(found)["force"]["coverage_90"] == share
 
 
-@every_submodel
-def test_the_width_of_an_interval_is_held_against_the_error(name: str) -> None:
+def test_the_width_of_an_interval_is_held_against_the_error() -> None:
     """An interval that holds everything may be of no use."""
-    found = judged(name, [TRAIN, A, B]).verdict
+    found = judged("spindle", [TRAIN, A, B]).verdict
     for one in (TRAIN, A, B):
         (score,) = found.of("force", group=one.group)
         frame = predictor(one).frame

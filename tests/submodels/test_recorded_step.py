@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.submodels.contract import Target
-from pipeline.submodels.judge import ALL, STEP, _scores, _shortfall
+from pipeline.submodels.judge import _scores, _shortfall
 from pipeline.submodels.rounding import grid_step
+from pipeline.submodels.scoring import ALL, STEP
 
 
 @given(st.floats(1e-7, 10.0), st.integers(0, 100))

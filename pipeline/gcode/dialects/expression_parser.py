@@ -23,19 +23,7 @@ _LETTERS = re.compile(r"[A-Z]+")
 
 
 class Cursor:
-    """The code of a line, upper case and without blanks, and where each character stood.
-
-    Parameters
-    ----------
-    text : str
-        The line, a character for each byte.
-    line : int
-        Its number, counting from 1.
-    file : str
-        Name of the program.
-    start : int
-        Where the code begins in ``text``.
-    """
+    """The code of a line, upper case and without blanks, and where each character stood."""
 
     __slots__ = ("at", "code", "columns", "comments", "file", "line", "nesting", "source")
 

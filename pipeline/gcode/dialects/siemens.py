@@ -2,7 +2,7 @@
 
 Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
 G53, CYCLE81 as G0 and G1, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
-:data:`~pipeline.gcode.dialects.siemens_line.WITHOUT_MOTION`; anything else is an error.  Lines
+:data:`~pipeline.gcode.dialects.siemens_words.WITHOUT_MOTION`; anything else is an error.  Lines
 are read each time that they are carried out, and in that order, so that a reader may remember what
 it read: the tool, the modal call, the turned work plane.
 
@@ -11,15 +11,10 @@ Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles
 
 from collections.abc import Callable
 
-from pipeline.gcode.dialects.siemens_line import (
-    AXES,
-    SQUARE,
-    LineReader,
-    ModalMemory,
-    tilt,
-    token_of,
-)
+from pipeline.gcode.dialects.siemens_line import LineReader
+from pipeline.gcode.dialects.siemens_memory import SQUARE, ModalMemory, tilt
 from pipeline.gcode.dialects.siemens_tokens import TokenStream
+from pipeline.gcode.dialects.siemens_words import AXES, token_of
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
 from pipeline.gcode.setup import Setup
@@ -34,18 +29,9 @@ SYSTEMS = (53.0, 54.0, 55.0, 56.0, 57.0, 500.0)
 class SiemensReader:
     """Reads the lines of one program, in the order in which they are carried out.
 
-    Parameters
-    ----------
-    file : str
-        Name for errors.
-    setup : Setup
-        Of the control: numbers of tool names (others get the next free ones in the order in which
-        they are called), variables that it has before the program begins, levels of ``/`` that are
-        switched on (their lines are not read), inches.
-    store : ParameterStore, optional
-        Variables as they are when a line is read; without them only numbers are known.
-    note : callable, optional
-        Takes a line and what the user is told about it.
+    Tool names get the numbers of ``setup``, others the next free ones in the order in which they
+    are called; lines of a level of ``/`` that is switched on are not read. Without a ``store`` of
+    variables only numbers are known; ``note`` takes a line and what is to be said of it.
     """
 
     def __init__(

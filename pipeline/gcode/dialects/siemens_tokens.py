@@ -77,17 +77,6 @@ class Token:
 class TokenStream:
     """The tokens of a line, to be taken from left to right.
 
-    Parameters
-    ----------
-    text : str
-        The line, a character for each byte.
-    line : int
-        Its number, counting from 1.
-    file : str
-        Name of the program.
-    start : int
-        Where the code begins in ``text``.
-
     Raises
     ------
     GcodeError

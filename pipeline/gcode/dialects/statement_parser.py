@@ -23,15 +23,6 @@ POLAR = frozenset("@^$")
 def parse_statement(line: Line, file: str, dialect: str) -> Statement:
     """Statement of a line, in the order written; nothing is executed.
 
-    Parameters
-    ----------
-    line : Line
-        Of a program; not a percent line.
-    file : str
-        Name for errors.
-    dialect : str
-        ``"fanuc"`` or ``"linuxcnc"``.
-
     Raises
     ------
     GcodeError
@@ -296,13 +287,6 @@ def statement_from_tokens(program: Program, line: int) -> Statement | None:
     """Statement of a line of letters and numbers only, straight from its tokens; else None.
 
     The parser gives the same statement, more slowly.
-
-    Parameters
-    ----------
-    program : Program
-        That holds the line.
-    line : int
-        Counting from 1.
     """
     tokens = program.tokens
     first, last = tokens.first[line - 1 : line + 1].tolist()

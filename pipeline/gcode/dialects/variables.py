@@ -27,13 +27,7 @@ ALARM, STOP = 3000, 3006
 
 
 class FanucVariables:
-    """Local, common and system variables.
-
-    Parameters
-    ----------
-    run : Run
-        Interpretation whose state the system variables read.
-    """
+    """Local, common and system variables."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -179,13 +173,7 @@ ROTATION = 9
 
 
 class LinuxcncParameters:
-    """Numbered and named parameters.
-
-    Parameters
-    ----------
-    run : Run
-        Interpretation whose state the predefined parameters read.
-    """
+    """Numbered and named parameters."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -391,11 +379,6 @@ class SiemensVariables:
 
     R0 to R999 are there without DEF; one that neither the program nor the setup gives a value reads
     0, as on a control that is new.
-
-    Parameters
-    ----------
-    run : Run
-        Whose setup says what has a value at the start.
     """
 
     def __init__(self, run: Run) -> None:

@@ -31,8 +31,8 @@ from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.search.compass import compass
-from pipeline.search.genetic import GeneticSettings, minimise
-from pipeline.search.result import SearchResult
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import SearchResult, minimise
 
 Callback = Callable[[int, Floats, float], bool | None]
 """Called with the generation, the best genes and the best objective; True ends the search.

@@ -86,16 +86,8 @@ def before_motion(
 ) -> dict[str, Floats]:
     """Signals that are known before the motion, each (T,).
 
-    Parameters
-    ----------
-    reference : ndarray, shape (T,)
-        Commanded position [m].
-    period : float
-        Between samples [s].
-    modelled : pair of ndarray, shape (T,), or None
-        Following error [m] and torque command of the drives' model.
-    lead_mm : float or None
-        Of the screw [mm].
+    Commanded position ``reference`` (T,) [m] every ``period`` [s]; ``modelled`` are following error
+    [m] and torque command of the drives' model, (T,) each; ``lead_mm`` that of the screw [mm].
     """
     half = max(round(0.5 * SMOOTH_S / period), 2)
     width = min(2 * half + 1, len(reference) - (len(reference) + 1) % 2)
@@ -225,12 +217,8 @@ def features_of(
 def inputs_of(features: Sequence[Features], horizon_s: float | None) -> tuple[WindowInput, ...]:
     """Inputs that all recordings have; with a horizon also what was measured before it.
 
-    Parameters
-    ----------
-    features : sequence of Features
-        Of one axis.
-    horizon_s : float or None
-        Age of the youngest measurement [s]; None for a prediction before the motion.
+    ``horizon_s`` is the age of the youngest measurement [s]; None for a prediction before the
+    motion.
     """
     shared = set.intersection(*(set(one.recording.signals) for one in features))
     known = [WindowInput(name=n) for n in (*COMMANDED, *SCREW, *MODELLED) if n in shared]

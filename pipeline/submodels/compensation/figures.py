@@ -24,16 +24,7 @@ def error_figure(one: Traced, span: tuple[float, float], heads: tuple[str, str],
                  label: str) -> Markup:  # fmt: skip
     """Error before with its predicted interval, and after, at one scale, below one another.
 
-    Parameters
-    ----------
-    one : Traced
-        What is drawn.
-    span : (float, float)
-        Part of it [s].
-    heads : (str, str)
-        Above each.
-    label : str
-        In words.
+    ``span`` is the part that is drawn [s], ``heads`` stand above each.
     """
     here = (one.seconds >= span[0]) & (one.seconds <= span[1])
     first = band(TOP, ERROR, one.before[here], one.after[here], one.low[here], one.high[here],
@@ -74,14 +65,7 @@ def bars_figure(
 ) -> Markup:
     """RMSE of each network as a bar with the spread of the folds' networks.
 
-    Parameters
-    ----------
-    rows : sequence of (str, float, float, bool)
-        Words, RMSE and spread [um], whether it serves.
-    most : float
-        At the right end [um].
-    head, label : str
-        Above it; in words.
+    A row has words, RMSE and spread [um], and whether it serves; ``most`` [um] is at the right end.
     """
     bottom = TOP + ROW * len(rows)
     parts = [svg.text(0, TOP - 6, head, "head")]

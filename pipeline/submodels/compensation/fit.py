@@ -16,6 +16,7 @@ from pipeline.nets.sequence_settings import TuningSettings, WindowTraining, plac
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.verdict import significant
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
 from pipeline.submodels.compensation.model import (
     ARX,
@@ -151,13 +152,6 @@ def fit_axes(
 ) -> dict[tuple[str, str], UseFit]:
     """Every use of every axis, by letter and use.
 
-    Parameters
-    ----------
-    axes : mapping of str to sequence of Features
-        Training recordings of each axis.
-    settings : CompensationFitSettings
-        Of the fit.
-
     Raises
     ------
     ValueError
@@ -265,13 +259,10 @@ def _score(errors: Sequence[Floats]) -> KindScore:
     every = np.concatenate(errors)
     each = [float(np.sqrt(np.mean(one**2))) for one in errors]
     return KindScore(
-        rmse_um=_rounded(UM * np.sqrt(np.mean(every**2))),
-        max_um=_rounded(UM * np.abs(every).max()), spread_um=_rounded(UM * np.std(each)),
+        rmse_um=significant(UM * np.sqrt(np.mean(every**2)), 5),
+        max_um=significant(UM * np.abs(every).max(), 5),
+        spread_um=significant(UM * np.std(each), 5),
     )  # fmt: skip
-
-
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.5g}")
 
 
 def enough(
@@ -352,8 +343,8 @@ def searched(
     facts = SearchFacts(
         kind=settings.searched, axis=letter, method=tuning.method,
         candidates=len(found.candidates), pruned=sum(one.pruned for one in found.candidates),
-        history_um=tuple(_rounded(UM * one) for one in found.history.tolist()),
-        chosen={name: _rounded(value) for name, value in values.items()},
+        history_um=tuple(significant(UM * one, 5) for one in found.history.tolist()),
+        chosen={name: significant(value, 5) for name, value in values.items()},
         bounds_hit=found.bounds_hit,
     )  # fmt: skip
     return replace(settings, units=units, training=training), facts

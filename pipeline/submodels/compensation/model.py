@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
+from pipeline.nets.sequence_settings import KINDS as NETWORKS
 from pipeline.nets.sequence_settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
     LstmSettings,
+    ResNetSettings,
     SequenceSettings,
     TcnSettings,
     WindowTraining,
@@ -50,10 +52,8 @@ ATTENTIVE = "cnn_lstm_attention"
 """The published network."""
 ARX = "arx"
 """The linear network, which is solved at once."""
-KINDS: dict[str, type[SequenceSettings]] = {
-    ARX: ArxSettings, "lstm": LstmSettings, "cnn_lstm": CnnLstmSettings,
-    "cnn_lstm_attention": CnnLstmAttentionSettings, "tcn": TcnSettings,
-}  # fmt: skip
+KINDS = {name: one for name, one in NETWORKS.items() if name != ResNetSettings.kind}
+"""Kind of network that sees the past alone -> its settings."""
 NAMES = {
     "arx": "ARX", "lstm": "LSTM", "cnn_lstm": "CNN-LSTM",
     "cnn_lstm_attention": "CNN-LSTM with attention", "tcn": "TCN",
@@ -64,13 +64,7 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationFitSettings(Ranged, section="compensation_fit"):
-    """How the networks are trained and compared.
-
-    Raises
-    ------
-    ValueError
-        When a kind is none of those that there are.
-    """
+    """How the networks are trained and compared."""
 
     step_s: Positive = 0.002
     """From row to row of a window [s]; the nearest whole number of samples."""
@@ -286,7 +280,7 @@ class Compensation:
         if kind == PERSISTENCE:
             names = [one.name for one in windows.inputs]
             return [windows.x[:, -1, names.index(RESIDUAL)]]
-        from pipeline.nets.trained import reproducible
+        from pipeline.nets.stored import reproducible
 
         networks = self.networks(letter, use, kind)
         with reproducible():
@@ -298,17 +292,10 @@ class Compensation:
     ) -> tuple[Floats, Floats]:  # fmt: skip
         """Residual before the motion and the half width of its 90 % interval, each (T,) [m].
 
-        Parameters
-        ----------
-        letter : str
-            Of an axis; of one that was not learnt zero, its width not known (NaN).  Where the
-            champion is the drives' model alone zero and the width of that.
-        reference : ndarray, shape (T,)
-            Commanded position [m], the axis at rest before it.
-        modelled_error, modelled_command : ndarray, shape (T,)
-            Of the drives' model [m], in the drive's unit.
-        period : float
-            Between samples [s].
+        Along a commanded position ``reference`` (T,) [m] every ``period`` [s], the axis at rest
+        before it, with error [m] and command, in the drive's unit, of the drives' model. For an
+        axis that was not learnt it is zero, its width not known (NaN); where the champion is the
+        drives' model alone it is zero with the width of that.
         """
         one = self.file.axes.get(letter, {}).get(PREDICTION)
         if one is None:

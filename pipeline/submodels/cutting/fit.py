@@ -13,7 +13,8 @@ import numpy as np
 
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 from pipeline.submodels.cutting.waveform import (
     COEFFICIENTS,
     CutHarmonics,

@@ -64,16 +64,8 @@ def explanation(
 ) -> Explanation:  # fmt: skip
     """Wear that explains recorded windows best.
 
-    Parameters
-    ----------
-    served : Synthesis
-        The generator.
-    windows : sequence of ndarray, shape (C, L)
-        In the units of the channels.
-    given : mapping of str to object
-        Known conditions, without the wear.
-    settings : LatentSearch, optional
-        Budget of each window.
+    ``windows`` (C, L) in the units of the channels; ``given`` are known conditions, without the
+    wear.
 
     Raises
     ------

@@ -21,14 +21,7 @@ def windows_figure(
 ) -> Markup:
     """A recorded window and a generated one after it, one pair below another.
 
-    Parameters
-    ----------
-    rows : sequence of (str, ndarray, ndarray)
-        Words above a pair, recorded (L,), generated (L,).
-    duration : float
-        Of a window [s].
-    label : str
-        In words.
+    A row has words above a pair, recorded (L,) and generated (L,); a window lasts ``duration`` [s].
     """
     every = np.concatenate([np.concatenate([a, b]) for _, a, b in rows])
     parts: list[Markup] = []
@@ -74,12 +67,7 @@ def curve_figure(one: WearCurve, unit: str, label: str) -> Markup:
 def spectra_figure(channels: Sequence[tuple[str, Floats, Floats, Floats]], label: str) -> Markup:
     """Power in bands of recorded and generated windows, on a logarithmic scale of frequency.
 
-    Parameters
-    ----------
-    channels : sequence of (str, ndarray, ndarray, ndarray)
-        Words; frequency [Hz], recorded and generated level [dB], shape (B,) each.
-    label : str
-        In words.
+    Each channel has words; frequency [Hz], recorded and generated level [dB], (B,) each.
     """
     parts: list[Markup] = []
     top = float(TOP)

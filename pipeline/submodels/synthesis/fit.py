@@ -3,7 +3,7 @@
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pipeline.nets.dcgan_settings import ConditionSpace, GanTraining
-from pipeline.nets.diversity import Collapse, collapse
+from pipeline.nets.diversity import Collapse, collapse, features
 from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.verdict import significant
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.statistics import rank_correlation
 from pipeline.submodels.synthesis.model import (
@@ -26,13 +27,11 @@ from pipeline.submodels.synthesis.model import (
     WearCurve,
     beside,
     conditions_of_windows,
-    of_windows,
 )
 from pipeline.submodels.synthesis.settings import SynthesisFitSettings
 
 if TYPE_CHECKING:
     from pipeline.nets.dcgan import TrainedGan
-    from pipeline.nets.dcgan_training import GanStep
 
 THIRDS = 3
 """Intervals of the range of wear whose tendency is looked at."""
@@ -40,7 +39,6 @@ SHOWN = 3
 """Windows that a page shows: of the least, the middle and the greatest wear."""
 STEP = 4
 """Step of a generator, in steps of a small network [1]."""
-DIGITS = 6
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,9 +88,9 @@ def _generator(task: _Task) -> tuple["TrainedGan", dict[int, "TrainedGan"]]:
     stated = {round(steps * k / looks / every) * every for k in range(1, looks)}
     earlier: dict[int, TrainedGan] = {}
 
-    def look(said: "GanStep") -> None:
-        if said.number in stated:
-            earlier[said.number] = said.so_far()
+    def look(step: int, so_far: Callable[[], "TrainedGan"]) -> None:
+        if step in stated:
+            earlier[step] = so_far()
 
     gan = train_gan(
         task.settings.network, windows.values, task.conditions, training=training,
@@ -108,14 +106,8 @@ def trained(
 ) -> Trained:
     """Generator of windows, trained on all that are given.
 
-    Parameters
-    ----------
-    windows : WearWindows
-        Of training tools, with known wear.
-    settings : SynthesisFitSettings
-        Of the fit.
-    hidden : tuple of str
-        Further conditions that are none of the generator's.
+    ``windows`` are of training tools, with known wear; conditions ``hidden`` are none of the
+    generator's.
 
     Raises
     ------
@@ -141,14 +133,14 @@ def trained(
     wear = np.asarray(windows.wear, float)
     rows = np.argsort(wear, kind="stable")[np.linspace(0, len(wear) - 1, SHOWN).astype(int)]
     reference = Reference(
-        recorded=of_windows(windows.values), generated=of_windows(made),
+        recorded=features(windows.values), generated=features(made),
         conditions=beside(gan.space, conditions), wear=wear,
         shown=np.asarray(windows.values[rows], float), like=made[rows], shown_wear=wear[rows],
     )  # fmt: skip
     return Trained(
         gan=gan, earlier=earlier, reference=reference, collapse=found, windows=len(windows),
         others=tuple(
-            (one, of_windows(one.sample(conditions, seed=settings.seed + 1))) for one in states
+            (one, features(one.sample(conditions, seed=settings.seed + 1))) for one in states
         ),
     )  # fmt: skip
 
@@ -208,12 +200,12 @@ def curve_of(asked: Floats, read: Floats) -> WearCurve:
     for first, end in pairwise(edges):
         part = slice(max(first - 1, 0), end)
         if np.ptp(asked[part]) > 0 and np.polyfit(asked[part], mean[part], 1)[0] <= 0:
-            false.append((_rounded(asked[part][0]), _rounded(asked[part][-1])))
+            false.append((significant(asked[part][0]), significant(asked[part][-1])))
     return WearCurve(
         asked=_list(asked), mean=_list(mean), low=_list(low), high=_list(high),
-        mae=_rounded(np.abs(error).mean()), mse=_rounded((error**2).mean()),
-        slope=_rounded(slope), rank_correlation=_rounded(rank),
-        rank_of_means=_rounded(of_means), false_intervals=tuple(false),
+        mae=significant(np.abs(error).mean()), mse=significant((error**2).mean()),
+        slope=significant(slope), rank_correlation=significant(rank),
+        rank_of_means=significant(of_means), false_intervals=tuple(false),
     )  # fmt: skip
 
 
@@ -237,9 +229,5 @@ def _of_rows(served: Synthesis, rows: Any) -> dict[str, Any]:
     return found
 
 
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.{DIGITS}g}")
-
-
 def _list(values: Floats) -> tuple[float, ...]:
-    return tuple(_rounded(one) for one in values)
+    return tuple(significant(one) for one in values)

@@ -15,14 +15,14 @@ from zlib import crc32
 import numpy as np
 import pandas as pd
 
-from pipeline.nets.diversity import band_edges
+from pipeline.nets.diversity import band_edges, features
 from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import AGAIN
-from pipeline.schema.verdict import Fact
+from pipeline.schema.verdict import Fact, significant
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside, of_windows
+from pipeline.submodels.synthesis.model import FOREST, Learner, Synthesis, beside
 
 GENERATED = "wear of generated windows"
 LEARNT = "wear learnt from generated windows"
@@ -71,16 +71,8 @@ def compared(
 ) -> Prediction:
     """What is compared of a tool.
 
-    Parameters
-    ----------
-    windows : WearWindows
-        Recorded, with known wear.
-    served : Synthesis
-        The generator and its learners.
-    name : str
-        Of the case, which seeds the noise.
-    again : bool
-        Whether what decides is compared of generators of other seeds as well.
+    ``windows`` are recorded, with known wear; ``name`` of the case seeds the noise; ``again``
+    compares what decides of generators of other seeds as well.
     """
     many = served.file.judged
     rows = np.unique(np.linspace(0, len(windows) - 1, min(many, len(windows))).round().astype(int))
@@ -102,13 +94,13 @@ def compared(
     seed = crc32(name.encode())
     made = served.gan.sample(conditions, seed=seed)
     others = [
-        (some := gan.sample(conditions, seed=seed), of_windows(some), learner)
+        (some := gan.sample(conditions, seed=seed), features(some), learner)
         for gan, learner in (served.trainings if again and served.stored else ())
     ]
     known = beside(served.gan.space, conditions)
     pair = _Pair(
         served=served, windows=windows, conditions=conditions, made=made,
-        real=of_windows(windows.values), fake=of_windows(made), beside=known,
+        real=features(windows.values), fake=features(made), beside=known,
         nearest=_nearest(served, known, windows.wear), others=tuple(others),
     )  # fmt: skip
     frame = pd.concat([*_wears(pair), *_distances(pair), *_spectra(pair)], ignore_index=True)
@@ -293,14 +285,10 @@ def _facts(pair: _Pair) -> dict[str, Fact]:
     asked = np.asarray(pair.windows.wear, float)
     bias = float((pair.served.judge(pair.fake, pair.beside) - asked).mean())
     return {
-        "density": Fact(value=_rounded(reached.mean() * len(real) / near), unit="1"),
-        "coverage": Fact(value=_rounded(reached.any(axis=1).mean()), unit="1"),
+        "density": Fact(value=significant(reached.mean() * len(real) / near, 4), unit="1"),
+        "coverage": Fact(value=significant(reached.any(axis=1).mean(), 4), unit="1"),
         "coverage by training windows": Fact(
-            value=_rounded(from_training.any(axis=1).mean()), unit="1"
+            value=significant(from_training.any(axis=1).mean(), 4), unit="1"
         ),
-        "bias of generated wear": Fact(value=_rounded(bias), unit=pair.served.file.wear_unit),
+        "bias of generated wear": Fact(value=significant(bias, 4), unit=pair.served.file.wear_unit),
     }
-
-
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.4g}")

@@ -189,7 +189,7 @@ class Synthesis:
         return found
 
     def _by_features(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
-        return self.judge(of_windows(values), beside(self.gan.space, conditions))
+        return self.judge(features(values), beside(self.gan.space, conditions))
 
     def _by_networks(self, values: Floats, conditions: Mapping[str, Any]) -> Floats:
         """Mean of the networks; a word is a column of 0 and 1 to them."""
@@ -277,11 +277,6 @@ def beside(space: ConditionSpace, conditions: Mapping[str, Any]) -> Floats:
         if one.name != TOOL:
             parts.append(np.eye(len(one.words) + 1)[words[:, k]])
     return np.hstack(parts)
-
-
-def of_windows(values: Any) -> Floats:
-    """Features of windows (N, C, L), shape (N, K)."""
-    return features(values)
 
 
 def reference_of(stored: GeneratorFile) -> Reference:

@@ -58,17 +58,6 @@ class Generated:
 def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int = 0) -> Generated:
     """Windows at conditions; a condition that had one value in training has it without being given.
 
-    Parameters
-    ----------
-    served : Synthesis
-        The generator.
-    given : mapping of str to object
-        Conditions by name: numbers, or words.
-    many : int
-        Windows.
-    seed : int
-        Of the noise.
-
     Raises
     ------
     ValueError

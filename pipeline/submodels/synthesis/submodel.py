@@ -14,7 +14,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Condition, LeftOut, SourceFile
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Fact, Role
+from pipeline.schema.verdict import Fact, Role, significant
 from pipeline.signals.wear_lives import read_lives
 from pipeline.signals.wear_records import WearRecords
 from pipeline.signals.wear_windows import ToolLife, WearWindows
@@ -283,8 +283,8 @@ def _conditions(life: ToolLife) -> dict[str, Fact]:
     """Range of wear of a life, and words of its conditions where there is one each."""
     wear, unit = life.windows.wear, life.windows.wear_unit
     found = {
-        "lowest wear": Fact(value=_rounded(wear.min()), unit=unit),
-        "highest wear": Fact(value=_rounded(wear.max()), unit=unit),
+        "lowest wear": Fact(value=significant(wear.min(), 4), unit=unit),
+        "highest wear": Fact(value=significant(wear.max(), 4), unit=unit),
     }
     for name, values in life.windows.conditions.items():
         several = np.unique(values)
@@ -323,10 +323,6 @@ def _predicted(case: Case, served: Synthesis) -> Prediction:
             "run `dvc repro` after a change of wear_records"
         )
     return compared(windows, served, case.name, again=case.role != "training")
-
-
-def _rounded(value: Any) -> float:
-    return float(f"{float(value):.4g}")
 
 
 SUBMODEL = SynthesisOfSignals()

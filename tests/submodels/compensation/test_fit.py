@@ -199,6 +199,7 @@ def test_recordings_too_short_for_folds_are_refused_in_a_sentence() -> None:
         fit_axes({"X": [Made(0, many=120).features]}, QUICK)
 
 
+@pytest.mark.proof
 def test_the_same_seed_gives_the_same_documents(recordings: list[Features]) -> None:
     first, again = (fit_axes({"X": recordings}, QUICK) for _ in range(2))
     assert {key: one.documents for key, one in first.items()} == {

@@ -17,7 +17,8 @@ from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Table
 from pipeline.nets.sequence import sequence_network
 from pipeline.nets.sequence_settings import CnnLstmAttentionSettings, WindowTraining
-from pipeline.nets.window_model import TrainedSequence, WindowScaling
+from pipeline.nets.stored import Scaling
+from pipeline.nets.window_model import TrainedSequence
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Condition
@@ -116,13 +117,12 @@ def shown(tmp_path: Path) -> Shown:
 
 def with_attention(model: CompensationModel) -> CompensationModel:
     kind = CnnLstmAttentionSettings(filters=3, units=4)
-    built = sequence_network(kind, LENGTH, len(INPUTS), None, torch.Generator().manual_seed(1))
+    built = sequence_network(kind, LENGTH, len(INPUTS), torch.Generator().manual_seed(1))
     one = TrainedSequence(
         kind=kind, settings=WindowTraining(), precision="float32", length=LENGTH, inputs=INPUTS,
         leaks=(), network=built, history=np.ones((1, 3)), validation_groups=(),
-        scaling=WindowScaling(
-            x_shift=np.zeros(3), x_scale=np.array([0.1, 1.0, 2.0]), y_shift=0.0, y_scale=1e-6
-        ),
+        x_scaling=Scaling(shift=np.zeros(3), scale=np.array([0.1, 1.0, 2.0])),
+        y_scaling=Scaling(shift=np.array(0.0), scale=np.array(1e-6)),
     )  # fmt: skip
     key = key_of("X", PREDICTION, "cnn_lstm_attention")
     served = Compensation(file=model, documents={key: (one.document(),)})

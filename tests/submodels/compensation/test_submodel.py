@@ -31,8 +31,8 @@ from pipeline.submodels.compensation.records import CompensationRecords
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.conformal import half_widths
 from pipeline.submodels.contract import Prediction
+from pipeline.submodels.frozen import leak_reasons
 from pipeline.submodels.judge import judge as judge_of
-from pipeline.submodels.judge import leak_reasons
 from pipeline.submodels.statistics import DRAWN
 from tests.submodels.compensation.axis_files import (
     ALONE,

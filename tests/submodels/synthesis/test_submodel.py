@@ -141,6 +141,7 @@ def test_what_is_stored_samples_the_same_bits(built: Built) -> None:
     )
 
 
+@pytest.mark.proof
 def test_two_fits_are_the_same_bits(tmp_path: Path) -> None:
     files = [build(tmp_path / name, settings=SHORT).folder for name in ("a", "b")]
     for name in ("model.json", "generator.json"):
@@ -208,7 +209,7 @@ def test_copies_of_training_windows_are_found(built: Built, monkeypatch) -> None
     values = np.concatenate([one.values for one in training]).astype(float)
     wear = np.concatenate([one.wear for one in training])
 
-    def copies(self, conditions, *, seed=0, noise=None):
+    def copies(self, conditions, *, seed=0):
         asked = np.asarray(conditions["wear"], float)
         return values[np.abs(wear[None] - asked[:, None]).argmin(axis=1)]
 
@@ -222,7 +223,7 @@ def test_a_collapsed_generator_is_found(built: Built, monkeypatch) -> None:
     whole = load_synthesis(built.folder).gan
     one = whole.sample({"wear": [80.0], "feed": [300.0]}, seed=1)
 
-    def same(self, conditions, *, seed=0, noise=None):
+    def same(self, conditions, *, seed=0):
         return np.repeat(one, len(conditions["wear"]), axis=0)
 
     monkeypatch.setattr("pipeline.nets.dcgan.TrainedGan.sample", same)
@@ -236,7 +237,7 @@ def test_a_collapse_of_the_training_stands_in_the_model(tmp_path: Path, monkeypa
 
     sample = TrainedGan.sample
 
-    def same(self, conditions, *, seed=0, noise=None):
+    def same(self, conditions, *, seed=0):
         many = len(next(iter(conditions.values())))
         return np.repeat(sample(self, conditions, seed=seed)[:1], many, axis=0)
 

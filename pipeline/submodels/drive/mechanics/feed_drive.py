@@ -17,7 +17,8 @@ from pipeline.machine.axis.feed_drive import FeedDriveParameters
 from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import Method
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 from pipeline.submodels.drive.mechanics import friction, identifiability
 from pipeline.submodels.drive.mechanics.estimates import (
     FITTED,

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.search.genetic import GeneticSettings, minimise
+from pipeline.search.genetic import GeneticSettings
+from pipeline.search.result import minimise
 from pipeline.submodels.drive.mechanics.motion import Motion, reach
 from pipeline.submodels.statistics import correlation_rows
 
