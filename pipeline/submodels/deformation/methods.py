@@ -21,11 +21,12 @@ from pipeline.nets.settings import (
     TrainingSettings,
 )
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.structure import structured
 from pipeline.submodels.deformation.features import Inputs
 from pipeline.submodels.deformation.records import RPM, UM
-from pipeline.thermal import growth_fit
 from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
+from pipeline.thermal.growth_fit import fit_network
 
 PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Ridge penalties to choose from, as shares of the mean square of all inputs [1]."""
@@ -66,22 +67,15 @@ class Fitted(ABC):
 
 
 class Method(ABC):
-    """A way to predict growth.
-
-    Attributes
-    ----------
-    label : str
-        For a person.
-    seeded : bool
-        Whether its fit depends on a seed.
-    needs_speed, needs_ambient : bool
-        Whether it needs the spindle speed and the ambient temperature.
-    """
+    """A way to predict growth."""
 
     label: str
+    """Name on pages."""
     seeded: ClassVar[bool]
+    """Whether its fit depends on a seed."""
     needs_speed: ClassVar[bool] = False
     needs_ambient: ClassVar[bool] = False
+    """Whether it needs the spindle speed and the ambient temperature."""
 
     @abstractmethod
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
@@ -233,7 +227,7 @@ class _TwoNodes(Fitted):
         ) / UM  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        return {**asdict(self.network), "sensor_shares": list(self.network.sensor_shares)}
+        return asdict(self.network)
 
 
 @dataclass(frozen=True)
@@ -246,13 +240,12 @@ class TwoNodes(Method):
     needs_ambient: ClassVar[bool] = True
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
-        """The network of :func:`pipeline.thermal.growth_fit.fit`."""
-        return _TwoNodes(growth_fit.fit(whole_records(examples, budget)).network)
+        """The network of :func:`pipeline.thermal.growth_fit.fit_network`."""
+        return _TwoNodes(fit_network(whole_records(examples, budget)))
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """The network of a document."""
-        shares = tuple(document["sensor_shares"])
-        return _TwoNodes(DeformationNetwork(**{**document, "sensor_shares": shares}))
+        return _TwoNodes(structured(document, DeformationNetwork, "methods"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +258,7 @@ class _Expansion(Fitted):
         ) / UM  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        one = self.expansion
-        return {
-            "expansions": list(one.expansions),
-            "lags_s": list(one.lags_s),
-            "centrifugal": one.centrifugal,
-        }
+        return asdict(self.expansion)
 
 
 @dataclass(frozen=True)
@@ -282,16 +270,11 @@ class Expansion(Method):
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The expansion of :func:`pipeline.thermal.expansion.fit_expansion`."""
-        return _Expansion(fit_expansion(whole_records(examples, budget)).model)
+        return _Expansion(fit_expansion(whole_records(examples, budget)))
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """The expansion of a document."""
-        return _Expansion(
-            LaggedExpansion(
-                expansions=tuple(document["expansions"]), lags_s=tuple(document["lags_s"]),
-                centrifugal=document["centrifugal"],
-            )
-        )  # fmt: skip
+        return _Expansion(structured(document, LaggedExpansion, "methods"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -323,8 +306,8 @@ class Hybrid(Method):
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """Both of a document."""
-        rest = document["second"]
-        second = Ridge(self.inputs, np.array(rest["weights"]), rest["penalty"])
+        regression = Linear(label=self.label, inputs=self.inputs)
+        second = regression.restore(document["second"])
         return _Sum(self.physics.restore(document["first"]), second)
 
 

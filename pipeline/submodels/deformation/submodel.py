@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import LeftOut
+from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
@@ -191,8 +191,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> DeformationModel:
         """Every method fitted on the training recordings; the one that serves is named."""
-        training, wanted = cases.of("training"), settings.deformation_records
-        fitting = settings.deformation_fit
+        training = cases.of("training")
         if len(training) < FEWEST_PROFILES and cases.left_out:
             first, more = cases.left_out[0], len(cases.left_out) - 1
             others = f", and {more} more are of no use" if more else ""
@@ -200,40 +199,25 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                 f"{len(training)} training recordings of growth are of use, {FEWEST_PROFILES} are "
                 f"the least; {first.case}: {first.reason}{others}"
             )
-        found = fit_growth([c.load() for c in training], list(wanted.temperatures), fitting)
-        documents = {
-            name: tuple(one.document() for one in ensemble.members)
-            for name, ensemble in found.ensembles.items()
-        }
-        write_json(MethodsFile(documents=documents), folder / "methods.json")
-        return DeformationModel(
+        head = Model(
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
-            parameters={"": found.parameters},
+            parameters={},
             trained_on=tuple(case.training for case in training),
             left_out=cases.left_out,
             conditions=conditions_of(training),
-            sensors=found.sensors,
-            inputs=found.inputs,
-            uses_speed=wanted.speed is not None,
-            uses_ambient=wanted.ambient is not None,
-            champion=found.champion,
-            compared=found.compared,
-            treatment=found.treatment,
-            training_faults=found.faults,
-            later_starts=found.later_starts,
-            learnt=found.learnt,
-            widening=fitting.widening,
-            rate_s=fitting.rate_s,
-            steady_K_h=fitting.steady_K_h,
-            bands=found.bands,
-            adaptive_step=found.adaptive_step,
-            probe_delay_s=fitting.probe_delay_s,
-            second=found.second,
-            agreement_um=found.agreement_um,
-            places=wanted.places,
         )
+        model = fit_growth(
+            head, [c.load() for c in training], settings.deformation_records,
+            settings.deformation_fit,
+        )  # fmt: skip
+        documents = {
+            name: tuple(one.document() for one in ensemble.members)
+            for name, ensemble in model.ensembles.items()
+        }
+        write_json(MethodsFile(documents=documents), folder / "methods.json")
+        return model.file
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of recordings."""
