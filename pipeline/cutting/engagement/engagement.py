@@ -249,22 +249,9 @@ def engage(
 ) -> tuple[Engagement, HeightMap]:
     """Engagement along a path, and the stock that it leaves.
 
-    Parameters
-    ----------
-    path : ToolPath
-        In the stock's frame.
-    tools : sequence of Tool
-        Those that ``path.tool`` counts.
-    stock : HeightMap
-        Stock before the path; it is not changed.
-    bins : int
-        Angles F at which the engagement is given: even, 8 to 720.
-
-    Returns
-    -------
-    Engagement
-    HeightMap
-        The stock that is left.
+    The path is in the stock's frame, ``tools`` are those that ``path.tool`` counts; the stock is
+    not changed.  ``bins`` is the number of angles F at which the engagement is given: even, 8 to
+    720.
 
     Raises
     ------

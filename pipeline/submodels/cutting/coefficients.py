@@ -87,16 +87,8 @@ def coefficients(
 ) -> list[Estimate]:
     """The six coefficients of the linear-edge model.
 
-    Parameters
-    ----------
-    values, half : ndarray, shape (6,)
-        Coefficients and halves of their 95 % intervals [N/m^2], [N/m].
-    f_z : float
-        Mean feed per tooth [m].
-    widest : float
-        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
-    method : str
-        Method that identified them.
+    ``values`` and ``half`` of their 95 % intervals are in N/m^2 and N/m, shape (6,), the mean feed
+    per tooth ``f_z`` in m.  A half beyond the share ``widest`` of its value leaves it undetermined.
     """
     edge = max(abs(values[3]), abs(values[0]) * f_z)
     least = BESIDE * np.array([abs(values[0])] * 3 + [edge] * 3)
@@ -174,17 +166,8 @@ def mean_regression(
 ) -> tuple[Floats, list[Estimate]]:  # fmt: skip
     """Coefficients from the mean forces of recordings [N/m^2], [N/m], and each as a parameter.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    widest : float
-        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
-    fit : Fit, optional
-        Of the waveforms of ``cuts``; its effect of teeth without a chip on the means widens the
-        intervals.
-    shape : KnownShape, optional
-        Of the law of the chip, which mean forces hardly tell.
+    The effect of teeth without a chip on the means, by the waveforms of ``fit``, widens the
+    intervals; ``shape`` is that of the law of the chip, which mean forces hardly tell.
     """
     values = linear_means(cuts)
     each = [one.conditions for one in cuts]
@@ -237,12 +220,8 @@ def mean_tangential(
 ) -> tuple[Floats, Floats]:
     """Mean tangential force of all teeth [N], and its relative standard deviation; (R,) each.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    values : ndarray, shape (6,), optional
-        Coefficients by which the force is distributed over the arc; those of ``cuts`` by default.
+    ``values`` are the coefficients by which the force is distributed over the arc; those of
+    ``cuts`` by default.
     """
     values = linear_means(cuts) if values is None else values
     force, share = [], []

@@ -113,16 +113,8 @@ def named_faults(
 ) -> dict[str, str]:  # fmt: skip
     """Sentences on the recordings that a fault explains, by name.
 
-    Parameters
-    ----------
-    recordings : sequence of CuttingRecording
-        Of the machine; those left out have no revolution and are not compared.
-    references : mapping of str to Reference
-        Model for each recording, fitted without it.
-    setup : CuttingSetup
-        Setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
+    ``references`` holds the model of each recording that was fitted without it; recordings without
+    a revolution are not compared.
     """
     by_name = {one.name: one for one in recordings if one.revolution is not None}
     found: dict[str, Explanation] = {}

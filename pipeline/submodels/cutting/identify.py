@@ -108,17 +108,7 @@ class CuttingIdentification:
 def identify_cutting_force(
     recordings: Sequence[CuttingRecording], setup: CuttingSetup, settings: CuttingFitSettings
 ) -> CuttingIdentification:
-    """Coefficients, runout and modes from the training recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of CuttingRecording
-        All of the machine; the training ones are used.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
-    """
+    """Coefficients, runout and modes from the training recordings."""
     cuts = [cut_harmonics(one, settings) for one in recordings if one.is_training]
     if not cuts:
         return CuttingIdentification(recordings=recordings, reason=_why_none(recordings))
@@ -223,18 +213,7 @@ def cutting_model(
 ) -> CuttingModel:
     """The model as it is stored.
 
-    Parameters
-    ----------
-    head : Model
-        What every model holds; its parameters are filled in.
-    identified : CuttingIdentification
-        Result of the identification.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
-    spindle : SpindleLoadResult, optional
-        Result of the logs of the spindle's load.
+    ``head`` is what every model holds; its parameters are filled in.
     """
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp

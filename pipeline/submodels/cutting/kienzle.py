@@ -95,13 +95,8 @@ def kienzle_by_force(
 def kienzle_parameters(constants: Kienzle, widest: float) -> dict[str, Parameter]:
     """Both constants as they are stored: value and interval, or why they are undetermined.
 
-    Parameters
-    ----------
-    constants : Kienzle
-        Constants of the cuts.
-    widest : float
-        Half of a 95 % interval beyond this share of k_c1.1, or of a typical exponent, leaves it
-        undetermined [1].
+    A half of the interval beyond the share ``widest`` of k_c1.1, or of a typical exponent, leaves
+    it undetermined.
     """
     method = f"nonlinear least squares in ln k_c1.1 and m_c on {constants.cuts} cuts"
     low, high = constants.k_c11_interval

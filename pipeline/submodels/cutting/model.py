@@ -265,12 +265,7 @@ class CutModel:
 def plain_model(tool: Tool, coefficients: Floats) -> CutModel:
     """Mechanics of a sharp, round, straight-edged tool: no helix, runout or mode of a channel.
 
-    Parameters
-    ----------
-    tool : Tool
-        Its form.
-    coefficients : ndarray, shape (6,)
-        Of the linear-edge model [N/m^2], [N/m].
+    ``coefficients`` are those of the linear-edge model [N/m^2], [N/m]; shape (6,).
     """
     return CutModel(
         tool=replace(tool, helix_deg=0.0), geometry=ToolGeometry(), values=coefficients,

@@ -76,14 +76,7 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
 class ForcePredictor:
     """Predictor of the forces of recordings by a stored model.
 
-    Parameters
-    ----------
-    stored : CuttingModel
-        The model; without a prediction every recording is left without one.
-    setup : CuttingSetup
-        Setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit, for the zero's variance.
+    Without a stored prediction every recording is left without one.
     """
 
     def __init__(

@@ -71,18 +71,8 @@ def select_model(
 ) -> Selection:
     """The fit with the terms that predict best by cross-validation.
 
-    Parameters
-    ----------
-    tool : Tool
-        Tool that cut.
-    cuts : sequence of CutHarmonics
-        The recordings.
-    helix : bool
-        Whether the helix angle is unknown.
-    gain : float
-        Share of the error that a term must save.
-    folds : int
-        Of the cross-validation, at most.
+    ``helix`` says whether its angle is unknown, ``gain`` which share of the error a term must save,
+    ``folds`` how many the cross-validation has at most.
     """
     whole = fit_waveform(tool, cuts, Terms(modes=True, teeth=tool.flutes > 1, helix=helix))
     fits = {whole.problem.terms: whole}
@@ -270,16 +260,8 @@ def fit_uncertainty(
 ) -> FitUncertainty:
     """Uncertainty of a fit's unknowns.
 
-    Parameters
-    ----------
-    fit : Fit
-        To all recordings.
-    folds : sequence of Fold
-        Fits of the same terms to a part of them.
-    rivals : sequence of Fit
-        Fits of other terms that are not much worse.
-    fewest : int
-        Folds from which their spread counts.
+    ``folds`` are fits of the same terms to a part of the recordings, whose spread counts from
+    ``fewest`` on, ``rivals`` those of other terms that are not much worse.
     """
     from scipy.special import stdtrit
 
@@ -319,12 +301,7 @@ def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
 
     The shape of the law is held: laws of other shapes have their own readings.
 
-    Parameters
-    ----------
-    fit : Fit
-        To recordings.
-    factor : ndarray, shape (6,)
-        Of the standard deviations over those of the fit alone [1].
+    ``factor`` is that of the standard deviations over those of the fit alone [1]; shape (6,).
     """
     slopes, length, loose = _jacobian(fit)
     slopes[:, : len(fit.x)] *= [name not in ("growth", "exponent") for name in fit.problem.names]

@@ -64,12 +64,7 @@ class ForceWave:
 def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpread:
     """Laws that a fit's recordings allow, before those left out have scaled their intervals.
 
-    Parameters
-    ----------
-    fit : Fit
-        To the recordings, that predicts.
-    line, shape
-        Of the law, as a fit whose edges are not sharp shows them (:mod:`.runout`).
+    ``line`` and ``shape`` are those of a fit whose edges are not sharp (:mod:`.runout`).
     """
     cuts = fit.problem.cuts
     each = [one.conditions for one in cuts]

@@ -147,13 +147,6 @@ class _Sums:
 def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
     """The method that serves as a sum of terms.
 
-    Parameters
-    ----------
-    model : GrowthModel
-        Stored model.
-    states : sequence of State
-        Of its training recordings.
-
     Raises
     ------
     ValueError

@@ -159,12 +159,7 @@ def by_recording(examples: Sequence[Example], inputs: str) -> tuple[list[Floats]
 def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     """Ridge regression over recordings, its penalty chosen by leaving each out in turn.
 
-    Parameters
-    ----------
-    x, y : sequence of ndarray, shapes (T, K) and (T,)
-        Inputs and growth [um] of each recording; samples without growth do not count.
-    name : str
-        Of the inputs.
+    ``x`` (T, K) and growth ``y`` (T,) [um] of each recording; samples without growth do not count.
     """
     known = [np.isfinite(one) for one in y]
     x = [one[rows] for one, rows in zip(x, known, strict=True)]

@@ -221,12 +221,7 @@ class GrowthModel:
     def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:
         """Reason why there is no correction at each sample, empty where there is one; shape (T,).
 
-        Parameters
-        ----------
-        pieces : sequence of (int, Inputs)
-            Of the recording.
-        growth : ndarray, shape (T,)
-            By the method that serves [um].
+        ``growth`` (T,) is that by the method that serves [um].
         """
         file, found = self.file, np.full(len(growth), "", dtype=object)
         if file.second:

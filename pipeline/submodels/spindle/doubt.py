@@ -31,14 +31,7 @@ def with_doubt(
 ) -> SpindleFit:
     """A fit with the intervals of its sources over all that the records bear.
 
-    Parameters
-    ----------
-    fit : SpindleFit
-        Of the network that was chosen.
-    others : mapping of str to SpindleFit
-        Of those that hours left out cannot tell from it.
-    pieces, records, settings
-        Of the fit.
+    ``others`` are the networks that hours left out cannot tell from it.
     """
     said = residuals_say(fit, pieces, records, settings)
     intervals, left_out = dict(fit.intervals), dict(fit.left_out)

@@ -55,17 +55,7 @@ class Hours:
 def hours_of(
     pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
 ) -> Hours:
-    """Windows that start from a measured temperature, with the sources that each excites.
-
-    Parameters
-    ----------
-    pieces : sequence of StateSegment
-        Stretches of the training days.
-    sources : sequence of str
-        Whose excitation is looked at.
-    settings : SpindleFitSettings
-        Says how long a window is.
-    """
+    """Windows that start from a measured temperature, with the sources that each excites."""
     at, means = [], []
     for number, piece in enumerate(pieces):
         length = max(round(settings.window_s / piece.step), 1)

@@ -23,13 +23,6 @@ def tangential_by_load(
     """Mean tangential force and half of its 90 % interval [N].
 
     None where the load did not determine K_tc and K_te.
-
-    Parameters
-    ----------
-    found : mapping of str to Parameter
-        What the load gave.
-    conditions : CutConditions
-        Of the cut.
     """
     c = conditions
     width = c.flutes * c.a_p / (2 * np.pi)

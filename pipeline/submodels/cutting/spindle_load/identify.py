@@ -73,18 +73,7 @@ def identify_spindle_load(
 ) -> SpindleLoadResult:  # fmt: skip
     """No-load power and specific cutting force from logs.
 
-    Parameters
-    ----------
-    logs : sequence of LoadLogFile
-        To be read.
-    signals : Path
-        As ``ingest`` wrote it.
-    raw : Path
-        The machine's folder with the programs.
-    records : SpindleLoadRecords
-        How logs are read, and what their loads mean.
-    widest : float
-        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
+    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
     """
     used: list[str] = []
     parts: list[Levels] = []
@@ -123,12 +112,7 @@ def load_logs(
 ) -> list[LoadLogFile]:
     """Logs that the records name: no-load logs, then those of cuts.
 
-    Parameters
-    ----------
-    files : mapping of str to mapping
-        Entries of the manifest by raw file.
-    records : SpindleLoadRecords
-        Patterns of the logs.
+    ``files`` are the entries of the manifest by raw file.
 
     Raises
     ------
@@ -285,15 +269,9 @@ def power_parameters(
 ) -> dict[str, Parameter]:
     """No-load power and specific force as they are stored.
 
-    Parameters
-    ----------
-    idle, force : NoLoad, SpecificForce, optional
-        Results.
-    widest : float
-        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
-    scale_error : float
-        Half of the 95 % interval of the power that a load stands for, as a share [1]; all results
-        scale with it, and their intervals hold it.
+    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
+    ``scale_error`` is half of the 95 % interval of the power that a load stands for, as a share
+    [1]: all results scale with it, and their intervals hold it.
     """
     rows: dict[str, Parameter] = {}
     if idle is not None:

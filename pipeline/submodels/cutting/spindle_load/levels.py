@@ -320,14 +320,7 @@ class LoadLog:
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
     """Levels of a log: rows at which speed and cut have been the same for ``settle_s``.
 
-    Parameters
-    ----------
-    log : LoadLog
-        Of one run.
-    scale : LoadScale
-        Conversion of its loads to power.
-    settle_s : float
-        Longer than the control averages its load [s].
+    ``settle_s`` [s] is longer than the control averages its load.
     """
     steady = settled(log.times, log.speed, settle_s=settle_s)
     if log.cut is None:

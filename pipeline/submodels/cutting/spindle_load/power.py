@@ -110,13 +110,6 @@ def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
 
     The no-load power's own uncertainty is counted, common to cuts at the same speed.
 
-    Parameters
-    ----------
-    levels : Levels
-        Those without removal are left out.
-    idle : NoLoad
-        Of the same spindle.
-
     Raises
     ------
     ValueError
