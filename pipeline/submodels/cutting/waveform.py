@@ -40,7 +40,7 @@ LIMIT_DEG = 60.0
 
 
 class ChipShape(NamedTuple):
-    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as a waveform shows it."""
+    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as waveforms show it."""
 
     growth: float = 0.0
     """Thickness h_0 over which the edge's force grows [m]; 0: it is there at once, below 0: along
