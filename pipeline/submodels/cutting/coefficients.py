@@ -11,7 +11,7 @@ force over the arc.  That is taken from the linear-edge model of the mean forces
 the modelled mean of F_y, which F_t carries, is the measured one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -20,6 +20,8 @@ from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.cutting.tool import DEGREE
 from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import CutConditions
+from pipeline.schema.model import Parameter
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import KnownShape, coefficient_draws, law_draws
@@ -33,6 +35,8 @@ SCALES = (N_MM2, N_MM2, N_MM2, N_MM, N_MM, N_MM)
 """SI value of one such unit."""
 BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
+NORMAL_95, NORMAL_90 = 1.96, 1.645
+"""Halves of 95 and 90 % intervals over the standard deviation [1]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 HARMONICS = "weighted least squares on the harmonics of the revolution"
@@ -230,10 +234,36 @@ def mean_tangential(
         table = regressors(flutes=c.flutes, f_z=c.f_z, a_p=c.a_p, phi_st=c.phi_st, phi_ex=c.phi_ex)
         carried = float(table[1, [0, 3]] @ values[[0, 3]])
         other = float(table[1, [1, 4]] @ values[[1, 4]])
-        width = c.flutes * c.a_p / (2 * np.pi)
-        chip = c.f_z * (np.cos(c.phi_st) - np.cos(c.phi_ex))
-        tangential = width * (values[0] * chip + values[3] * (c.phi_ex - c.phi_st))
         measured = float(one.lines[0, 1].real) - other
+        tangential = float(_tangential(c) @ values[[0, 3]])
         force.append(tangential * measured / carried if carried > 0 else np.nan)
         share.append(float(np.sqrt(one.variance[0, 1])) / max(abs(measured), 1e-9))
     return np.array(force), np.array(share)
+
+
+def _tangential(c: CutConditions) -> Floats:
+    """Mean tangential force of all teeth over a revolution, for K_tc [m^2] and K_te [m].
+
+    N a_p / (2 pi) (K_tc f_z (cos phi_st - cos phi_ex) + K_te (phi_ex - phi_st)).
+    """
+    parts = np.array([c.f_z * (np.cos(c.phi_st) - np.cos(c.phi_ex)), c.phi_ex - c.phi_st])
+    return np.asarray(c.flutes * c.a_p / (2 * np.pi) * parts)
+
+
+def tangential_by_load(
+    by_load: Mapping[str, Parameter], conditions: CutConditions
+) -> tuple[float, float] | None:
+    """Mean tangential force by K_tc and K_te of the spindle's load, half of its 90 % interval [N].
+
+    Nothing of the dynamometer is in it.  None where the load did not determine both.
+    """
+    force = variance = 0.0
+    sizes = (_tangential(conditions) * [N_MM2, N_MM]).tolist()
+    for name, size in zip(("K_tc", "K_te"), sizes, strict=True):
+        one = by_load.get(name)
+        if one is None or one.value is None or one.interval_95 is None:
+            return None
+        force += size * one.value
+        half = (one.interval_95[1] - one.interval_95[0]) / 2
+        variance += (size * half / NORMAL_95) ** 2
+    return force, NORMAL_90 * float(np.sqrt(variance))

@@ -39,19 +39,15 @@ from pipeline.submodels.cutting.selection import (
     Fold,
     Selection,
     fit_uncertainty,
+    left_out_error,
     model_of,
     residual_helps,
     select_model,
 )
 from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
 from pipeline.submodels.cutting.spindle_load.identify import SpindleLoadResult
-from pipeline.submodels.cutting.spread import (
-    calibrated,
-    left_out_errors,
-    relative_square,
-    spread_of,
-)
-from pipeline.submodels.cutting.waveform import CutHarmonics
+from pipeline.submodels.cutting.spread import calibrated, left_out_errors, spread_of
+from pipeline.submodels.cutting.waveform import CutHarmonics, mean_squares
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,10 +156,7 @@ def _champion(candidates: Sequence[Candidate], cuts: Sequence[CutHarmonics]) -> 
 
     def error(candidate: Candidate) -> float:
         _, folds, with_residual = candidate
-        return sum(
-            relative_square(model_of(fold.fit, with_residual=with_residual), cuts[k])
-            for fold in folds for k in fold.left_out
-        )  # fmt: skip
+        return left_out_error(cuts, folds, with_residual=with_residual) if folds else 0.0
 
     return min(candidates, key=error)
 
@@ -195,12 +188,9 @@ def _method(name: str, fit: Fit) -> MethodTried:
 
 def rms_error_percent(fit: Fit) -> float:
     """RMS residual of a fit over the RMS force, all recordings and directions [%]."""
-    error = power = 0.0
-    for cut, model in zip(fit.problem.cuts, fit.modelled, strict=True):
-        for lines, sign in ((cut.lines - model, 0), (cut.lines, 1)):
-            square = np.abs(lines) ** 2
-            square[1:] /= 2
-            error, power = (error, power + square.sum()) if sign else (error + square.sum(), power)
+    pairs = list(zip(fit.problem.cuts, fit.modelled, strict=True))
+    error = sum(float(mean_squares(cut.lines - model).sum()) for cut, model in pairs)
+    power = sum(float(mean_squares(cut.lines).sum()) for cut, _ in pairs)
     return 100 * float(np.sqrt(error / power))
 
 

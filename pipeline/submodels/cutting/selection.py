@@ -30,6 +30,7 @@ from pipeline.submodels.cutting.waveform import (
     ChipShape,
     CutHarmonics,
     Terms,
+    mean_squares,
     rotated,
 )
 
@@ -179,20 +180,10 @@ def left_out_error(
     for fold in folds:
         model = model_of(fold.fit, with_residual=with_residual)
         for k in fold.left_out:
-            missing, whole = mean_squares(model, cuts[k])
-            error += float(missing.sum() / whole.sum())
+            missing = mean_squares(cuts[k].lines - model.beside(cuts[k]))
+            error += float(missing.sum() / mean_squares(cuts[k].lines).sum())
             power += 1.0
     return float(np.sqrt(error / power))
-
-
-def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
-    """Mean squares of a model's error and of the force, by direction [N^2]; shape (3,) each."""
-    squares = []
-    for lines in (cut.lines - model.beside(cut), cut.lines):
-        power = np.abs(lines) ** 2
-        power[1:] /= 2
-        squares.append(power.sum(axis=0))
-    return squares[0], squares[1]
 
 
 def own_line(fit: Fit) -> Floats | None:

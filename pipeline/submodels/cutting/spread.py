@@ -98,12 +98,6 @@ def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> Forc
     )
 
 
-def relative_square(model: CutModel, cut: CutHarmonics) -> float:
-    """Square of the error of a recording's waveform over that of its force [1]."""
-    left = float((np.abs(cut.lines - model.beside(cut)) ** 2).sum())
-    return left / max(float((np.abs(cut.lines) ** 2).sum()), 1e-300)
-
-
 def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float, float]:
     """Errors of peak, mean and waveform of a recording that the model has not seen.
 

@@ -120,6 +120,13 @@ def _lines(values: Floats, harmonics: int) -> Complexes:
     return rotated(spectrum, -np.pi / len(values))
 
 
+def mean_squares(lines: Complexes) -> Floats:
+    """Mean square over a revolution by direction [N^2]; shape (3,)."""
+    power = np.abs(lines) ** 2
+    power[1:] /= 2
+    return np.asarray(power.sum(axis=0))
+
+
 def orders(harmonics: int) -> Floats:
     """Orders of the harmonics, 0 to H."""
     return np.arange(harmonics + 1, dtype=np.float64)

@@ -207,7 +207,7 @@ def test_flip_lobes_count() -> None:
         stations([row], 1), [[X]], [LAW], [TWO], nodes_rpm=[14_000.0]
     ).margins([14_000.0])[0]  # fmt: skip
     cut = RegenerativeCut.of(LAW, TWO, entry=pi / 2, exit=pi)
-    assert lobes([X], cut, [14_000 / 60]).depth_limit[0] > 1.7 * (found + 1) * 2e-3
+    assert lobes([X], cut, [14_000 / 60])[0] > 1.7 * (found + 1) * 2e-3
 
 
 def test_speeds_too_slow_for_cells_have_the_least_depth() -> None:

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.submodels.cutting.spindle_load.levels import LoadLog, LoadScale
 
 RATED_W = 15e3
@@ -12,7 +13,10 @@ K_TC, K_TE = 800e6, 20e3
 D, FLUTES = 12e-3, 3
 
 
-SCALE = LoadScale(rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60)
+DRIVE = SpindleDrive(
+    rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60, top_speed_rpm=12e3
+)  # fmt: skip
+SCALE = LoadScale(drive=DRIVE)
 
 
 def free_power(n: np.ndarray) -> np.ndarray:

@@ -11,11 +11,12 @@ from pipeline.submodels.cutting.fit import fit_waveform
 from pipeline.submodels.cutting.model import restored, stored, waveform_residuals
 from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.revolution import wave
-from pipeline.submodels.cutting.selection import mean_squares, model_of
+from pipeline.submodels.cutting.selection import model_of
 from pipeline.submodels.cutting.waveform import (
     CutHarmonics,
     Terms,
     columns,
+    mean_squares,
     rotated,
     tooth_columns,
     transfer,
@@ -155,8 +156,11 @@ def test_it_helps_on_a_feed_between_where_the_law_is_bent():
     for out in (1, 2):
         rest = [cut for k, cut in enumerate(cuts) if k != out]
         fit = fit_waveform(known_of(truth).tool, rest, Terms())
-        without, whole = mean_squares(model_of(fit, with_residual=False), cuts[out])
-        with_it, _ = mean_squares(model_of(fit, with_residual=True), cuts[out])
+        without, with_it = (
+            mean_squares(cuts[out].lines - model_of(fit, with_residual=one).beside(cuts[out]))
+            for one in (False, True)
+        )
+        whole = mean_squares(cuts[out].lines)
         # over the feed both are straight: what is left is the bend between the feeds
         assert with_it.sum() < 0.6 * without.sum()
         assert with_it.sum() < 0.03**2 * whole.sum()

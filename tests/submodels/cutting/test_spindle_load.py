@@ -145,7 +145,7 @@ BENCH = Bench()
 
 def identified(signals: Path, raw: Path, records: SpindleLoadRecords) -> SpindleLoadResult:
     files = json.loads((signals / "manifest.json").read_text())["files"]
-    return identify_spindle_load(load_logs(files, records), signals, raw, records, 0.5)
+    return identify_spindle_load(load_logs(files, records, signals, raw), records, 0.5)
 
 
 def found(
