@@ -34,13 +34,7 @@ Length = Annotated[float, Range(least=0.01, most=1000.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class Tool(Ranged, section="tool"):
-    """One tool.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """One tool."""
 
     kind: Kind
     """Form of its end."""

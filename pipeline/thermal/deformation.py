@@ -95,13 +95,7 @@ class GrowthRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationNetwork(Ranged, section="deformation"):
-    """Two nodes of heat and the growth of the spindle.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range.
-    """
+    """Two nodes of heat and the growth of the spindle."""
 
     bearing_friction: NotNegative
     """Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)]."""

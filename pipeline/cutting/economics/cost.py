@@ -28,13 +28,7 @@ KWH = 3.6e6
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyParameters(Ranged, section="energy"):
-    """Power of a machine without its spindle.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Power of a machine without its spindle."""
 
     base_load_kW: Annotated[float, Range(least=0.0, most=1000.0)]
     """Control, hydraulics, fans, lubrication: as long as the machine is on [kW]."""
@@ -137,13 +131,7 @@ MINUTE = 60.0
 
 @dataclass(frozen=True, kw_only=True)
 class CostRates(Ranged, section="cost"):
-    """Prices of time and electricity.
-
-    Raises
-    ------
-    ValueError
-        When a value is negative or no number.
-    """
+    """Prices of time and electricity."""
 
     currency: str
     """Of all prices, those of the tool table included."""

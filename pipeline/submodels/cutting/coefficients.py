@@ -184,7 +184,7 @@ def mean_regression(
     if fit is not None:
         table, _, deviation = _means(cuts)
         modelled = np.concatenate([one[0].real for one in fit.modelled])
-        half = np.hypot(half, _solved(table, modelled, deviation)[0] - fit.values[:6])
+        half = np.hypot(half, _solved(table, modelled, deviation) - fit.values[:6])
     return values, coefficients(named, half, f_z, widest, HOW)
 
 
@@ -195,7 +195,7 @@ def half_of_draws(drawn: Floats, values: Floats) -> Floats:
 
 def linear_means(cuts: Sequence[CutHarmonics]) -> Floats:
     """The six coefficients by the mean forces [N/m^2], [N/m]; shape (6,)."""
-    return _solved(*_means(cuts))[0]
+    return _solved(*_means(cuts))
 
 
 def _means(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats, Floats]:
@@ -209,14 +209,12 @@ def _means(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats, Floats]:
     return table, measured, np.sqrt(np.concatenate([one.variance[0] for one in cuts]))
 
 
-def _solved(table: Floats, measured: Floats, deviation: Floats) -> tuple[Floats, Floats]:
-    """Weighted least squares with the prior, and its covariance."""
+def _solved(table: Floats, measured: Floats, deviation: Floats) -> Floats:
+    """Weighted least squares with the prior; shape (6,)."""
     scaled = np.concatenate([table / deviation[:, None], np.diag(1 / np.array(PRIOR))])
     length = np.linalg.norm(scaled, axis=0)
     right = np.concatenate([measured / deviation, np.zeros(6)])
-    values = np.linalg.lstsq(scaled / length, right, rcond=1e-14)[0] / length
-    inverse = np.linalg.inv((scaled / length).T @ (scaled / length))
-    return values, inverse / np.outer(length, length)
+    return np.asarray(np.linalg.lstsq(scaled / length, right, rcond=1e-14)[0] / length)
 
 
 def mean_tangential(

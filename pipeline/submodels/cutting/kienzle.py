@@ -42,10 +42,6 @@ class Kienzle:
     k_c11_interval: tuple[float, float]
     m_c_interval: tuple[float, float]
     """95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm."""
-    correlation: float
-    """Of ln k_c1.1 and m_c."""
-    scatter: float
-    """Scatter of the forces about Kienzle's equation, as a share [1]."""
     cuts: int
     """Number of cuts."""
 
@@ -168,7 +164,5 @@ def _kienzle(fit: Regression) -> Kienzle:
         m_c=float(value[1]),
         k_c11_interval=(float(np.exp(value[0] - half[0])), float(np.exp(value[0] + half[0]))),
         m_c_interval=(float(value[1] - half[1]), float(value[1] + half[1])),
-        correlation=float(fit.correlation[0, 1]),
-        scatter=fit.share,
         cuts=fit.freedom + len(value),
     )

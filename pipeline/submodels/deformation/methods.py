@@ -71,7 +71,7 @@ class Method(ABC):
 
     label: str
     """Name on pages."""
-    seeded: ClassVar[bool]
+    seeded: ClassVar[bool] = False
     """Whether its fit depends on a seed."""
     needs_speed: ClassVar[bool] = False
     needs_ambient: ClassVar[bool] = False
@@ -100,7 +100,6 @@ class Persistence(Method):
     """Growth stays what it was at the start: zero."""
 
     label: str = "persistence"
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """Nothing is fitted."""
@@ -137,7 +136,6 @@ class Linear(Method):
     """For a person."""
     inputs: str
     """Field of :class:`~pipeline.submodels.deformation.features.Inputs`."""
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Ridge:
         """Weights at the best penalty."""
@@ -230,7 +228,6 @@ class TwoNodes(Method):
     """Two nodes of heat from speed and ambient alone; the sensors say how they start."""
 
     label: str = "two thermal nodes, from the speed"
-    seeded: ClassVar[bool] = False
     needs_speed: ClassVar[bool] = True
     needs_ambient: ClassVar[bool] = True
 
@@ -261,7 +258,6 @@ class Expansion(Method):
     """Each group of sensors expands its length with a lag of its own."""
 
     label: str = "lagged expansion of three groups"
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The expansion of :func:`pipeline.thermal.expansion.fit_expansion`."""
@@ -291,7 +287,6 @@ class Hybrid(Method):
     label: str
     physics: Method
     inputs: str
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The physical model, then the regression on its errors."""

@@ -12,8 +12,13 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.spindle.fit import Problem, SpindleFit, SpindleFitSettings, structure_of
-from pipeline.submodels.spindle.sensor import sensor_step
+from pipeline.submodels.spindle.fit import (
+    Problem,
+    SpindleFit,
+    SpindleFitSettings,
+    sensor_step,
+    structure_of,
+)
 from pipeline.submodels.statistics import LEVEL
 from pipeline.thermal.network import SOURCES, first_order
 from pipeline.twin import spindle

@@ -238,7 +238,7 @@ def test_power_of_a_cut_is_that_of_its_mean_torque() -> None:
 
 def test_exact_powers_give_the_truth() -> None:
     idle, force = found(0, step=0.0, noise=0.0, spread=0.0)
-    assert idle.coefficients == pytest.approx(NO_LOAD, rel=1e-6)
+    assert idle.fit.values == pytest.approx(NO_LOAD, rel=1e-6)
     assert force.fit.values == pytest.approx((K_TC, K_TE), rel=1e-6)
     assert (idle.lowest * 60, idle.highest * 60) == pytest.approx((600, 8400))
 

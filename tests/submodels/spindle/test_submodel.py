@@ -271,11 +271,3 @@ def test_the_registry_serves_what_the_model_predicts(made) -> None:
         served(pd.DataFrame({TARGET: [20.0]}))
     with pytest.raises(ValueError, match="not known in the first row"):
         served(SUBMODEL.example(folder).assign(**{TARGET: np.nan}))
-
-
-@pytest.mark.parametrize("name", ["window_s", "mae_K", "rmse_K", "working_day_s"])
-def test_limits_are_positive(name: str) -> None:
-    with pytest.raises(
-        ValueError, match=f"spindle_limits.{name} = 0.0 must be finite and positive"
-    ):
-        SpindleLimits(**{name: 0.0})

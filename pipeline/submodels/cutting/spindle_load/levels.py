@@ -60,22 +60,10 @@ def settled(
 
     A change of speed takes power before it shows in a speed in whole rpm.
 
-    Parameters
-    ----------
-    times : array_like, shape (T,)
-        Rising [s].
-    speed : array_like, shape (T,)
-        n [rev/s], in any sense.
-    settle_s : float
-        How long the speed must have been held before a sample counts [s]; half of it after, and
-        until the next sample at least.
-    tolerance : float
-        Greatest change that is none, as a share of the speed.
-
-    Returns
-    -------
-    ndarray of bool, shape (T,)
-        False where the spindle stands still, or where its speed is missing.
+    ``settle_s`` [s] is how long the speed n [rev/s], in any sense, must have been held before a
+    sample counts; half of it after, and until the next sample at least.  A change up to the share
+    ``tolerance`` of the speed is none.  False where the spindle stands still, or where its speed is
+    missing.
     """
     t, n = np.asarray(times, dtype=np.float64), np.abs(np.asarray(speed, dtype=np.float64))
     if not len(t):
@@ -126,19 +114,9 @@ def levels(
 ) -> Levels:  # fmt: skip
     """Levels of labelled samples; equal ones are merged.
 
-    Parameters
-    ----------
-    label : array_like of int, shape (T,)
-        Cut or line of the program, or run of constant speed; negative for what does not count.
-    speed, power, removal, edge : array_like, shape (T,) or ()
-        As of :class:`Levels`, of each sample.
-    step : array_like, shape (T,) or ()
-        What one step of the display is there [W].
-
-    Returns
-    -------
-    Levels
-        Ordered by speed, then by removal rate.
+    ``label`` (T,) is the cut or line of the program, or the run of constant speed, and negative for
+    what does not count; speed, power, removal and edge are as of :class:`Levels`, of each sample;
+    ``step`` is what one step of the display is there [W].  Ordered by speed, then by removal rate.
     """
     labels = np.asarray(label, dtype=np.int64)
     columns = [np.broadcast_to(np.asarray(c, dtype=np.float64), labels.shape)
