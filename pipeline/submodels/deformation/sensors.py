@@ -152,11 +152,11 @@ class SensorModel:
         Shape (T,).
         """
         mean = self._arrays[0]
-        used, weights, _ = self._regression(sensor, gone)
+        used, weights, _ = self.regression(sensor, gone)
         result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
         return result
 
-    def _regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
+    def regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
         """Columns that a sensor's expectation rests on, their weights, and what is left [K]."""
         key = (sensor, gone - {sensor})
         if key not in self._regressions:
@@ -225,7 +225,7 @@ class SensorModel:
         With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
         """
         more = np.array([
-            self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
+            self.regression(k, gone)[2] / self.regression(k, frozenset())[2]
             for k in range(len(self.sensors))
         ])  # fmt: skip
         smoothed, jumps = self.sizes(vector, gone, kept)

@@ -255,7 +255,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         file = read_json(folder / "model.json", DeformationModel)
         t = file.sensors.period_s * np.arange(10.0)
         middle = {name: np.full(10, 0.5 * (one.low + one.high))
-                  for name, one in file.learnt.items() if name in columns_needed(file)}  # fmt: skip
+                  for name, one in file.learnt.items() if name in file.channels}  # fmt: skip
         return pd.DataFrame({"t": t, **middle})
 
     def page(self, shown: Shown[DeformationModel]) -> Any:
@@ -279,12 +279,6 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
     return lambda: profile
 
 
-def columns_needed(file: DeformationModel) -> list[str]:
-    """Columns of a table that the model serves, beside the time."""
-    ambient = [AMBIENT] if file.uses_ambient else []
-    return [*file.sensors.sensors, *ambient, *([SPEED] if file.uses_speed else [])]
-
-
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
     """State of a table.
 
@@ -303,8 +297,7 @@ def _state(table: pd.DataFrame, file: DeformationModel) -> State:
             f"two rows of the input are {worst:g} s apart, {period:g} s were learnt: give rows "
             "every so often"
         )
-    ambient = [AMBIENT] if file.uses_ambient else []
-    return state_of_table(table, [*file.sensors.sensors, *ambient], period, speed=file.uses_speed)
+    return state_of_table(table, file.channels, period)
 
 
 def refuse_unlearnt(state: State, file: DeformationModel) -> None:
@@ -316,14 +309,7 @@ def refuse_unlearnt(state: State, file: DeformationModel) -> None:
         When a temperature or the speed lies beyond the learnt range by more than its declared
         widening; the message names the channel and the value.
     """
-    channels: dict[str, Floats] = {
-        name: state.temperatures[:, k] for k, name in enumerate(file.sensors.sensors)
-    }
-    if file.uses_ambient:
-        channels[AMBIENT] = state.ambient
-    if file.uses_speed:
-        channels[SPEED] = state.speed
-    for name, values in channels.items():
+    for name, values in file.values(state).items():
         learnt = file.learnt.get(name)
         if learnt is None:
             continue
