@@ -235,13 +235,7 @@ def cutting_model(
         groups[SPINDLE] = spindle.parameters
     plain = identified.mean_values
     return CuttingModel(
-        submodel=head.submodel,
-        machine=head.machine,
-        origin=head.origin,
-        parameters=groups,
-        trained_on=head.trained_on,
-        left_out=head.left_out,
-        conditions=head.conditions,
+        **vars(replace(head, parameters=groups)),
         method=settings.method,
         reason=identified.reason,
         material=setup.material,
@@ -304,14 +298,9 @@ def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
 
 def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
     """Kienzle's constants from the mean tangential forces of three feeds or more."""
-    each = [one.conditions for one in cuts]
     force, share = mean_tangential(cuts)
     try:
-        constants = kienzle_by_force(
-            force, flutes=[c.flutes for c in each], f_z=[c.f_z for c in each],
-            a_p=[c.a_p for c in each], phi_st=[c.phi_st for c in each],
-            phi_ex=[c.phi_ex for c in each], deviation=share,
-        )  # fmt: skip
+        constants = kienzle_by_force(force, [one.conditions for one in cuts], share)
     except ValueError as error:
         why, _, remedy = str(error).partition(": ")
         return {
