@@ -17,7 +17,7 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
-from pipeline.submodels.spindle.sensor import sensor_step
+from pipeline.submodels.spindle.fit import sensor_step
 from pipeline.submodels.spindle.submodel import SUBMODEL
 from pipeline.submodels.spindle.transfer import Transfer, TransferSettings, transfer
 from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches

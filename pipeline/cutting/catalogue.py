@@ -278,16 +278,7 @@ class CuttingCatalogue:
     ) -> CuttingRange | None:  # fmt: skip
         """Range of feed per tooth and cutting speed; None outside of the catalogue.
 
-        Parameters
-        ----------
-        tool : Tool
-            Its role or form, material, coating, diameter and number of teeth count.
-        material : Material
-            Of the workpiece; its group counts.
-        operation : Operation
-            What the tool does.
-        width : float
-            a_e over D that the row is for [1]; by default the narrowest.
+        ``width`` is a_e over D that the row is for [1]; by default the narrowest.
         """
         found = self._row(tool, material, operation, width)
         if found is None:
@@ -313,13 +304,7 @@ class CuttingCatalogue:
         )
 
     def why_not(self, tool: Tool, material: Material, operation: Operation) -> str:
-        """Why there is no range, in words; "" where there is one.
-
-        Parameters
-        ----------
-        tool, material, operation
-            As in :meth:`lookup`.
-        """
+        """Why there is no range, in words; "" where there is one."""
         if self._row(tool, material, operation) is not None:
             return ""
         kind = f"{_MATERIAL[tool.material]} {tool_type(tool, operation).replace('_', ' ')}"

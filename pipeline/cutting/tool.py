@@ -30,13 +30,7 @@ Length = Annotated[float, Range(least=0.01, most=1000.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class Tool(Ranged, section="tool"):
-    """One tool.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """One tool."""
 
     kind: Kind
     """Form of its end."""
@@ -221,14 +215,8 @@ def tool_limits(
 ) -> Floats:
     """Limit of each tool: its own, else that of the part; infinite where there is none.
 
-    Parameters
-    ----------
-    tools : sequence of Tool
-        T of them.
-    name, of_part : str, float or None
-        Of the part's limit, one of ``BY_TOOL``, and its value, in the unit of the name.
-    outside : collection of int
-        Indices of tools that no limit holds for.
+    ``name`` is the part's limit, one of ``BY_TOOL``, ``of_part`` its value in the unit of the name;
+    no limit holds for tools whose index is ``outside``.
     """
     limits = np.full(len(tools), np.inf if of_part is None else of_part, dtype=np.float64)
     for index, tool in enumerate(tools):

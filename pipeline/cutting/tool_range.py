@@ -23,14 +23,8 @@ def tool_range(
 ) -> CuttingRange:  # fmt: skip
     """What a tool may be given, where it is known, and where that is from.
 
-    Parameters
-    ----------
-    tool : Tool
-        Its own ranges in the tool table go first.
-    listed : CuttingRange, optional
-        Of the catalogue, see :func:`listed_range`.
-    cutting_speed_m_min : sequence of float, optional
-        Least and greatest v_c of the part's limits [m/min].
+    The tool table's own ranges go first, then ``cutting_speed_m_min`` of the part's limits, then
+    what the catalogue has (:func:`listed_range`).
     """
     f_z, v_c = _pair(tool.feed_per_tooth_mm), _pair(tool.cutting_speed_m_min)
     sources = [] if f_z is None and v_c is None else ["tool table"]
@@ -57,17 +51,8 @@ def listed_range(
     Entries and ramps are cut at the speed of the cut that they lead to, so that where they have no
     row they have its values.
 
-    Parameters
-    ----------
-    catalogue : CuttingCatalogue
-        Cutting data.
-    material : Material
-        Of the blank.
-    tool : Tool
-        Whose range is asked for.
-    operations : sequence of Operation
-        What the tool does; of several, and of several widths of cut, the range is the widest, from
-        the least to the greatest of all that have one.
+    Of several operations, and of several widths of cut, the range is the widest, from the least to
+    the greatest of all that have one.
     """
     found = [one for name in operations for one in by_width(catalogue, material, tool, name)]
     if len(found) < 2:

@@ -95,13 +95,7 @@ class GrowthRecord:
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationNetwork(Ranged, section="deformation"):
-    """Two nodes of heat and the growth of the spindle.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range.
-    """
+    """Two nodes of heat and the growth of the spindle."""
 
     bearing_friction: NotNegative
     """Heating of the spindle by its bearings, k / C [K/s/(rad/s)^(5/3)]."""
@@ -221,16 +215,8 @@ def simulate(
 ) -> Floats:
     """Temperatures of spindle and structure [degC], shape (2, ..., T); exact for inputs held.
 
-    Parameters
-    ----------
-    speed_rad_s, ambient_C : array_like, shape (..., T)
-        Spindle speed [rad/s] and ambient [degC], held over each step.
-    step : float
-        [s].
-    parameters : DeformationNetwork
-        The network.
-    start_C : array_like, shape (..., 2)
-        Of spindle and structure at the first sample [degC].
+    Inputs of shape (..., T) are held over each step [s]; ``start_C`` (..., 2) are spindle and
+    structure at the first sample.
 
     Raises
     ------

@@ -14,8 +14,8 @@ from typing import Annotated, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.ranges import Count, Finite, Positive, Range, Ranged
+from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.ranges import Finite, Range, Ranged
 from pipeline.thermal.deformation import GrowthRecord
 from pipeline.thermal.lagged import lag
 
@@ -75,49 +75,16 @@ class LaggedExpansion(Ranged, section="expansion"):
         return grown
 
 
-@dataclass(frozen=True, kw_only=True)
-class ExpansionFitSettings(Ranged, section="expansion_fit"):
-    """Settings of the fit.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
-
-    shortest_s: Positive = 1.0
-    longest_s: Positive = 20000.0
-    """Bounds of the lags [s]."""
-    starts_s: tuple[Positive, ...] = (60.0, 600.0)
-    """Lags that the fit is started from, the same for all temperatures [s]."""
-    evaluations: Count = 60
-    """Most evaluations for each start [1]."""
+BOUNDS_S = (1.0, 20000.0)
+"""Bounds of the lags [s]."""
+STARTS_S = (60.0, 600.0)
+"""Lags that the fit is started from, the same for all temperatures [s]."""
+EVALUATIONS = 60
+"""Most evaluations for each start [1]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ExpansionFit:
-    """An expansion, and what its records say of it."""
-
-    model: LaggedExpansion
-    """The fitted one."""
-    names: tuple[str, ...]
-    """Names of the D parameters: ``lags_s[j]``, ``expansions[j]``, ``centrifugal``."""
-    values: Floats
-    """In the units of the model; shape (D,)."""
-    at_bound: Bools
-    """Lags that the fit would have shorter or longer than its settings allow; shape (D,)."""
-    jacobian: Floats
-    """Jacobian of the residuals by the parameters; shape (R, D)."""
-    residuals: Floats
-    """Modelled less measured growth [m]; samples without one are left out; shape (R,)."""
-    blocks: Ints
-    """Record of each residual; shape (R,)."""
-
-
-def fit_expansion(
-    records: Sequence[GrowthRecord], settings: ExpansionFitSettings | None = None
-) -> ExpansionFit:
-    """Fit lags and expansions to the growth of several records by bounded least squares.
+def fit_expansion(records: Sequence[GrowthRecord]) -> LaggedExpansion:
+    """Lags and expansions of the growth of several records by bounded least squares.
 
     Raises
     ------
@@ -126,33 +93,21 @@ def fit_expansion(
     """
     from scipy.optimize import least_squares
 
-    settings = settings or ExpansionFitSettings()
     growth = _Growth.of(records)
-    bounds = np.log(settings.shortest_s), np.log(settings.longest_s)
+    low, high = np.log(BOUNDS_S)
     trials = [
         least_squares(
-            growth.left, np.full(growth.count, np.log(start)), bounds=bounds,
-            diff_step=[1e-4] * growth.count, max_nfev=settings.evaluations,
+            growth.left, np.full(growth.count, np.log(start)), bounds=(low, high),
+            diff_step=[1e-4] * growth.count, max_nfev=EVALUATIONS,
         )
-        for start in settings.starts_s
+        for start in STARTS_S
     ]  # fmt: skip
-    best = min(trials, key=lambda one: one.cost)
-    lags = np.exp(best.x)
-    table, factors, residuals = growth.linear(lags)
-    each = range(growth.count)
-    return ExpansionFit(
-        model=LaggedExpansion(
-            expansions=tuple(float(f) for f in factors[:-1]),
-            lags_s=tuple(float(v) for v in lags),
-            centrifugal=float(factors[-1]),
-        ),
-        names=(*(f"lags_s[{j}]" for j in each), *(f"expansions[{j}]" for j in each), "centrifugal"),
-        values=np.concatenate([lags, factors]),
-        at_bound=np.concatenate([best.active_mask != 0, np.zeros(growth.count + 1, bool)]),
-        jacobian=np.column_stack([*growth.by_lag(lags, factors), table]),
-        residuals=residuals,
-        blocks=growth.blocks,
-    )
+    lags = np.exp(min(trials, key=lambda one: one.cost).x)
+    factors, _ = growth.linear(lags)
+    return LaggedExpansion(
+        expansions=tuple(factors[:-1].tolist()), lags_s=tuple(lags.tolist()),
+        centrifugal=float(factors[-1]),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -163,7 +118,6 @@ class _Growth:
     count: int  # of temperatures
     seen: Bools
     measured: Floats
-    blocks: Ints
 
     @classmethod
     def of(cls, records: Sequence[GrowthRecord]) -> Self:
@@ -179,35 +133,22 @@ class _Growth:
         return cls(
             records=records, count=many.pop(), seen=seen,
             measured=np.concatenate([record.growth_m for record in records])[seen],
-            blocks=np.repeat(np.arange(len(records)), [len(r.time_s) for r in records])[seen],
         )  # fmt: skip
 
-    def columns(self, lags: Floats) -> Floats:
-        return np.concatenate(
+    def linear(self, lags: Floats) -> tuple[Floats, Floats]:
+        """Best factors of the columns of lags, and what they leave."""
+        table = np.concatenate(
             [_columns(r.time_s, r.speed_rad_s, r.temperatures_C, lags) for r in self.records]
         )[self.seen]
-
-    def linear(self, lags: Floats) -> tuple[Floats, Floats, Floats]:
-        """Columns, their best factors and what these leave."""
-        table = self.columns(lags)
         length = np.linalg.norm(table, axis=0)
         length[length == 0] = 1.0
         factors = np.linalg.lstsq(table / length, self.measured, rcond=None)[0] / length
-        return table, factors, table @ factors - self.measured
+        return factors, table @ factors - self.measured
 
     def left(self, logarithms: Floats) -> Floats:
         """What the best factors of lags leave, over the greatest growth."""
         scale = max(float(np.abs(self.measured).max(initial=0.0)), 1e-9)
-        return self.linear(np.exp(logarithms))[2] / scale
-
-    def by_lag(self, lags: Floats, factors: Floats) -> list[Floats]:
-        """Derivative of the growth by each lag, by central differences."""
-        return [
-            (self.columns(lags * (1 + step)) @ factors - self.columns(lags * (1 - step)) @ factors)
-            / (2e-4 * lags[j])
-            for j in range(self.count)
-            for step in [1e-4 * (np.arange(self.count) == j)]
-        ]
+        return self.linear(np.exp(logarithms))[1] / scale
 
 
 def _columns(

@@ -2,15 +2,18 @@
 
 from dataclasses import replace
 from itertools import pairwise
-from math import pi
+from math import pi, tan
+from typing import Literal
 
 import numpy as np
 from numba import njit
 
+from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability import semi_discretisation_kernel
-from pipeline.cutting.stability.directional import RegenerativeCut
+from pipeline.cutting.stability.directional import RegenerativeCut, in_plane
 from pipeline.cutting.stability.semi_discretisation import DepthLimits, arrays, settled_limits
 from pipeline.cutting.stability.tip_dynamics import Mode
+from pipeline.cutting.tool import Tool
 
 X = Mode(direction="x", natural_frequency_Hz=922.0, damping=0.011, mass_kg=0.03993)
 Y = Mode(direction="y", natural_frequency_Hz=1100.0, damping=0.02, mass_kg=0.05)
@@ -21,6 +24,19 @@ TWENTIETH = replace(SLOT, entry=pi - np.arccos(0.9))
 """Down-milling, a_e / D = 0.05."""
 STEADY = replace(SLOT, flutes=4)
 """A slot with four flutes: the sum over its teeth is the same at each angle."""
+
+
+def regenerative_cut(
+    law: ForceLaw, tool: Tool, *, entry: float, exit: float, feed_direction: float = 0.0,
+    direction: Literal[1, -1] = 1, heights: tuple[float, float] | None = None,
+) -> RegenerativeCut:  # fmt: skip
+    """The cut of a tool by a linear law, its edge between heights above the tip [m]."""
+    tangential, radial = in_plane(law, tool, *(heights or (0.0, tool.radius)))
+    return RegenerativeCut(
+        K_tc=tangential, K_rc=float(radial), flutes=tool.flutes, entry=entry, exit=exit,
+        feed_direction=feed_direction, direction=direction,
+        lag=abs(tan(tool.helix)) / tool.radius,
+    )  # fmt: skip
 
 
 def forces(cut: RegenerativeCut, depth: float, steps: int, slices: int):

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.cutting.engagement.engagement import ToolPath
+from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engaged_arc
 from pipeline.cutting.engagement.height_map import HeightMap, height_map
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
@@ -27,6 +27,18 @@ def through(points_mm, *, direction: int = 1, feed: bool = True) -> ToolPath:
         feed=np.full(many, feed),
         direction=np.full(many, direction, np.int8),
     )
+
+
+def arcs(found: Engagement) -> tuple[np.ndarray, np.ndarray]:
+    """Entry and exit of the longest engaged arc of each station [rad], NaN without one."""
+    return engaged_arc(found.upper - found.lower)
+
+
+def radial_depth(found: Engagement, tool: Tool) -> np.ndarray:
+    """a_e [m]: width across the feed of the longest engaged arc, at full diameter."""
+    begin, end = arcs(found)
+    # what is engaged behind the tool is as wide as the tool
+    return np.nan_to_num(tool.radius * (np.cos(begin) - np.cos(np.minimum(end, np.pi))))
 
 
 def block(x=(0, 60), y=(-20, 20), z=(-20, 0), resolution=0.2) -> HeightMap:

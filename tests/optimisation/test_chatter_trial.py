@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program
@@ -26,7 +25,7 @@ from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.trial.cutting import Chance
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.trials import prepare
-from tests.cutting.chatter import depth_limits
+from tests.cutting.chatter import depth_limits, regenerative_cut
 from tests.optimisation.problem_parts import NO_MARGINS, cut_on, problem_on
 from tests.shop.test_trial_chatter import CHATTER, STEADY
 from tests.shop.tip_chatter import TipMode, unrepeated
@@ -73,7 +72,7 @@ def job(seed: int) -> Job:
     entry, exit = (0.0, arc) if left else (np.pi - arc, np.pi)
     speed = float(np.round(rng.uniform(4000, 12_000) / 50) * 50)
     speeds = (0.7 * speed, 1.4 * speed)
-    cut = RegenerativeCut.of(LAW, tool, entry=entry, exit=exit)
+    cut = regenerative_cut(LAW, tool, entry=entry, exit=exit)
     limit = depth_limits(modes, cut, np.linspace(*speeds, 25) / 60, highest=9e-3).depth_limit
     depth = 0.85 * float(np.minimum(limit, 9e-3).max()) / (1 + MARGIN) * 1e3
     y = width - diameter / 2 if left else 50 - width + diameter / 2

@@ -14,7 +14,7 @@ from pipeline.thermal.deformation import (
     start_of_nodes,
 )
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
-from pipeline.thermal.growth_fit import GrowthFit, GrowthFitSettings, fit
+from pipeline.thermal.growth_fit import fit_network
 
 Array = NDArray[np.float64]
 TRUTH = DeformationNetwork(
@@ -121,54 +121,41 @@ def test_the_start_is_seen_in_the_sensors() -> None:
 
 
 @pytest.fixture(scope="module")
-def fitted() -> GrowthFit:
+def fitted() -> DeformationNetwork:
     """The network can explain these records: their starts are fitted freely."""
-    some = [record(k, warm=k % 3 == 2) for k in range(6)]
-    return fit(some, GrowthFitSettings(start_error_K=30.0))
+    return fit_network([record(k, warm=k % 3 == 2) for k in range(6)], start_error_K=30.0)
 
 
-def test_the_fit_recovers_what_made_the_records(fitted: GrowthFit) -> None:
-    truth = np.array([
-        *(getattr(TRUTH, name) for name in fitted.names[:10]), *TRUTH.sensor_shares
-    ])  # fmt: skip
-    assert fitted.converged
-    error = np.abs(fitted.values - truth)
-    # 95 % intervals: one of twelve may lie outside, and none far
-    assert (error <= fitted.half_width_95 + 1e-12).sum() >= len(truth) - 2
-    assert (error <= 2.5 * fitted.half_width_95 + 1e-12).all()
-    rates = slice(3, 7)
-    np.testing.assert_allclose(fitted.values[rates], truth[rates], rtol=0.1)
-    np.testing.assert_allclose(fitted.values[7:9], truth[7:9], rtol=0.05)
-    assert fitted.growth_rms_m == pytest.approx(0.2e-6, rel=0.1)
-    np.testing.assert_allclose(fitted.starts_C[2] - fitted.starts_C[0], [12, 6], atol=3.0)
+def test_the_fit_recovers_what_made_the_records(fitted: DeformationNetwork) -> None:
+    rates = ("cooling_rate", "coupling_rate", "capacity_ratio", "structure_cooling_rate")
+    for name in rates:
+        assert getattr(fitted, name) == pytest.approx(getattr(TRUTH, name), rel=0.1), name
+    for name in ("spindle_expansion", "structure_expansion", "centrifugal"):
+        assert getattr(fitted, name) == pytest.approx(getattr(TRUTH, name), rel=0.05), name
+    np.testing.assert_allclose(fitted.sensor_shares, TRUTH.sensor_shares, atol=0.02)
 
 
 @pytest.mark.parametrize("warm", [False, True], ids=["cold", "warm start"])
-def test_it_predicts_another_record_heating_and_cooling(fitted: GrowthFit, warm: bool) -> None:
+def test_it_predicts_another_record_heating_and_cooling(
+    fitted: DeformationNetwork, warm: bool
+) -> None:
     one = record(99, noise=0.0, warm=warm)
-    error = np.abs(predicted(fitted.network, one) - one.growth_m)
-    cooling = 2 * len(error) // 3
+    error = np.abs(predicted(fitted, one) - one.growth_m)
     assert np.nanmax(np.abs(one.growth_m)) > 10e-6
-    assert np.nanmax(error[:cooling]) < 0.5e-6 and np.nanmax(error[cooling:]) < 0.5e-6
+    assert np.nanmax(error) < 0.5e-6
 
 
-def test_the_jacobian_is_that_of_the_residuals_and_says_what_is_not_determined() -> None:
-    """Without sensors heat and expansion are known as a product alone."""
+@pytest.mark.parametrize("shown", [0.0, np.nan], ids=["no sensor", "a lost sensor"])
+def test_growth_is_fitted_without_sensors_too(shown: float) -> None:
     some = [record(k, noise=0.3) for k in range(3)]
-    blind = [replace(one, temperatures_C=np.zeros((300, 0))) for one in some]
-    found = fit(blind, GrowthFitSettings(evaluations=30, trials=5))
-    known = dict(zip(found.names, found.determined, strict=True))
-    assert not known["bearing_friction"] and not known["spindle_expansion"]
-    assert found.growth_rms_m < 1e-6
-    lost = [replace(one, temperatures_C=one.temperatures_C * [1.0, np.nan, 1.0]) for one in some]
-    found = fit(lost, GrowthFitSettings(evaluations=30, trials=5))
-    assert not found.determined[11] and np.isinf(found.half_width_95[11])
-    assert found.jacobian.shape == (len(found.residuals), len(found.names))
-    assert set(found.blocks) == {0, 1, 2}
-    # at an optimum the residuals are orthogonal to what a free parameter changes
-    column = found.jacobian[:, 9]
-    size = np.linalg.norm(column) * np.linalg.norm(found.residuals)
-    assert abs(column @ found.residuals) < 1e-2 * size
+    blind = [
+        replace(one, temperatures_C=one.temperatures_C * [1.0, np.nan, 1.0])
+        if np.isnan(shown) else replace(one, temperatures_C=np.zeros((300, 0)))
+        for one in some
+    ]  # fmt: skip
+    network = fit_network(blind)
+    left = np.concatenate([predicted(network, one) - one.growth_m for one in blind])
+    assert np.sqrt(np.nanmean(left**2)) < 1e-6
 
 
 def test_expansions_and_lags_are_recovered_from_measured_temperatures() -> None:
@@ -184,34 +171,25 @@ def test_expansions_and_lags_are_recovered_from_measured_temperatures() -> None:
         return replace(one, temperatures_C=nodes, growth_m=growth)
 
     found = fit_expansion([made(k) for k in range(4)])
-    expected = [*truth.lags_s, *truth.expansions, truth.centrifugal]
-    np.testing.assert_allclose(found.values, expected, rtol=0.05)
-    assert not found.at_bound.any()
-    assert np.sqrt(np.mean(found.residuals**2)) == pytest.approx(0.1e-6, rel=0.1)
-    # the Jacobian is orthogonal to the residuals at the optimum
-    aligned = found.jacobian.T @ found.residuals
-    assert (
-        np.abs(aligned)
-        < 1e-2 * np.linalg.norm(found.jacobian, axis=0) * np.linalg.norm(found.residuals)
-    ).all()
+    np.testing.assert_allclose(found.lags_s, truth.lags_s, rtol=0.05)
+    np.testing.assert_allclose(found.expansions, truth.expansions, rtol=0.05)
+    assert found.centrifugal == pytest.approx(truth.centrifugal, rel=0.05)
     other = made(9)
-    whole = found.model.predict(other.time_s, other.speed_rad_s, other.temperatures_C)
-    cut = found.model.predict(other.time_s[:80], other.speed_rad_s[:80], other.temperatures_C[:80])
+    whole = found.predict(other.time_s, other.speed_rad_s, other.temperatures_C)
+    cut = found.predict(other.time_s[:80], other.speed_rad_s[:80], other.temperatures_C[:80])
     assert np.array_equal(whole[:80], cut)
 
 
 def test_what_cannot_be_fitted_is_refused() -> None:
     one = record(0)
     with pytest.raises(ValueError, match="records of growth: 0"):
-        fit([])
+        fit_network([])
     with pytest.raises(ValueError, match="speed_rad_s of 1 records is 0 throughout"):
-        fit([replace(one, speed_rad_s=np.zeros(300))])
+        fit_network([replace(one, speed_rad_s=np.zeros(300))])
     with pytest.raises(ValueError, match="growth_m of 1 records holds no value"):
-        fit([replace(one, growth_m=np.full(300, np.nan))])
+        fit_network([replace(one, growth_m=np.full(300, np.nan))])
     with pytest.raises(ValueError, match=r"records with \[0, 3\] temperatures"):
-        fit([one, replace(one, temperatures_C=np.zeros((300, 0)))])
-    with pytest.raises(ValueError, match="spindle_sensor = 7 must be one of 3"):
-        fit([one], GrowthFitSettings(spindle_sensor=7))
+        fit_network([one, replace(one, temperatures_C=np.zeros((300, 0)))])
     with pytest.raises(ValueError, match="lags_s of 1 must be as many as the 2 expansions"):
         LaggedExpansion(expansions=(1e-6, 1e-6), lags_s=(60.0,), centrifugal=0.0)
     with pytest.raises(ValueError, match="2 temperatures at the start must be those of the 3"):

@@ -227,15 +227,10 @@ def test_sources_of_table_units_are_si() -> None:
     ("wrong", "words"),
     [
         ({"cooling_rate": -1e-3}, r"cooling_rate = -0\.001 1/s"),
-        ({"cooling_rate": float("nan")}, "cooling_rate = nan"),
-        ({"cooling_rate": 1e-3, "coupling_rate": float("inf")}, "coupling_rate = inf"),
-        ({"cooling_rate": 1e-3, "capacity_ratio": -2.0}, r"capacity_ratio = -2\.0 must"),
         (
             {"cooling_rate": 0.0, "coupling_rate": 1e-3, "body_cooling_rate": 1e-4},
             "capacity_ratio = 0 with body_cooling_rate",
         ),
-        ({"cooling_rate": 1e-3, "ambient": float("nan")}, "ambient = nan"),
-        ({"cooling_rate": 1e-3, "ambient_offset": float("inf")}, "ambient_offset = inf"),
         ({"cooling_rate": 1e-3, "heating": {"friction": 1.0}}, "friction.*bearing_friction"),
         ({"cooling_rate": 1e-3, "heating": {"copper": -0.1}}, r"heating\[copper\] = -0\.1 K/s"),
         ({"cooling_rate": 1e-3, "heating": {"copper": float("nan")}}, r"heating\[copper\] = nan"),

@@ -10,7 +10,6 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.margins import ROUNDED
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.schema.model import Parameter
@@ -23,7 +22,7 @@ from pipeline.twin.cut_coefficients import (
 from pipeline.twin.cut_document import CutBasis, document_of
 from pipeline.twin.cut_limits import cut_limits
 from pipeline.twin.cut_stability import linearised, stability, stability_lobes
-from tests.cutting.chatter import depth_limits
+from tests.cutting.chatter import depth_limits, regenerative_cut
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 
@@ -163,7 +162,7 @@ def test_the_margin_of_a_slot_is_that_of_its_cut(cut):
     """A slot's arc lies on marks: only what rounding may cost is between them, and 0.3 %."""
     blocks = cut_blocks(cut)
     found = stability(cut, blocks, TipDynamics(source="made up", every=MODES))
-    slot = RegenerativeCut.of(LAW, TEN, entry=0.0, exit=np.pi, feed_direction=0.0)
+    slot = regenerative_cut(LAW, TEN, entry=0.0, exit=np.pi, feed_direction=0.0)
     exact = ROUNDED * depth_limits(MODES, slot, [100.0], highest=8e-3).depth_limit[0] / 2e-3
     assert found.margin[blocks.row[0]] + 1 == pytest.approx(exact, rel=3e-3)
 

@@ -26,13 +26,7 @@ from pipeline.schema.si import HOUR, KW, KWH, MINUTE
 
 @dataclass(frozen=True, kw_only=True)
 class EnergyParameters(Ranged, section="energy"):
-    """Power of a machine without its spindle.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Power of a machine without its spindle."""
 
     base_load_kW: Annotated[float, Range(least=0.0, most=1000.0)]
     """Control, hydraulics, fans, lubrication: as long as the machine is on [kW]."""
@@ -133,13 +127,7 @@ Amount = Annotated[float, Range(least=0.0, below=1e12)]
 
 @dataclass(frozen=True, kw_only=True)
 class CostRates(Ranged, section="cost"):
-    """Prices of time and electricity.
-
-    Raises
-    ------
-    ValueError
-        When a value is negative or no number.
-    """
+    """Prices of time and electricity."""
 
     currency: str
     """Of all prices, those of the tool table included."""

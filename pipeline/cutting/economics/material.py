@@ -97,10 +97,7 @@ class Material(Ranged, section="material"):
     def force_law(self, *, measured: bool = True) -> ForceLaw:
         """Force law in SI: measured coefficients where there are some, Kienzle's law otherwise.
 
-        Parameters
-        ----------
-        measured : bool
-            False takes Kienzle's law in any case.
+        ``measured`` = False takes Kienzle's law in any case.
         """
         if measured and self.coefficients is not None:
             return self.coefficients.force_law()

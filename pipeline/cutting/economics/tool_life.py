@@ -26,16 +26,7 @@ def not_negative(
 ) -> Floats:
     """Values as an array, after a look at their range.
 
-    Parameters
-    ----------
-    name : str
-        Name of the quantity, for messages.
-    values : array_like
-        Any shape.
-    high : float
-        Greatest value that is one; infinity itself is none.
-    unknown : bool
-        Whether NaN is allowed, for an unknown value.
+    ``high`` is the greatest value that is one, and infinity is none; ``unknown`` allows NaN.
 
     Raises
     ------

@@ -222,49 +222,15 @@ class Engagement:
         np.add.at(depth, self.block[into], self.length[into])
         return np.where(depth > self.resolution * (1 + 1e-6), depth, 0.0)
 
-    @property
-    def entry(self) -> Floats:
-        """phi_st: where the longest engaged arc begins [rad], NaN without one; shape (N,)."""
-        return engaged_arc(self.upper - self.lower)[0]
-
-    @property
-    def exit(self) -> Floats:
-        """phi_ex: where the longest engaged arc ends [rad], above ``entry``; shape (N,)."""
-        return engaged_arc(self.upper - self.lower)[1]
-
-    def radial_depth(self, tools: Sequence[Tool]) -> Floats:
-        """a_e: width across the feed of the longest engaged arc, at full diameter [m]; shape (N,).
-
-        D (cos phi_st - cos phi_ex) / 2; 0 without an arc.
-        """
-        radius = np.array([tool.radius for tool in tools])[self.tool]
-        begin, end = engaged_arc(self.upper - self.lower)
-        # what is engaged behind the tool is as wide as the tool
-        width = np.cos(begin) - np.cos(np.minimum(end, np.pi))
-        return np.nan_to_num(radius * width)
-
 
 def engage(
     path: ToolPath, tools: Sequence[Tool], stock: HeightMap, *, bins: int = 72
 ) -> tuple[Engagement, HeightMap]:
     """Engagement along a path, and the stock that it leaves.
 
-    Parameters
-    ----------
-    path : ToolPath
-        In the stock's frame.
-    tools : sequence of Tool
-        Those that ``path.tool`` counts.
-    stock : HeightMap
-        Stock before the path; it is not changed.
-    bins : int
-        Angles F at which the engagement is given: even, 8 to 720.
-
-    Returns
-    -------
-    Engagement
-    HeightMap
-        The stock that is left.
+    The path is in the stock's frame, ``tools`` are those that ``path.tool`` counts; the stock is
+    not changed.  ``bins`` is the number of angles F at which the engagement is given: even, 8 to
+    720.
 
     Raises
     ------

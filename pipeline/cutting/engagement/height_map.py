@@ -55,17 +55,8 @@ class HeightMap:
     def shifts(self, margin: int = 0) -> tuple[Floats, Floats]:
         """Where in their cells the columns stand, in cells.
 
-        Parameters
-        ----------
-        margin : int
-            Cells around the map for which they are wanted too.
-
-        Returns
-        -------
-        ndarray, shape (rows + 2 margin,)
-            Along x, by row.
-        ndarray, shape (columns + 2 margin,)
-            Along y, by column.
+        Along x by row, shape (rows + 2 margin,), and along y by column, shape (columns + 2
+        margin,); ``margin`` is the number of cells around the map.
         """
         rows, columns = self.heights.shape
         row, column = (np.arange(-margin, many + margin) for many in (rows, columns))
@@ -75,16 +66,7 @@ class HeightMap:
 def height_map(stock: Stock, resolution_m: float) -> HeightMap:
     """Columns of a stock.
 
-    Parameters
-    ----------
-    stock : Box, Cylinder or Mesh
-        Form of the blank.
-    resolution_m : float
-        Edge of a cell [m].
-
-    Returns
-    -------
-    HeightMap
+    ``resolution_m`` is the edge of a cell [m].
 
     Raises
     ------
@@ -163,10 +145,7 @@ _LOST_SHARE = 0.01
 def mesh_map(stock: Mesh, resolution_m: float) -> HeightMap:
     """Columns of a mesh; its lowest point is the floor.
 
-    Returns
-    -------
-    HeightMap
-        With a notice where cavities or undercuts count as full.
+    A notice says where cavities or undercuts count as full.
 
     Raises
     ------

@@ -43,16 +43,8 @@ def edge_turn(
 ) -> EdgeTurn:  # fmt: skip
     """The pieces of an engagement.
 
-    Parameters
-    ----------
-    tool : Tool
-        Its form and helix count.
-    lower, upper : array_like, shape (F,)
-        Part in the material, as :func:`pipeline.cutting.force.waveform.profile_basis` takes it [m].
-    slope : float
-        dz / ds of the motion, from -1 (plunge) to 1.
-    ring : tuple of ndarray, optional
-        Inner and outer radii as :func:`pipeline.cutting.force.waveform.profile_basis` takes them.
+    ``lower``, ``upper`` [m], ``slope`` and ``ring`` as
+    :func:`pipeline.cutting.force.waveform.profile_basis` takes them.
     """
     from pipeline.cutting.force.edge import divide
     from pipeline.cutting.force.profile_kernel import pieces_of_turn

@@ -163,12 +163,7 @@ class LoadTable:
         """Mean force over a turn at places of some stations, and the standard deviation of each
         component [N]; shape (Q, 6), frame of the cut.
 
-        Parameters
-        ----------
-        station : ndarray of int, shape (Q,)
-            Station of the engagement at each place.
-        f_z : ndarray, shape (Q,)
-            Feed for each tooth there [m].
+        ``f_z`` [m] is the feed per tooth at each of Q places.
         """
         block, unique = self.block[station], self.station[station]
         u = self.scale[block] * np.maximum(f_z, 0.0) ** self.exponent[block]
@@ -202,18 +197,8 @@ def load_table(
     an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads that are not known,
     of thread mills, are 0.
 
-    Parameters
-    ----------
-    engagement : Engagement
-        Stations of the program.
-    tools : sequence of Tool
-        That its indices point to.
-    force_laws : sequence of ForceLaw
-        One for each tool.
-    f_z_max : array_like
-        Greatest feed for each tooth that will be looked up [m], one for all tools or one for each.
-    nodes : int
-        K, from 3.
+    ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
+    for each; ``nodes`` is K, from 3.
 
     Raises
     ------

@@ -18,8 +18,8 @@ force have in the plane (as in :mod:`pipeline.cutting.force.waveform`).
 """
 
 from dataclasses import dataclass
-from math import cos, pi, sin, tan
-from typing import Literal, Self
+from math import cos, pi, sin
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -61,31 +61,6 @@ class RegenerativeCut(Ranged, section="cut"):
             )
         if self.direction not in (1, -1):
             raise ValueError(f"cut.direction = {self.direction} must be 1 (M3) or -1 (M4)")
-
-    @classmethod
-    def of(
-        cls, law: ForceLaw, tool: Tool, *, entry: float, exit: float, feed_direction: float = 0.0,
-        direction: Literal[1, -1] = 1, thickness: float | None = None,
-        heights: tuple[float, float] | None = None,
-    ) -> Self:  # fmt: skip
-        """The cut of a tool.
-
-        ``thickness`` [m] is where a law that is not linear is taken; ``heights`` are those above
-        the tip between which the edge cuts [m], which ball, bull-nose and drill need.
-        """
-        if heights is None:
-            if tool.kind != "flat":
-                raise ValueError(
-                    f"cut: the forces of a tool of kind {tool.kind!r} depend on the part of its "
-                    "edge that cuts; give heights, from where to where above its tip"
-                )
-            heights = (0.0, tool.radius)
-        tangential, radial = in_plane(law, tool, *heights, thickness)
-        return cls(
-            K_tc=tangential, K_rc=float(radial), flutes=tool.flutes, entry=entry, exit=exit,
-            feed_direction=feed_direction, direction=direction,
-            lag=abs(tan(tool.helix)) / tool.radius,
-        )  # fmt: skip
 
     @property
     def pitch(self) -> float:

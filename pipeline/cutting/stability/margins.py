@@ -229,18 +229,10 @@ def stability_table(
 ) -> StabilityTable:  # fmt: skip
     """The classes of a program's stations, whose depth limits are computed where they are read.
 
-    Parameters
-    ----------
-    stations : Immersions
-        Of the program.
-    dynamics, force_laws, tools : sequence
-        One for each tool; a tool whose dynamics are not known (None) is not judged.
-    nodes_rpm : array_like, shape (C,)
-        Spindle speeds at which limits are computed, growing [rev/min].
-    thickness : float, optional
-        Of the chip, where a law that is not linear is taken [m].
-    most : float
-        Greatest margin that is told apart [1]; the less, the sooner limits are known.
+    Dynamics, laws and tools are one for each tool; a tool whose dynamics are not known (None) is
+    not judged.  ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
+    growing; ``thickness`` [m] is that of the chip, where a law that is not linear is taken;
+    ``most`` is the greatest margin that is told apart [1]: the less, the sooner limits are known.
 
     Raises
     ------

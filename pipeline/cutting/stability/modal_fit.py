@@ -76,11 +76,8 @@ class ModalFit:
 def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
     """Modes of all directions that were measured.
 
-    Parameters
-    ----------
-    parts : sequence of FrequencyResponse
-        Measurements of one tip, each with its own frequencies; a direction whose receptance is 0
-        everywhere has no modes.
+    ``parts`` are measurements of one tip, each with its own frequencies; a direction whose
+    receptance is 0 everywhere has no modes.
 
     Raises
     ------

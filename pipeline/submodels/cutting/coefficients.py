@@ -11,7 +11,7 @@ force over the arc.  That is taken from the linear-edge model of the mean forces
 the modelled mean of F_y, which F_t carries, is the measured one.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from pipeline.cutting.force.chip_law import feeds
 from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
 from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import CutConditions
+from pipeline.schema.model import Parameter
 from pipeline.schema.si import DEGREE
 from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit
@@ -33,6 +35,8 @@ SCALES = (N_MM2, N_MM2, N_MM2, N_MM, N_MM, N_MM)
 """SI value of one such unit."""
 BESIDE = 0.1
 """Least size of a coefficient in the test of its interval, over the tangential one [1]."""
+NORMAL_95, NORMAL_90 = 1.96, 1.645
+"""Halves of 95 and 90 % intervals over the standard deviation [1]."""
 HELIX_DEG = 10.0
 """Half interval of a determined helix angle, at most [deg]."""
 HARMONICS = "weighted least squares on the harmonics of the revolution"
@@ -87,16 +91,8 @@ def coefficients(
 ) -> list[Estimate]:
     """The six coefficients of the linear-edge model.
 
-    Parameters
-    ----------
-    values, half : ndarray, shape (6,)
-        Coefficients and halves of their 95 % intervals [N/m^2], [N/m].
-    f_z : float
-        Mean feed per tooth [m].
-    widest : float
-        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
-    method : str
-        Method that identified them.
+    ``values`` and ``half`` of their 95 % intervals are in N/m^2 and N/m, shape (6,), the mean feed
+    per tooth ``f_z`` in m.  A half beyond the share ``widest`` of its value leaves it undetermined.
     """
     edge = max(abs(values[3]), abs(values[0]) * f_z)
     least = BESIDE * np.array([abs(values[0])] * 3 + [edge] * 3)
@@ -174,17 +170,8 @@ def mean_regression(
 ) -> tuple[Floats, list[Estimate]]:  # fmt: skip
     """Coefficients from the mean forces of recordings [N/m^2], [N/m], and each as a parameter.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    widest : float
-        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
-    fit : Fit, optional
-        Of the waveforms of ``cuts``; its effect of teeth without a chip on the means widens the
-        intervals.
-    shape : KnownShape, optional
-        Of the law of the chip, which mean forces hardly tell.
+    The effect of teeth without a chip on the means, by the waveforms of ``fit``, widens the
+    intervals; ``shape`` is that of the law of the chip, which mean forces hardly tell.
     """
     values = linear_means(cuts)
     each = [one.conditions for one in cuts]
@@ -197,7 +184,7 @@ def mean_regression(
     if fit is not None:
         table, _, deviation = _means(cuts)
         modelled = np.concatenate([one[0].real for one in fit.modelled])
-        half = np.hypot(half, _solved(table, modelled, deviation)[0] - fit.values[:6])
+        half = np.hypot(half, _solved(table, modelled, deviation) - fit.values[:6])
     return values, coefficients(named, half, f_z, widest, HOW)
 
 
@@ -208,7 +195,7 @@ def half_of_draws(drawn: Floats, values: Floats) -> Floats:
 
 def linear_means(cuts: Sequence[CutHarmonics]) -> Floats:
     """The six coefficients by the mean forces [N/m^2], [N/m]; shape (6,)."""
-    return _solved(*_means(cuts))[0]
+    return _solved(*_means(cuts))
 
 
 def _means(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats, Floats]:
@@ -222,14 +209,12 @@ def _means(cuts: Sequence[CutHarmonics]) -> tuple[Floats, Floats, Floats]:
     return table, measured, np.sqrt(np.concatenate([one.variance[0] for one in cuts]))
 
 
-def _solved(table: Floats, measured: Floats, deviation: Floats) -> tuple[Floats, Floats]:
-    """Weighted least squares with the prior, and its covariance."""
+def _solved(table: Floats, measured: Floats, deviation: Floats) -> Floats:
+    """Weighted least squares with the prior; shape (6,)."""
     scaled = np.concatenate([table / deviation[:, None], np.diag(1 / np.array(PRIOR))])
     length = np.linalg.norm(scaled, axis=0)
     right = np.concatenate([measured / deviation, np.zeros(6)])
-    values = np.linalg.lstsq(scaled / length, right, rcond=1e-14)[0] / length
-    inverse = np.linalg.inv((scaled / length).T @ (scaled / length))
-    return values, inverse / np.outer(length, length)
+    return np.asarray(np.linalg.lstsq(scaled / length, right, rcond=1e-14)[0] / length)
 
 
 def mean_tangential(
@@ -237,12 +222,8 @@ def mean_tangential(
 ) -> tuple[Floats, Floats]:
     """Mean tangential force of all teeth [N], and its relative standard deviation; (R,) each.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    values : ndarray, shape (6,), optional
-        Coefficients by which the force is distributed over the arc; those of ``cuts`` by default.
+    ``values`` are the coefficients by which the force is distributed over the arc; those of
+    ``cuts`` by default.
     """
     values = linear_means(cuts) if values is None else values
     force, share = [], []
@@ -251,10 +232,36 @@ def mean_tangential(
         table = regressors(flutes=c.flutes, f_z=c.f_z, a_p=c.a_p, phi_st=c.phi_st, phi_ex=c.phi_ex)
         carried = float(table[1, [0, 3]] @ values[[0, 3]])
         other = float(table[1, [1, 4]] @ values[[1, 4]])
-        width = c.flutes * c.a_p / (2 * np.pi)
-        chip = c.f_z * (np.cos(c.phi_st) - np.cos(c.phi_ex))
-        tangential = width * (values[0] * chip + values[3] * (c.phi_ex - c.phi_st))
         measured = float(one.lines[0, 1].real) - other
+        tangential = float(_tangential(c) @ values[[0, 3]])
         force.append(tangential * measured / carried if carried > 0 else np.nan)
         share.append(float(np.sqrt(one.variance[0, 1])) / max(abs(measured), 1e-9))
     return np.array(force), np.array(share)
+
+
+def _tangential(c: CutConditions) -> Floats:
+    """Mean tangential force of all teeth over a revolution, for K_tc [m^2] and K_te [m].
+
+    N a_p / (2 pi) (K_tc f_z (cos phi_st - cos phi_ex) + K_te (phi_ex - phi_st)).
+    """
+    parts = np.array([c.f_z * (np.cos(c.phi_st) - np.cos(c.phi_ex)), c.phi_ex - c.phi_st])
+    return np.asarray(c.flutes * c.a_p / (2 * np.pi) * parts)
+
+
+def tangential_by_load(
+    by_load: Mapping[str, Parameter], conditions: CutConditions
+) -> tuple[float, float] | None:
+    """Mean tangential force by K_tc and K_te of the spindle's load, half of its 90 % interval [N].
+
+    Nothing of the dynamometer is in it.  None where the load did not determine both.
+    """
+    force = variance = 0.0
+    sizes = (_tangential(conditions) * [N_MM2, N_MM]).tolist()
+    for name, size in zip(("K_tc", "K_te"), sizes, strict=True):
+        one = by_load.get(name)
+        if one is None or one.value is None or one.interval_95 is None:
+            return None
+        force += size * one.value
+        half = (one.interval_95[1] - one.interval_95[0]) / 2
+        variance += (size * half / NORMAL_95) ** 2
+    return force, NORMAL_90 * float(np.sqrt(variance))

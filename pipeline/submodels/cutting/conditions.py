@@ -47,14 +47,8 @@ def condition_sources(
 ) -> ConditionSources:
     """Where the cutting conditions of recordings stand, as the shared reader takes it.
 
-    Parameters
-    ----------
-    name : str, optional
-        Regular expression whose named groups are conditions in a recording's name.
-    by_pattern : mapping of str to StatedConditions
-        Of the recordings whose names match a pattern.
-    all_of_them : StatedConditions
-        Common to all recordings.
+    From the named groups of a regular expression on the recording's ``name``, from a list by
+    pattern of the name, and those common to all.
     """
     return ConditionSources(
         everywhere=_present(all_of_them), name=name, units=UNITS, section="cutting_records",
@@ -87,13 +81,6 @@ def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
 
 def conditions_of(conditions: Mapping[str, Condition], tool: Tool) -> CutConditions:
     """Conditions of a cut in SI, from what its sources state.
-
-    Parameters
-    ----------
-    conditions : mapping of str to Condition
-        As :class:`~pipeline.signals.conditions.ConditionSources` gives them.
-    tool : Tool
-        That cut.
 
     Raises
     ------

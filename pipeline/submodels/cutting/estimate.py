@@ -9,34 +9,24 @@ from pipeline.schema.model import Parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Estimate:
-    """Estimate of one parameter, determined or not.
-
-    Parameters
-    ----------
-    name, unit, method : str
-        Its name, its unit, the method that identified it.
-    value, half_width : float
-        In the unit; half of the 95 % interval.
-    lowest : float
-        Physical lower bound of its interval.
-    determined : bool
-        Whether the recordings determine it.
-    reason, remedy : str
-        Why they do not, and what to record.
-    remark : str
-        On the meaning of a determined one.
-    """
+    """Estimate of one parameter, determined or not."""
 
     name: str
     unit: str
     value: float
+    """In the unit."""
     half_width: float
+    """Half of the 95 % interval, in the unit."""
     determined: bool
+    """Whether the recordings determine it."""
     method: str
     reason: str = ""
     remedy: str = ""
+    """Why they do not, and what to record."""
     remark: str = ""
+    """On the meaning of a determined one."""
     lowest: float = -np.inf
+    """Physical lower bound of its interval."""
 
     @property
     def parameter(self) -> Parameter:

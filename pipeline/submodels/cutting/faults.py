@@ -23,7 +23,7 @@ from pipeline.submodels.cutting.recordings import (
     steady_revolution,
 )
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup
-from pipeline.submodels.cutting.waveform import CutHarmonics, phase_shift, rotated
+from pipeline.submodels.cutting.waveform import CutHarmonics, mean_squares
 
 LEVEL = 1e-3
 """Probability with which a sound recording is given a fault, over all candidates [1]."""
@@ -113,16 +113,8 @@ def named_faults(
 ) -> dict[str, str]:  # fmt: skip
     """Sentences on the recordings that a fault explains, by name.
 
-    Parameters
-    ----------
-    recordings : sequence of CuttingRecording
-        Of the machine; those left out have no revolution and are not compared.
-    references : mapping of str to Reference
-        Model for each recording, fitted without it.
-    setup : CuttingSetup
-        Setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
+    ``references`` holds the model of each recording that was fitted without it; recordings without
+    a revolution are not compared.
     """
     by_name = {one.name: one for one in recordings if one.revolution is not None}
     found: dict[str, Explanation] = {}
@@ -186,14 +178,11 @@ def explanation(
 
 def _residual(model: CutModel, cut: CutHarmonics) -> tuple[float, float]:
     """Mean square of the weighted residuals, and RMS residual over RMS force [1]."""
-    predicted = model.predicted(cut.conditions, cut.harmonics)
-    weight = model.weight(cut)
-    shift = phase_shift(predicted, cut.lines, weight)
-    left = np.abs(cut.lines - rotated(predicted, shift)) ** 2
-    power = np.abs(cut.lines) ** 2
-    left[0] *= 2
-    power[0] *= 2
-    return float((weight**2 * left).mean()), float(np.sqrt(left.sum() / power.sum()))
+    left = cut.lines - model.beside(cut)
+    square = np.abs(left) ** 2
+    square[0] *= 2
+    share = mean_squares(left).sum() / mean_squares(cut.lines).sum()
+    return float((model.weight(cut) ** 2 * square).mean()), float(np.sqrt(share))
 
 
 def observations(cut: CutHarmonics) -> int:

@@ -86,16 +86,7 @@ def fit_waveform(
 ) -> Fit:
     """The optimum of a waveform's terms.
 
-    Parameters
-    ----------
-    tool : Tool
-        That cut.
-    cuts : sequence of CutHarmonics
-        The recordings.
-    terms : Terms
-        Of the model.
-    start : Fit, optional
-        Fit of fewer terms or other recordings to start from.
+    ``start`` is a fit of fewer terms or other recordings to start from.
     """
     problem = Problem(tool=tool, cuts=cuts, terms=terms, left_out=_first(cuts))
     places = list(_starts(problem, start))
@@ -266,13 +257,6 @@ def genetic_fit(reference: Fit, settings: GeneticSettings) -> Fit:
 
     Its individuals are the shape unknowns; coefficients follow by linear least squares, phases by
     rotating each modelled revolution against the measured one.
-
-    Parameters
-    ----------
-    reference : Fit
-        Fit of the same terms; its optimum is not used.
-    settings : GeneticSettings
-        Settings of the genetic algorithm.
     """
     problem = reference.problem
     low, high = problem.bounds

@@ -39,19 +39,15 @@ from pipeline.submodels.cutting.selection import (
     Fold,
     Selection,
     fit_uncertainty,
+    left_out_error,
     model_of,
     residual_helps,
     select_model,
 )
 from pipeline.submodels.cutting.settings import DIRECTIONS, CuttingFitSettings, CuttingSetup
 from pipeline.submodels.cutting.spindle_load.identify import SpindleLoadResult
-from pipeline.submodels.cutting.spread import (
-    calibrated,
-    left_out_errors,
-    relative_square,
-    spread_of,
-)
-from pipeline.submodels.cutting.waveform import CutHarmonics
+from pipeline.submodels.cutting.spread import calibrated, left_out_errors, spread_of
+from pipeline.submodels.cutting.waveform import CutHarmonics, mean_squares
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -108,17 +104,7 @@ class CuttingIdentification:
 def identify_cutting_force(
     recordings: Sequence[CuttingRecording], setup: CuttingSetup, settings: CuttingFitSettings
 ) -> CuttingIdentification:
-    """Coefficients, runout and modes from the training recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of CuttingRecording
-        All of the machine; the training ones are used.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
-    """
+    """Coefficients, runout and modes from the training recordings."""
     cuts = [cut_harmonics(one, settings) for one in recordings if one.is_training]
     if not cuts:
         return CuttingIdentification(recordings=recordings, reason=_why_none(recordings))
@@ -170,10 +156,7 @@ def _champion(candidates: Sequence[Candidate], cuts: Sequence[CutHarmonics]) -> 
 
     def error(candidate: Candidate) -> float:
         _, folds, with_residual = candidate
-        return sum(
-            relative_square(model_of(fold.fit, with_residual=with_residual), cuts[k])
-            for fold in folds for k in fold.left_out
-        )  # fmt: skip
+        return left_out_error(cuts, folds, with_residual=with_residual) if folds else 0.0
 
     return min(candidates, key=error)
 
@@ -205,12 +188,9 @@ def _method(name: str, fit: Fit) -> MethodTried:
 
 def rms_error_percent(fit: Fit) -> float:
     """RMS residual of a fit over the RMS force, all recordings and directions [%]."""
-    error = power = 0.0
-    for cut, model in zip(fit.problem.cuts, fit.modelled, strict=True):
-        for lines, sign in ((cut.lines - model, 0), (cut.lines, 1)):
-            square = np.abs(lines) ** 2
-            square[1:] /= 2
-            error, power = (error, power + square.sum()) if sign else (error + square.sum(), power)
+    pairs = list(zip(fit.problem.cuts, fit.modelled, strict=True))
+    error = sum(float(mean_squares(cut.lines - model).sum()) for cut, model in pairs)
+    power = sum(float(mean_squares(cut.lines).sum()) for cut, _ in pairs)
     return 100 * float(np.sqrt(error / power))
 
 
@@ -223,18 +203,7 @@ def cutting_model(
 ) -> CuttingModel:
     """The model as it is stored.
 
-    Parameters
-    ----------
-    head : Model
-        What every model holds; its parameters are filled in.
-    identified : CuttingIdentification
-        Result of the identification.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit.
-    spindle : SpindleLoadResult, optional
-        Result of the logs of the spindle's load.
+    ``head`` is what every model holds; its parameters are filled in.
     """
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
@@ -266,13 +235,7 @@ def cutting_model(
         groups[SPINDLE] = spindle.parameters
     plain = identified.mean_values
     return CuttingModel(
-        submodel=head.submodel,
-        machine=head.machine,
-        origin=head.origin,
-        parameters=groups,
-        trained_on=head.trained_on,
-        left_out=head.left_out,
-        conditions=head.conditions,
+        **vars(replace(head, parameters=groups)),
         method=settings.method,
         reason=identified.reason,
         material=setup.material,
@@ -335,14 +298,9 @@ def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
 
 def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
     """Kienzle's constants from the mean tangential forces of three feeds or more."""
-    each = [one.conditions for one in cuts]
     force, share = mean_tangential(cuts)
     try:
-        constants = kienzle_by_force(
-            force, flutes=[c.flutes for c in each], f_z=[c.f_z for c in each],
-            a_p=[c.a_p for c in each], phi_st=[c.phi_st for c in each],
-            phi_ex=[c.phi_ex for c in each], deviation=share,
-        )  # fmt: skip
+        constants = kienzle_by_force(force, [one.conditions for one in cuts], share)
     except ValueError as error:
         why, _, remedy = str(error).partition(": ")
         return {

@@ -7,15 +7,16 @@ The two constants are strongly correlated: k_c1.1 is the specific force at 1 mm,
 thickness of milling.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.cutting import CutConditions
 from pipeline.schema.model import Parameter
 from pipeline.schema.si import MM
-from pipeline.submodels.cutting.regression import Regression, regression
+from pipeline.submodels.cutting.regression import regression
 
 NAMES = ("kienzle.k_c11", "kienzle.m_c")
 """Names of the two constants."""
@@ -42,66 +43,58 @@ class Kienzle:
     k_c11_interval: tuple[float, float]
     m_c_interval: tuple[float, float]
     """95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm."""
-    correlation: float
-    """Of ln k_c1.1 and m_c."""
-    scatter: float
-    """Scatter of the forces about Kienzle's equation, as a share [1]."""
     cuts: int
     """Number of cuts."""
 
 
-def kienzle_by_force(
-    force: ArrayLike, *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike,
-    phi_ex: ArrayLike, deviation: ArrayLike = 0.0,
-) -> Kienzle:  # fmt: skip
-    """Constants from the mean tangential force of all teeth over a revolution, one a cut.
+def kienzle_by_force(force: Floats, each: Sequence[CutConditions], deviation: Floats) -> Kienzle:
+    """Constants from the mean tangential force of all teeth over a revolution [N], one a cut.
 
-    Parameters
-    ----------
-    force : array_like, shape (L,)
-        [N]; the mean torque over R, or the mean cutting power over v_c.
-    flutes : array_like
-        Number of teeth.
-    f_z, a_p : array_like
-        Feed per tooth, axial depth of cut [m].
-    phi_st, phi_ex : array_like
-        Entry and exit angle of the teeth [rad].
-    deviation : array_like, shape (L,) or ()
-        Standard deviation of each, as a share [1].
+    It is the mean torque over R, or the mean cutting power over v_c; ``deviation`` is the standard
+    deviation of each, as a share [1].
 
     Raises
     ------
     ValueError
-        When there are fewer than three cuts, a value is not positive, or chips are too alike.
+        When there are fewer than three cuts, a force is not positive, or chips are too alike.
     """
-    feed, mean = _cuts(f_z, force, deviation, "mean tangential force")
-    arc = [np.broadcast_to(np.asarray(v, dtype=np.float64), feed.shape) for v in (phi_st, phi_ex)]
-    if np.any(arc[1] <= arc[0]):
-        raise ValueError("phi_ex must be greater than phi_st: teeth leave after they enter")
-    width = np.broadcast_to(np.asarray(flutes) * np.asarray(a_p), feed.shape) / MM
-    readings = np.log(mean * 2 * np.pi / width)  # in N/mm^2 times mm
+    bad = ~(np.isfinite(force) & (force > 0.0))
+    if bad.any():
+        raise ValueError(f"mean tangential force = {force[bad][0]} of a cut must be positive")
+    feed = np.array([c.f_z for c in each])
+    if len(feed) < 3 or feed.max() < LEAST_RATIO * feed.min():
+        raise ValueError(
+            f"{len(feed)} cuts with chips of {feed.min() / MM:.3g} to {feed.max() / MM:.3g} mm do "
+            "not tell Kienzle's exponent: record 3 or more, the thickest "
+            f"{LEAST_RATIO:g} times the thinnest"
+        )
+    arc = np.array([(c.phi_st, c.phi_ex) for c in each]).T
+    width = np.array([c.flutes * c.a_p for c in each]) / MM
+    readings = np.log(force * 2 * np.pi / width)  # in N/mm^2 times mm
     m_c = 0.25
     for _ in range(ITERATIONS):
-        level, slope = _log_integral(feed / MM, arc[0], arc[1], m_c)
+        base, slope = _log_integral(feed / MM, arc[0], arc[1], m_c)
         design = np.stack([np.ones_like(feed), slope], axis=1)
-        fit = _fit(design, readings - level + slope * m_c, deviation)
+        fit = regression(
+            design, readings - base + slope * m_c, np.diag(deviation**2), np.ones_like(feed)
+        )
         step = float(fit.values[1]) - m_c
         m_c = float(np.clip(m_c + step, -0.5, 0.95))
         if abs(step) < 1e-10:
             break
-    return _kienzle(fit)
+    (level, m_c), (of_level, of_m_c) = fit.values.tolist(), fit.half_width.tolist()
+    return Kienzle(
+        k_c11=float(np.exp(level)), m_c=m_c,
+        k_c11_interval=(float(np.exp(level - of_level)), float(np.exp(level + of_level))),
+        m_c_interval=(m_c - of_m_c, m_c + of_m_c), cuts=len(feed),
+    )  # fmt: skip
 
 
 def kienzle_parameters(constants: Kienzle, widest: float) -> dict[str, Parameter]:
     """Both constants as they are stored: value and interval, or why they are undetermined.
 
-    Parameters
-    ----------
-    constants : Kienzle
-        Constants of the cuts.
-    widest : float
-        Half of a 95 % interval beyond this share of k_c1.1, or of a typical exponent, leaves it
-        undetermined [1].
+    A half of the interval beyond the share ``widest`` of k_c1.1, or of a typical exponent, leaves
+    it undetermined.
     """
     method = f"nonlinear least squares in ln k_c1.1 and m_c on {constants.cuts} cuts"
     low, high = constants.k_c11_interval
@@ -139,41 +132,3 @@ def _log_integral(f_z: Floats, entry: Floats, leave: Floats, m_c: float) -> tupl
     share = weights * np.sin(t) * h ** (1 - m_c) * span
     total = share.sum(axis=1)
     return np.log(total * np.pi / 4), -(share * np.log(h)).sum(axis=1) / total
-
-
-def _cuts(
-    thickness: ArrayLike, force: ArrayLike, deviation: ArrayLike, quantity: str
-) -> tuple[Floats, Floats]:
-    h, F = (np.atleast_1d(np.asarray(v, dtype=np.float64)) for v in (thickness, force))
-    for name, values in (("thickness of the chip", h), (quantity, F)):
-        bad = ~(np.isfinite(values) & (values > 0.0))
-        if bad.any():
-            raise ValueError(f"{name} = {values[bad][0]} of a cut must be positive")
-    if np.any(~(np.asarray(deviation) >= 0.0)):
-        raise ValueError(f"deviation = {np.min(np.asarray(deviation))} of a cut must be 0 or more")
-    if len(h) != len(F):
-        raise ValueError(f"{len(h)} feeds and {len(F)} forces: each cut has one of both")
-    if len(h) < 3 or h.max() < LEAST_RATIO * h.min():
-        raise ValueError(
-            f"{len(h)} cuts with chips of {h.min() / MM:.3g} to {h.max() / MM:.3g} mm do not tell "
-            f"Kienzle's exponent: record 3 or more, the thickest {LEAST_RATIO:g} times the thinnest"
-        )
-    return h, F
-
-
-def _fit(design: Floats, readings: Floats, shares: ArrayLike) -> Regression:
-    shares = np.broadcast_to(np.asarray(shares, dtype=np.float64), readings.shape)
-    return regression(design, readings, np.diag(shares**2), np.ones_like(readings))
-
-
-def _kienzle(fit: Regression) -> Kienzle:
-    value, half = fit.values, fit.half_width
-    return Kienzle(
-        k_c11=float(np.exp(value[0])),
-        m_c=float(value[1]),
-        k_c11_interval=(float(np.exp(value[0] - half[0])), float(np.exp(value[0] + half[0]))),
-        m_c_interval=(float(value[1] - half[1]), float(value[1] + half[1])),
-        correlation=float(fit.correlation[0, 1]),
-        scatter=fit.share,
-        cuts=fit.freedom + len(value),
-    )

@@ -201,17 +201,9 @@ def law_draws(
 ) -> LawDraws:  # fmt: skip
     """Draws of the law that the mean forces and the waveforms allow.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    line : FittedLine, optional
-        Of their waveforms, which zeros do not move: a reading of each law.  Its stated deviations
-        may be too small by a factor, too.
-    shape : KnownShape, optional
-        Of the law, by the waveforms; without it every shape has its prior weight.
-    seed : int
-        Of the draws.
+    ``line`` is what the waveforms say, which zeros do not move: a reading of each law; its stated
+    deviations may be too small by a factor, too.  ``shape`` is that of the law by the waveforms;
+    without it every shape has its prior weight.
     """
     each = [one.conditions for one in cuts]
     means = np.concatenate([one.lines[0].real for one in cuts])

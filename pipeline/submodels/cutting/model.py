@@ -96,16 +96,9 @@ def waveform_residuals(
 ) -> list[WaveformResidual]:
     """Residuals of a model on recordings, one for each set of conditions.
 
-    Parameters
-    ----------
-    cuts : sequence of CutHarmonics
-        The recordings.
-    modelled : sequence of ndarray, shape (H + 1, 3)
-        Modelled harmonics of each, at its phase [N].
-    phases : sequence of float
-        Angle of the first tooth in each [rad].
-    zero : float
-        Variance of the zeros beyond that stated with the recordings [N^2].
+    ``modelled`` are the harmonics of each recording at its phase, shape (H + 1, 3) [N], ``phases``
+    the angle of the first tooth in each [rad], ``zero`` the variance of the zeros beyond that
+    stated with the recordings [N^2].
     """
     groups: list[list[int]] = []
     for k, cut in enumerate(cuts):
@@ -265,12 +258,7 @@ class CutModel:
 def plain_model(tool: Tool, coefficients: Floats) -> CutModel:
     """Mechanics of a sharp, round, straight-edged tool: no helix, runout or mode of a channel.
 
-    Parameters
-    ----------
-    tool : Tool
-        Its form.
-    coefficients : ndarray, shape (6,)
-        Of the linear-edge model [N/m^2], [N/m].
+    ``coefficients`` are those of the linear-edge model [N/m^2], [N/m]; shape (6,).
     """
     return CutModel(
         tool=replace(tool, helix_deg=0.0), geometry=ToolGeometry(), values=coefficients,

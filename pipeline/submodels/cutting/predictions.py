@@ -30,7 +30,7 @@ from pipeline.schema.cutting import (
 )
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Prediction, Target
-from pipeline.submodels.cutting.coefficients import mean_tangential
+from pipeline.submodels.cutting.coefficients import NORMAL_90, mean_tangential, tangential_by_load
 from pipeline.submodels.cutting.model import CutModel, restored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
 from pipeline.submodels.cutting.revolution import GRID, wave
@@ -39,13 +39,10 @@ from pipeline.submodels.cutting.settings import (
     CuttingLimits,
     CuttingSetup,
 )
-from pipeline.submodels.cutting.spindle_load.against_force import tangential_by_load
 from pipeline.submodels.cutting.spread import force_levels, half_widths, wave_half_widths
 
 ANGLES = 720
 """Angles of a revolution at which waveforms are compared."""
-NORMAL_90 = 1.645
-"""Half of a 90 % interval over the standard deviation [1]."""
 
 
 def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
@@ -76,14 +73,7 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
 class ForcePredictor:
     """Predictor of the forces of recordings by a stored model.
 
-    Parameters
-    ----------
-    stored : CuttingModel
-        The model; without a prediction every recording is left without one.
-    setup : CuttingSetup
-        Setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit, for the zero's variance.
+    Without a stored prediction every recording is left without one.
     """
 
     def __init__(

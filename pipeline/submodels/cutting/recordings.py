@@ -91,19 +91,6 @@ def read_recordings(
     One that cannot be used has the reason; a sealed one is not looked into.  The list is empty
     without a dynamometer.
 
-    Parameters
-    ----------
-    signals : Path
-        As ``ingest`` wrote them.
-    records : CuttingRecords
-        Which recordings, their channels and conditions.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit, for the highest harmonic.
-    role : callable
-        Role of a recording by its name.
-
     Raises
     ------
     ValueError
@@ -203,18 +190,8 @@ def steady_revolution(
 ) -> tuple[Revolution, bool]:  # fmt: skip
     """Mean revolution of the steady part, forces on the tool, and whether its zero was measured.
 
-    Parameters
-    ----------
-    force : ndarray, shape (T, 3)
-        Channels x, y, z [N].
-    rate : float
-        Of sampling [1/s].
-    conditions : CutConditions
-        Of the cut, at the set speed.
-    setup : CuttingSetup
-        Tool and setup of the dynamometer.
-    settings : CuttingFitSettings
-        Settings of the fit, for the highest harmonic.
+    ``force`` are the channels x, y, z, shape (T, 3) [N], sampled at ``rate`` [1/s]; conditions at
+    the set speed.
 
     Raises
     ------

@@ -35,14 +35,6 @@ class Regression:
     share: float
     """tau, scatter of the readings beyond their uncertainty, as a share of them [1]."""
 
-    @property
-    def correlation(self) -> Floats:
-        """Of the parameters; shape (D, D)."""
-        deviation = np.sqrt(np.diag(self.covariance))
-        safe = np.where(deviation > 0.0, deviation, 1.0)
-        correlation: Floats = self.covariance / np.outer(safe, safe)
-        return correlation
-
 
 def regression(design: Floats, readings: Floats, covariance: Floats, size: Floats) -> Regression:
     """Generalised least squares.

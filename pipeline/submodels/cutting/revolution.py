@@ -40,14 +40,8 @@ class Steady:
 def steady_part(force: Floats, revolution: float, entry_length: float) -> Steady:
     """The steady part of a recording.
 
-    Parameters
-    ----------
-    force : ndarray, shape (T, 3)
-        [N].
-    revolution : float
-        Its length in samples.
-    entry_length : float
-        Samples from first contact to full engagement; the exit takes as many.
+    ``force`` (T, 3) [N]; ``revolution`` is its length in samples, ``entry_length`` the samples from
+    first contact to full engagement, and the exit takes as many.
 
     Raises
     ------
@@ -174,18 +168,9 @@ def mean_revolution(
 ) -> Revolution:
     """The mean revolution in a steady record.
 
-    Parameters
-    ----------
-    force : ndarray, shape (T, C)
-        [N].
-    rate : float
-        Of sampling [1/s].
-    speed : float
-        Setpoint of the spindle speed [rev/s].
-    flutes : int
-        Number of teeth; the speed is estimated from harmonics up to twice as many.
-    highest : int
-        Highest harmonic, at most.
+    ``force`` (T, C) [N] is sampled at ``rate`` [1/s]; ``speed`` is the setpoint of the spindle
+    [rev/s], estimated from harmonics up to twice as many as teeth; ``highest`` bounds the
+    harmonics.
 
     Raises
     ------
@@ -230,12 +215,7 @@ def mean_revolution(
 def wave(lines: Complexes, angles: Floats) -> Floats:
     """Force of harmonics at angles; shape (T, C).
 
-    Parameters
-    ----------
-    lines : ndarray of complex, shape (H + 1, C)
-        [N].
-    angles : ndarray, shape (T,)
-        [rad].
+    ``lines`` (H + 1, C) [N], ``angles`` (T,) [rad].
     """
     return np.real(lines.T @ _phasors(angles, len(lines))).T
 

@@ -119,12 +119,8 @@ class RoundedFit:
 def rounded_fit(fit: Fit, most: int) -> RoundedFit:
     """The fit of a fit's terms whose edges are not sharp.
 
-    Parameters
-    ----------
-    fit : Fit
-        Whose edge force is there at once.
-    most : int
-        Fits without some of the recordings, at most.
+    Of a ``fit`` whose edge force is there at once; ``most`` is the greatest number of fits without
+    some recordings.
     """
     problem = fit.problem
     terms = replace(problem.terms, edge="exponential", teeth=problem.tool.flutes > 1)
@@ -155,16 +151,8 @@ def runout(
 ) -> list[Estimate]:
     """Runout, and its angle from the tooth that protrudes most.
 
-    Parameters
-    ----------
-    fit : Fit
-        Whose edge force is there at once.
-    uncertainty : FitUncertainty
-        Of it.
-    not_sharp : RoundedFit
-        In which it grows.
-    widest : float
-        Half of a 95 % interval beyond this share of the value leaves it undetermined [1].
+    ``fit`` is the one whose edge force is there at once, ``not_sharp`` that in which it grows.  A
+    95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
     """
     flutes = fit.problem.tool.flutes
     if flutes == 1:

@@ -30,6 +30,7 @@ from pipeline.submodels.cutting.waveform import (
     ChipShape,
     CutHarmonics,
     Terms,
+    mean_squares,
     rotated,
 )
 
@@ -71,18 +72,8 @@ def select_model(
 ) -> Selection:
     """The fit with the terms that predict best by cross-validation.
 
-    Parameters
-    ----------
-    tool : Tool
-        Tool that cut.
-    cuts : sequence of CutHarmonics
-        The recordings.
-    helix : bool
-        Whether the helix angle is unknown.
-    gain : float
-        Share of the error that a term must save.
-    folds : int
-        Of the cross-validation, at most.
+    ``helix`` says whether its angle is unknown, ``gain`` which share of the error a term must save,
+    ``folds`` how many the cross-validation has at most.
     """
     whole = fit_waveform(tool, cuts, Terms(modes=True, teeth=tool.flutes > 1, helix=helix))
     fits = {whole.problem.terms: whole}
@@ -189,20 +180,10 @@ def left_out_error(
     for fold in folds:
         model = model_of(fold.fit, with_residual=with_residual)
         for k in fold.left_out:
-            missing, whole = mean_squares(model, cuts[k])
-            error += float(missing.sum() / whole.sum())
+            missing = mean_squares(cuts[k].lines - model.beside(cuts[k]))
+            error += float(missing.sum() / mean_squares(cuts[k].lines).sum())
             power += 1.0
     return float(np.sqrt(error / power))
-
-
-def mean_squares(model: CutModel, cut: CutHarmonics) -> tuple[Floats, Floats]:
-    """Mean squares of a model's error and of the force, by direction [N^2]; shape (3,) each."""
-    squares = []
-    for lines in (cut.lines - model.beside(cut), cut.lines):
-        power = np.abs(lines) ** 2
-        power[1:] /= 2
-        squares.append(power.sum(axis=0))
-    return squares[0], squares[1]
 
 
 def own_line(fit: Fit) -> Floats | None:
@@ -270,16 +251,8 @@ def fit_uncertainty(
 ) -> FitUncertainty:
     """Uncertainty of a fit's unknowns.
 
-    Parameters
-    ----------
-    fit : Fit
-        To all recordings.
-    folds : sequence of Fold
-        Fits of the same terms to a part of them.
-    rivals : sequence of Fit
-        Fits of other terms that are not much worse.
-    fewest : int
-        Folds from which their spread counts.
+    ``folds`` are fits of the same terms to a part of the recordings, whose spread counts from
+    ``fewest`` on, ``rivals`` those of other terms that are not much worse.
     """
     from scipy.special import stdtrit
 
@@ -319,12 +292,7 @@ def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
 
     The shape of the law is held: laws of other shapes have their own readings.
 
-    Parameters
-    ----------
-    fit : Fit
-        To recordings.
-    factor : ndarray, shape (6,)
-        Of the standard deviations over those of the fit alone [1].
+    ``factor`` is that of the standard deviations over those of the fit alone [1]; shape (6,).
     """
     slopes, length, loose = _jacobian(fit)
     slopes[:, : len(fit.x)] *= [name not in ("growth", "exponent") for name in fit.problem.names]

@@ -18,13 +18,7 @@ from pipeline.submodels.cutting.spindle_load.records import SpindleLoadRecords
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingFitSettings(Ranged, section="cutting_fit"):
-    """Settings of the identification of cutting coefficients from forces.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Settings of the identification of cutting coefficients from forces."""
 
     method: Literal["least_squares", "genetic"] = "least_squares"
     """Which optimum of the waveform's terms is taken."""

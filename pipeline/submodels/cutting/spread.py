@@ -64,12 +64,7 @@ class ForceWave:
 def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpread:
     """Laws that a fit's recordings allow, before those left out have scaled their intervals.
 
-    Parameters
-    ----------
-    fit : Fit
-        To the recordings, that predicts.
-    line, shape
-        Of the law, as a fit whose edges are not sharp shows them (:mod:`.runout`).
+    ``line`` and ``shape`` are those of a fit whose edges are not sharp (:mod:`.runout`).
     """
     cuts = fit.problem.cuts
     each = [one.conditions for one in cuts]
@@ -101,12 +96,6 @@ def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> Forc
     return replace(
         spread, peak_scale=peak, mean_scale=mean, shape_scale=shape, freedom=PRIOR + len(squares)
     )
-
-
-def relative_square(model: CutModel, cut: CutHarmonics) -> float:
-    """Square of the error of a recording's waveform over that of its force [1]."""
-    left = float((np.abs(cut.lines - model.beside(cut)) ** 2).sum())
-    return left / max(float((np.abs(cut.lines) ** 2).sum()), 1e-300)
 
 
 def left_out_errors(model: CutModel, cut: CutHarmonics) -> tuple[float, float, float]:

@@ -35,7 +35,6 @@ from pipeline.submodels.cutting.settings import (
 )
 from pipeline.submodels.cutting.spindle_load.identify import (
     LoadLogFile,
-    SpindleLoadResult,
     identify_spindle_load,
     load_logs,
 )
@@ -76,15 +75,6 @@ class Judging:
     cutting_records: CuttingRecords
     cutting_fit: CuttingFitSettings
     cutting_limits: CuttingLimits
-
-
-@dataclass(frozen=True, kw_only=True)
-class LoadLog:
-    """A log of the spindle's load, and the folders in which it and its programs stand."""
-
-    file: LoadLogFile
-    signals: Path
-    raw: Path
 
 
 class Cutting(SubModel[Fitting, Judging, CuttingModel]):
@@ -141,12 +131,12 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
                     load=_loader(one, settings), conditions=_facts(one.conditions),
                 )
             )  # fmt: skip
-        for log in load_logs(files, wanted.spindle) if wanted.spindle is not None else []:
-            content = LoadLog(file=log, signals=signals, raw=raw)
+        logs = [] if wanted.spindle is None else load_logs(files, wanted.spindle, signals, raw)
+        for log in logs:
             cases.append(
                 Case(
                     name=log.name, group=log.name, role=role(log.name),
-                    files=sources(files, [log.name]), load=_constant(content),
+                    files=sources(files, [log.name]), load=_constant(log),
                 )
             )  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
@@ -156,8 +146,11 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         training = cases.of("training")
         recordings = _recordings(cases, settings)
         identified = identify_cutting_force(recordings, settings.cutting, settings.cutting_fit)
-        logs = [one for case in training if isinstance(one := case.load(), LoadLog)]
-        spindle = _spindle(logs, settings)
+        logs = [one for case in training if isinstance(one := case.load(), LoadLogFile)]
+        records = settings.cutting_records.spindle
+        spindle = None
+        if records is not None and logs:
+            spindle = identify_spindle_load(logs, records, settings.cutting_fit.widest)
         used = {one.name for one in identified.training}
         used |= set(() if spindle is None else spindle.used)
         lost = () if spindle is None else spindle.facts.left_out
@@ -179,7 +172,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
 
         def predict(case: Case) -> Prediction:
             content = case.load()
-            if isinstance(content, LoadLog):
+            if isinstance(content, LoadLogFile):
                 return Prediction(frame=pd.DataFrame(), note=LOG_NOTE)
             return predictor.prediction(content)
 
@@ -243,7 +236,7 @@ def _loader(
     return lambda: with_revolution(one, settings.cutting, settings.cutting_fit)
 
 
-def _constant(content: LoadLog) -> Callable[[], LoadLog]:
+def _constant(content: LoadLogFile) -> Callable[[], LoadLogFile]:
     return lambda: content
 
 
@@ -300,17 +293,6 @@ def _recordings(cases: Cases, settings: Fitting) -> list[CuttingRecording]:
             pass
         recordings.append(one)
     return sorted(recordings, key=lambda one: one.name)
-
-
-def _spindle(logs: list[LoadLog], settings: Fitting) -> SpindleLoadResult | None:
-    """Result of the logs; None without any."""
-    records = settings.cutting_records.spindle
-    if records is None or not logs:
-        return None
-    return identify_spindle_load(
-        [one.file for one in logs], logs[0].signals, logs[0].raw, records,
-        settings.cutting_fit.widest,
-    )  # fmt: skip
 
 
 SUBMODEL = Cutting()

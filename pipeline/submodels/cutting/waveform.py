@@ -41,19 +41,13 @@ LIMIT_DEG = 60.0
 
 
 class ChipShape(NamedTuple):
-    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as a waveform shows it.
-
-    Parameters
-    ----------
-    growth : float
-        Thickness h_0 over which the edge's force grows [m]; 0: it is there at once, below 0: along
-        a straight line up to -h_0.
-    exponent : float
-        m of the size effect, of all directions [1].
-    """
+    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as waveforms show it."""
 
     growth: float = 0.0
+    """Thickness h_0 over which the edge's force grows [m]; 0: it is there at once, below 0: along
+    a straight line up to -h_0."""
     exponent: float = 0.0
+    """Exponent m of the size effect, of all directions [1]."""
 
 
 STRAIGHT = ChipShape()
@@ -75,23 +69,8 @@ def columns(
 ) -> Complexes:  # fmt: skip
     """Harmonics of the forces on the tool for each coefficient.
 
-    Parameters
-    ----------
-    tool : Tool
-        Its form.
-    geometry : ToolGeometry
-        Its runout and helix.
-    conditions : CutConditions
-        Of the cut.
-    harmonics : int
-        Highest harmonic H.
-    chip : ChipShape
-        Of the law of the chip.
-
-    Returns
-    -------
-    ndarray of complex, shape (H + 1, 3, 6)
-        [m^2] for cutting, [m] for edge coefficients.
+    ``harmonics`` is the highest one H.  Shape (H + 1, 3, 6): [m^2] for cutting, [m] for edge
+    coefficients.
     """
     return _lines(_forces(shaped(tool, geometry), conditions, chip), harmonics)
 
@@ -106,11 +85,8 @@ def tooth_columns(
 
     Parameters are those of :func:`columns`.
 
-    Returns
-    -------
-    ndarray of complex, shape (H + 1, 3, 3 (N - 1))
-        K_te, K_re, K_ae [m] of each tooth but the first, tooth by tooth; those of the first make
-        their sum zero.
+    Shape (H + 1, 3, 3 (N - 1)): K_te, K_re, K_ae [m] of each tooth but the first, tooth by tooth;
+    those of the first make their sum zero.
     """
     single = replace(shaped(tool, geometry), flutes=1, runout_um=0.0)
     edge = _lines(_forces(single, conditions, chip)[..., 3:], harmonics)
@@ -143,6 +119,13 @@ def _lines(values: Floats, harmonics: int) -> Complexes:
     spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] * (2 / len(values))
     spectrum[0] /= 2
     return rotated(spectrum, -np.pi / len(values))
+
+
+def mean_squares(lines: Complexes) -> Floats:
+    """Mean square over a revolution by direction [N^2]; shape (3,)."""
+    power = np.abs(lines) ** 2
+    power[1:] /= 2
+    return np.asarray(power.sum(axis=0))
 
 
 def orders(harmonics: int) -> Floats:

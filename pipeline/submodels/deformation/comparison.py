@@ -35,11 +35,6 @@ class Errors:
 def errors_of(predicted: Floats, measured: Floats) -> Errors:
     """Errors where both are known.
 
-    Parameters
-    ----------
-    predicted, measured : ndarray, shape (N,)
-        [um].
-
     Raises
     ------
     ValueError
@@ -91,17 +86,7 @@ def columns_of(name: str, by_seed: Floats) -> dict[str, Floats]:
 def methods_table(
     predictions: "pd.DataFrame", names: Sequence[str], role: str = "held_out"
 ) -> dict[str, MethodScore]:
-    """Errors of all methods on the recordings of one role, each with the range over its seeds.
-
-    Parameters
-    ----------
-    predictions : DataFrame
-        As stored.
-    names : sequence of str
-        Of the methods.
-    role : str
-        Of the recordings.
-    """
+    """Errors of all methods on the recordings of one role, each with the range over its seeds."""
     rows = predictions[
         (predictions["quantity"] == GROWTH) & (predictions["regime"] == "")
         & (predictions["role"] == role)

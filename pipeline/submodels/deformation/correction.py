@@ -147,13 +147,6 @@ class _Sums:
 def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
     """The method that serves as a sum of terms.
 
-    Parameters
-    ----------
-    model : GrowthModel
-        Stored model.
-    states : sequence of State
-        Of its training recordings.
-
     Raises
     ------
     ValueError
@@ -183,12 +176,7 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
     for one in regressions:
         _take_apart(one, model, coldest, 1 / len(regressions), sums)
     _replace_ignored(model, sums)
-    read = [n for n in file.sensors.sensors if n not in file.treatment.ignored]
-    names = (
-        *read,
-        *([AMBIENT] if file.uses_ambient else []),
-        *([SPEED] if file.uses_speed else []),
-    )
+    names = tuple(name for name in file.channels if name not in file.treatment.ignored)
     found = Correction(
         inputs=names, period_s=file.sensors.period_s, terms=_terms(sums), starts=_start_terms(sums),
         exact=exact, largest_um=0.0, rmse_um=0.0, recordings=len(sound),
@@ -197,7 +185,7 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
                 for name in (*names, GROWTH) if name in file.learnt},
         bands=file.bands,
     )  # fmt: skip
-    apart = [found.growth(values_of(one.state, model)) - g
+    apart = [found.growth(file.values(one.state)) - g
              for one, g in zip(inputs, growth, strict=True)]  # fmt: skip
     off = np.concatenate(apart)
     largest, rmse = float(np.abs(off).max()), float(np.sqrt(np.mean(off**2)))
@@ -209,13 +197,6 @@ def _accepted(learnt: Learnt, widening: float) -> Learnt:
     low, high = learnt.accepted(widening)
     low = max(low, 0.0) if learnt.unit == "rev/min" else low
     return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{high:.5g}"))
-
-
-def values_of(state: State, model: GrowthModel) -> dict[str, Floats]:
-    """Inputs of a complete state by name [degC], [rev/min]."""
-    names = model.file.sensors.sensors
-    found = {name: state.temperatures[:, k] for k, name in enumerate(names)}
-    return found | {AMBIENT: state.ambient, SPEED: state.speed}
 
 
 def _starts(model: GrowthModel, state: State) -> Floats:
@@ -261,15 +242,18 @@ def _replace_ignored(model: GrowthModel, sums: _Sums) -> None:
     gone = frozenset(check.sensors.index(name) for name in model.file.treatment.ignored)
     channels = (*check.sensors, AMBIENT)[: check.channels]
     blocks = ((), *((constant,) for constant in check.settings.lags_s))
+    mean = np.array(check.mean)
     for sensor in sorted(gone):
-        used, weights, constant = regression(model, sensor, gone)
+        used, weights, _ = check.regression(sensor, gone)
+        constant = mean[sensor] - float(mean[used] @ weights)
+        each = list(zip(used.tolist(), weights.tolist(), strict=True))
         name = check.sensors[sensor]
         for (_, chain), um in _taken(sums.terms, name):
-            for column, weight in zip(used, weights, strict=True):
+            for column, weight in each:
                 block, channel = divmod(column, check.channels)
                 sums.terms[channels[channel], (*blocks[block], *chain)] += um * weight
         for (_, lag_s), um in _taken(sums.starts, name):
-            for column, weight in zip(used, weights, strict=True):
+            for column, weight in each:
                 sums.starts[channels[column % check.channels], lag_s] += um * weight
             sums.starts[ONE, lag_s] += um * constant
 
@@ -281,23 +265,6 @@ def _taken(sums: dict[tuple[str, Lags], float], name: str) -> list[tuple[tuple[s
     """Entries of an input, taken out of the sums."""
     keys = [key for key in sums if key[0] == name]
     return [(key, sums.pop(key)) for key in keys]
-
-
-def regression(
-    model: GrowthModel, sensor: int, gone: frozenset[int]
-) -> tuple[list[int], list[float], float]:
-    """Columns, weights and constant of what the other sensors say of one.
-
-    They are read off :meth:`~pipeline.submodels.deformation.sensors.SensorModel.expected`, which is
-    linear: its value at rest, and its change with each column.
-    """
-    check = model.file.sensors
-    many = len(check.mean)
-    probes = np.vstack([np.zeros(many), np.eye(many)])
-    answers = check.expected(probes, sensor, gone)
-    weights = answers[1:] - answers[0]
-    used = np.flatnonzero(weights != 0)
-    return used.tolist(), weights[used].tolist(), float(answers[0])
 
 
 def _rounded(value: float) -> float:

@@ -89,15 +89,7 @@ class InputMaker:
 
 
 def input_maker(states: Sequence[State], lags_s: Sequence[float]) -> InputMaker:
-    """Groups by fuzzy c-means over the training recordings, and the lags.
-
-    Parameters
-    ----------
-    states : sequence of State
-        Complete ones.
-    lags_s : sequence of float
-        Time constants [s].
-    """
+    """Groups by fuzzy c-means over the training recordings, and the lags."""
     rises = np.vstack([one.temperatures - one.temperatures[:1] for one in states])
     weights = tuple(tuple(float(f"{w:.6g}") for w in row) for row in sensor_groups(rises, GROUPS))
     top = max(float(one.speed.max()) for one in states)

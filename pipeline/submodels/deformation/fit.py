@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
-from pipeline.schema.model import Parameter
+from pipeline.schema.model import Model, Parameter
 from pipeline.submodels.conformal import Band, Residuals, bands, chosen_step, splits
 from pipeline.submodels.deformation.comparison import method_score
 from pipeline.submodels.deformation.features import InputMaker, input_maker
@@ -26,6 +26,8 @@ from pipeline.submodels.deformation.model import (
     LEFT_OUT,
     REPLACED,
     DeformationFitSettings,
+    DeformationModel,
+    GrowthModel,
     Learnt,
     MethodScore,
     TrainingFault,
@@ -39,6 +41,7 @@ from pipeline.submodels.deformation.records import (
     FEWEST_SENSORS,
     GROWTH,
     SPEED,
+    DeformationRecords,
     Profile,
     State,
 )
@@ -54,52 +57,13 @@ FEWEST_PROFILES = 4
 """Training recordings below which nothing can be left out and compared [1]."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class GrowthFit:
-    """What the training recordings say."""
-
-    sensors: SensorModel
-    inputs: InputMaker
-    """Check of the sensors, and maker of the inputs."""
-    champion: str
-    """Method with the least RMSE on recordings left out."""
-    ensembles: Mapping[str, Ensemble]
-    """Every method, fitted on all training recordings."""
-    compared: Mapping[str, MethodScore]
-    """On recordings left out."""
-    treatment: Treatment
-    """Of faulty sensors."""
-    faults: tuple[TrainingFault, ...]
-    """Found in the training recordings."""
-    later_starts: int
-    """Later starts of each recording, that were learnt from as well."""
-    learnt: Mapping[str, Learnt]
-    """Range of each input."""
-    bands: Mapping[str, Band]
-    """Intervals by regime."""
-    adaptive_step: float
-    """Adaptive step of the interval that follows the probe."""
-    parameters: Mapping[str, Parameter]
-    """Growth for a kelvin of each group of sensors."""
-    second: str
-    """Method that the champion has to agree with; empty without another."""
-    agreement_um: float
-    """Difference between the two from which neither is to be trusted [um]."""
-
-
 def fit_growth(
-    profiles: Sequence[Profile], sensors: Sequence[str], settings: DeformationFitSettings
-) -> GrowthFit:
+    head: Model, profiles: Sequence[Profile], records: DeformationRecords,
+    settings: DeformationFitSettings,
+) -> GrowthModel:  # fmt: skip
     """Fit and compare all methods on training recordings.
 
-    Parameters
-    ----------
-    profiles : sequence of Profile
-        Of training only.
-    sensors : sequence of str
-        From front to rear.
-    settings : DeformationFitSettings
-        Of the fit.
+    ``head`` is what every model holds; its parameters are filled in.
 
     Raises
     ------
@@ -111,7 +75,7 @@ def fit_growth(
             f"{len(profiles)} training recordings of growth are of use, {FEWEST_PROFILES} are the "
             "least: record more, or name more in roles.training"
         )
-    names = _methods(profiles, settings.methods)
+    names, sensors = _methods(profiles, settings.methods), list(records.temperatures)
     model = fit_sensors(profiles, sensors, settings.sensors)
     checked = [model.check(one.state) for one in profiles]
     faults = tuple(
@@ -137,24 +101,31 @@ def fit_growth(
     residuals = _residuals(examples, left_out[champion], settings)
     intervals = bands(residuals)
     second = _second(compared, champion)
-    return GrowthFit(
+    file = DeformationModel(
+        **vars(replace(head, parameters={"": growth_per_kelvin(examples)})),
         sensors=model,
         inputs=maker,
+        uses_speed=records.speed is not None,
+        uses_ambient=records.ambient is not None,
         champion=champion,
-        ensembles=_fitted(learnt_from, names, settings),
         compared=compared,
         treatment=treatment,
-        faults=faults,
+        training_faults=faults,
         later_starts=later_starts,
         learnt=_learnt(sensors, states, learnt_from),
+        widening=settings.widening,
+        rate_s=settings.rate_s,
+        steady_K_h=settings.steady_K_h,
         bands=intervals,
         adaptive_step=chosen_step(
             residuals, intervals, settings.adaptive_steps, settings.probe_delay_s
         ),
-        parameters=growth_per_kelvin(examples),
+        probe_delay_s=settings.probe_delay_s,
         second=second,
         agreement_um=_agreement(left_out, champion, second, intervals, settings),
+        places=records.places,
     )
+    return GrowthModel(file, _fitted(learnt_from, names, settings))
 
 
 def _second(compared: Mapping[str, MethodScore], champion: str) -> str:

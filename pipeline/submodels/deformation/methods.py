@@ -22,11 +22,12 @@ from pipeline.nets.settings import (
 )
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.si import UM
+from pipeline.schema.structure import structured
 from pipeline.submodels.deformation.features import Inputs
 from pipeline.submodels.deformation.records import RAD_S
-from pipeline.thermal import growth_fit
 from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
 from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
+from pipeline.thermal.growth_fit import fit_network
 
 PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """Ridge penalties to choose from, as shares of the mean square of all inputs [1]."""
@@ -67,22 +68,15 @@ class Fitted(ABC):
 
 
 class Method(ABC):
-    """A way to predict growth.
-
-    Attributes
-    ----------
-    label : str
-        For a person.
-    seeded : bool
-        Whether its fit depends on a seed.
-    needs_speed, needs_ambient : bool
-        Whether it needs the spindle speed and the ambient temperature.
-    """
+    """A way to predict growth."""
 
     label: str
-    seeded: ClassVar[bool]
+    """Name on pages."""
+    seeded: ClassVar[bool] = False
+    """Whether its fit depends on a seed."""
     needs_speed: ClassVar[bool] = False
     needs_ambient: ClassVar[bool] = False
+    """Whether it needs the spindle speed and the ambient temperature."""
 
     @abstractmethod
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
@@ -107,7 +101,6 @@ class Persistence(Method):
     """Growth stays what it was at the start: zero."""
 
     label: str = "persistence"
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """Nothing is fitted."""
@@ -144,7 +137,6 @@ class Linear(Method):
     """For a person."""
     inputs: str
     """Field of :class:`~pipeline.submodels.deformation.features.Inputs`."""
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Ridge:
         """Weights at the best penalty."""
@@ -166,12 +158,7 @@ def by_recording(examples: Sequence[Example], inputs: str) -> tuple[list[Floats]
 def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
     """Ridge regression over recordings, its penalty chosen by leaving each out in turn.
 
-    Parameters
-    ----------
-    x, y : sequence of ndarray, shapes (T, K) and (T,)
-        Inputs and growth [um] of each recording; samples without growth do not count.
-    name : str
-        Of the inputs.
+    ``x`` (T, K) and growth ``y`` (T,) [um] of each recording; samples without growth do not count.
     """
     known = [np.isfinite(one) for one in y]
     x = [one[rows] for one, rows in zip(x, known, strict=True)]
@@ -234,7 +221,7 @@ class _TwoNodes(Fitted):
         ) / UM  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        return {**asdict(self.network), "sensor_shares": list(self.network.sensor_shares)}
+        return asdict(self.network)
 
 
 @dataclass(frozen=True)
@@ -242,18 +229,16 @@ class TwoNodes(Method):
     """Two nodes of heat from speed and ambient alone; the sensors say how they start."""
 
     label: str = "two thermal nodes, from the speed"
-    seeded: ClassVar[bool] = False
     needs_speed: ClassVar[bool] = True
     needs_ambient: ClassVar[bool] = True
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
-        """The network of :func:`pipeline.thermal.growth_fit.fit`."""
-        return _TwoNodes(growth_fit.fit(whole_records(examples, budget)).network)
+        """The network of :func:`pipeline.thermal.growth_fit.fit_network`."""
+        return _TwoNodes(fit_network(whole_records(examples, budget)))
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """The network of a document."""
-        shares = tuple(document["sensor_shares"])
-        return _TwoNodes(DeformationNetwork(**{**document, "sensor_shares": shares}))
+        return _TwoNodes(structured(document, DeformationNetwork, "methods"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,12 +251,7 @@ class _Expansion(Fitted):
         ) / UM  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        one = self.expansion
-        return {
-            "expansions": list(one.expansions),
-            "lags_s": list(one.lags_s),
-            "centrifugal": one.centrifugal,
-        }
+        return asdict(self.expansion)
 
 
 @dataclass(frozen=True)
@@ -279,20 +259,14 @@ class Expansion(Method):
     """Each group of sensors expands its length with a lag of its own."""
 
     label: str = "lagged expansion of three groups"
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The expansion of :func:`pipeline.thermal.expansion.fit_expansion`."""
-        return _Expansion(fit_expansion(whole_records(examples, budget)).model)
+        return _Expansion(fit_expansion(whole_records(examples, budget)))
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """The expansion of a document."""
-        return _Expansion(
-            LaggedExpansion(
-                expansions=tuple(document["expansions"]), lags_s=tuple(document["lags_s"]),
-                centrifugal=document["centrifugal"],
-            )
-        )  # fmt: skip
+        return _Expansion(structured(document, LaggedExpansion, "methods"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,7 +288,6 @@ class Hybrid(Method):
     label: str
     physics: Method
     inputs: str
-    seeded: ClassVar[bool] = False
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
         """The physical model, then the regression on its errors."""
@@ -324,8 +297,8 @@ class Hybrid(Method):
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """Both of a document."""
-        rest = document["second"]
-        second = Ridge(self.inputs, np.array(rest["weights"]), rest["penalty"])
+        regression = Linear(label=self.label, inputs=self.inputs)
+        second = regression.restore(document["second"])
         return _Sum(self.physics.restore(document["first"]), second)
 
 

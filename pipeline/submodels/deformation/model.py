@@ -17,7 +17,7 @@ from pipeline.schema.store import read_json
 from pipeline.submodels.conformal import Band
 from pipeline.submodels.deformation.features import InputMaker, Inputs, rates
 from pipeline.submodels.deformation.methods import Ensemble, restored
-from pipeline.submodels.deformation.records import GROWTH, State
+from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED, State
 from pipeline.submodels.deformation.sensors import Checked, Fault, SensorModel, SensorSettings
 
 WARMING, COOLING, STEADY = "warming", "cooling", "steady"
@@ -171,6 +171,18 @@ class DeformationModel(Model):
     places: Mapping[str, str] = field(default_factory=dict)
     """Where sensors sit, in words, by their names, as far as the machine's file says."""
 
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What is read: sensors from front to rear, the ambient temperature, the speed."""
+        used = {AMBIENT: self.uses_ambient, SPEED: self.uses_speed}
+        return (*self.sensors.sensors, *(name for name in used if used[name]))
+
+    def values(self, state: State) -> dict[str, Floats]:
+        """Values of a state's channels that are read, by name [degC], [rev/min]; shape (T,)."""
+        columns = (*state.temperatures.T, state.ambient, state.speed)
+        named = dict(zip((*self.sensors.sensors, AMBIENT, SPEED), columns, strict=True))
+        return {name: named[name] for name in self.channels}
+
 
 @dataclass(frozen=True, kw_only=True)
 class MethodsFile:
@@ -221,12 +233,7 @@ class GrowthModel:
     def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:
         """Reason why there is no correction at each sample, empty where there is one; shape (T,).
 
-        Parameters
-        ----------
-        pieces : sequence of (int, Inputs)
-            Of the recording.
-        growth : ndarray, shape (T,)
-            By the method that serves [um].
+        ``growth`` (T,) is that by the method that serves [um].
         """
         file, found = self.file, np.full(len(growth), "", dtype=object)
         if file.second:

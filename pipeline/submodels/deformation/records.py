@@ -7,7 +7,7 @@ row enters it.
 """
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -398,27 +398,17 @@ def conditions_of_profile(profile: Profile, *, speed: bool) -> dict[str, Fact]:
     }
 
 
-def state_of_table(table: Any, names: list[str], period: float, *, speed: bool) -> State:
-    """State from a table of evenly spaced rows, one column a channel.
+def state_of_table(table: Any, wanted: Sequence[str], period: float) -> State:
+    """State from a table of evenly spaced rows, ``period`` [s] apart, one column a channel.
 
-    Parameters
-    ----------
-    table : DataFrame
-        Temperatures [degC] by the sensors' names, ``spindle_speed`` [rev/min] where ``speed``, and
-        ``ambient_temperature`` [degC] where the names hold it.
-    names : list of str
-        Sensors, then the ambient temperature where it is used.
-    period : float
-        Time between two rows [s].
-    speed : bool
-        Whether the speed is read.
+    ``wanted`` are the sensors [degC], then ``ambient_temperature`` [degC] and ``spindle_speed``
+    [rev/min] where they are read.
 
     Raises
     ------
     ValueError
         When a column is missing or no number.
     """
-    wanted = [*names, *([SPEED] if speed else [])]
     columns = {}
     for name in wanted:
         if name not in table.columns:
@@ -431,11 +421,12 @@ def state_of_table(table: Any, names: list[str], period: float, *, speed: bool) 
         if not np.isfinite(columns[name][0]):
             raise ValueError(f"{name} is not known in row 1: start where it was measured")
     rows = len(table)
-    temperatures = np.column_stack([columns[name] for name in names if name != AMBIENT])
+    sensors = [name for name in wanted if name not in (AMBIENT, SPEED)]
+    temperatures = np.column_stack([columns[name] for name in sensors])
     if not np.isfinite(temperatures[0]).any():
         raise ValueError("no sensor has a temperature in row 1: start where they were measured")
     ambient = np.full(rows, np.nan)
-    if AMBIENT in names:
+    if AMBIENT in wanted:
         ambient = filled(columns[AMBIENT], coldest_at_start(temperatures))
-    turning = filled(np.abs(columns[SPEED]), 0.0) if speed else np.zeros(rows)
+    turning = filled(np.abs(columns[SPEED]), 0.0) if SPEED in wanted else np.zeros(rows)
     return State(period=period, temperatures=temperatures, speed=turning, ambient=ambient)

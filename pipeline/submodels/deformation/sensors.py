@@ -148,25 +148,15 @@ class SensorModel:
     def expected(self, vector: Floats, sensor: int, gone: frozenset[int]) -> Floats:
         """Temperature of one sensor as the others say [degC].
 
-        Parameters
-        ----------
-        vector : ndarray, shape (T, C (1 + L))
-            Of :func:`lagged`.
-        sensor : int
-            Which.
-        gone : frozenset of int
-            Sensors that are not read either.
-
-        Returns
-        -------
-        ndarray, shape (T,)
+        ``vector`` is that of :func:`lagged`, (T, C (1 + L)); sensors ``gone`` are not read either.
+        Shape (T,).
         """
         mean = self._arrays[0]
-        used, weights, _ = self._regression(sensor, gone)
+        used, weights, _ = self.regression(sensor, gone)
         result: Floats = mean[sensor] + (vector[:, used] - mean[used]) @ weights
         return result
 
-    def _regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
+    def regression(self, sensor: int, gone: frozenset[int]) -> tuple[Ints, Floats, float]:
         """Columns that a sensor's expectation rests on, their weights, and what is left [K]."""
         key = (sensor, gone - {sensor})
         if key not in self._regressions:
@@ -210,10 +200,7 @@ class SensorModel:
 
         A jump counts where the sample after it is there too, unless it need not be ``kept``.
 
-        Returns
-        -------
-        smoothed, jumps : ndarray, shape (T, S)
-            Not negative.
+        Shape (T, S), not negative.
         """
         time, found = self.period_s * np.arange(len(vector)), self.departures(vector, gone)
         unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
@@ -238,7 +225,7 @@ class SensorModel:
         With fewer sensors to rest on an expectation errs more, and so much more is tolerated.
         """
         more = np.array([
-            self._regression(k, gone)[2] / self._regression(k, frozenset())[2]
+            self.regression(k, gone)[2] / self.regression(k, frozenset())[2]
             for k in range(len(self.sensors))
         ])  # fmt: skip
         smoothed, jumps = self.sizes(vector, gone, kept)
@@ -371,9 +358,7 @@ def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = (
 
     ``held_s`` says of each sensor how long it may show one value, ``settings`` unless given.
 
-    Returns
-    -------
-    ndarray of bool, shape (T, S)
+    Shape (T, S).
     """
     values = state.temperatures
     low, high = settings.range_degC
@@ -424,15 +409,6 @@ def fit_sensors(
 
     The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
     exceed it are replaced in their recording, and all is found anew.
-
-    Parameters
-    ----------
-    profiles : sequence of Profile
-        Of training.
-    sensors : sequence of str
-        Names from front to rear.
-    settings : SensorSettings
-        Of the check.
 
     Raises
     ------
@@ -487,10 +463,7 @@ def lone_steps(steps: Sequence[Floats]) -> list[Floats]:
     Each is the least distance from zero and from a multiple of any other sensor's step; the
     multiple is the L1 regression over all recordings, which a few jumps do not move.
 
-    Returns
-    -------
-    list of ndarray, shape (T, S)
-        Not negative.
+    Shape (T, S), not negative.
     """
     every, many = np.vstack(steps), steps[0].shape[1]
     found = [np.abs(one) for one in steps]
@@ -609,12 +582,7 @@ def _largest_departures(
 ) -> tuple[Floats, Floats, SensorModel]:
     """Largest departure and jump in each recording under a model of the others; that of all.
 
-    Returns
-    -------
-    largest, jumps : ndarray, shape (recordings, S)
-        [K].
-    model : SensorModel
-        Of all recordings, without tolerances.
+    Both of shape (recordings, S) [K].
     """
     vectors, blank = [lagged(s, settings.lags_s) for s in states], _blank(states, sensors, settings)
     largest, jumps = np.zeros((2, len(vectors), len(sensors)))
@@ -641,13 +609,7 @@ def _fitted(
 
 
 def _tolerance(largest: Floats, sound: Bools, settings: SensorSettings) -> tuple[float, ...]:
-    """Several times the usual largest value of each sensor; one that was never sound is erratic.
-
-    Returns
-    -------
-    tuple of float, length S
-        [K].
-    """
+    """Several times the usual largest value of each sensor; one that was never sound is erratic."""
     usual = np.ma.median(np.ma.array(largest, mask=~sound), axis=0).filled(np.nan)
     found = np.maximum(settings.times * usual, settings.least_K)
     found = np.where(np.isnan(found), 2 * COMPARABLE * np.nanmedian(found), found)

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import LeftOut
+from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.schema.store import read_json, write_json
@@ -191,8 +191,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> DeformationModel:
         """Every method fitted on the training recordings; the one that serves is named."""
-        training, wanted = cases.of("training"), settings.deformation_records
-        fitting = settings.deformation_fit
+        training = cases.of("training")
         if len(training) < FEWEST_PROFILES and cases.left_out:
             first, more = cases.left_out[0], len(cases.left_out) - 1
             others = f", and {more} more are of no use" if more else ""
@@ -200,40 +199,25 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                 f"{len(training)} training recordings of growth are of use, {FEWEST_PROFILES} are "
                 f"the least; {first.case}: {first.reason}{others}"
             )
-        found = fit_growth([c.load() for c in training], list(wanted.temperatures), fitting)
-        documents = {
-            name: tuple(one.document() for one in ensemble.members)
-            for name, ensemble in found.ensembles.items()
-        }
-        write_json(MethodsFile(documents=documents), folder / "methods.json")
-        return DeformationModel(
+        head = Model(
             submodel=self.name,
             machine=settings.identity.name,
             origin=settings.identity.origin,
-            parameters={"": found.parameters},
+            parameters={},
             trained_on=tuple(case.training for case in training),
             left_out=cases.left_out,
             conditions=conditions_of(training),
-            sensors=found.sensors,
-            inputs=found.inputs,
-            uses_speed=wanted.speed is not None,
-            uses_ambient=wanted.ambient is not None,
-            champion=found.champion,
-            compared=found.compared,
-            treatment=found.treatment,
-            training_faults=found.faults,
-            later_starts=found.later_starts,
-            learnt=found.learnt,
-            widening=fitting.widening,
-            rate_s=fitting.rate_s,
-            steady_K_h=fitting.steady_K_h,
-            bands=found.bands,
-            adaptive_step=found.adaptive_step,
-            probe_delay_s=fitting.probe_delay_s,
-            second=found.second,
-            agreement_um=found.agreement_um,
-            places=wanted.places,
         )
+        model = fit_growth(
+            head, [c.load() for c in training], settings.deformation_records,
+            settings.deformation_fit,
+        )  # fmt: skip
+        documents = {
+            name: tuple(one.document() for one in ensemble.members)
+            for name, ensemble in model.ensembles.items()
+        }
+        write_json(MethodsFile(documents=documents), folder / "methods.json")
+        return model.file
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of recordings."""
@@ -271,7 +255,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
         file = read_json(folder / "model.json", DeformationModel)
         t = file.sensors.period_s * np.arange(10.0)
         middle = {name: np.full(10, 0.5 * (one.low + one.high))
-                  for name, one in file.learnt.items() if name in columns_needed(file)}  # fmt: skip
+                  for name, one in file.learnt.items() if name in file.channels}  # fmt: skip
         return pd.DataFrame({"t": t, **middle})
 
     def page(self, shown: Shown[DeformationModel]) -> Any:
@@ -295,12 +279,6 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
     return lambda: profile
 
 
-def columns_needed(file: DeformationModel) -> list[str]:
-    """Columns of a table that the model serves, beside the time."""
-    ambient = [AMBIENT] if file.uses_ambient else []
-    return [*file.sensors.sensors, *ambient, *([SPEED] if file.uses_speed else [])]
-
-
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
     """State of a table.
 
@@ -319,8 +297,7 @@ def _state(table: pd.DataFrame, file: DeformationModel) -> State:
             f"two rows of the input are {worst:g} s apart, {period:g} s were learnt: give rows "
             "every so often"
         )
-    ambient = [AMBIENT] if file.uses_ambient else []
-    return state_of_table(table, [*file.sensors.sensors, *ambient], period, speed=file.uses_speed)
+    return state_of_table(table, file.channels, period)
 
 
 def refuse_unlearnt(state: State, file: DeformationModel) -> None:
@@ -332,14 +309,7 @@ def refuse_unlearnt(state: State, file: DeformationModel) -> None:
         When a temperature or the speed lies beyond the learnt range by more than its declared
         widening; the message names the channel and the value.
     """
-    channels: dict[str, Floats] = {
-        name: state.temperatures[:, k] for k, name in enumerate(file.sensors.sensors)
-    }
-    if file.uses_ambient:
-        channels[AMBIENT] = state.ambient
-    if file.uses_speed:
-        channels[SPEED] = state.speed
-    for name, values in channels.items():
+    for name, values in file.values(state).items():
         learnt = file.learnt.get(name)
         if learnt is None:
             continue

@@ -2,7 +2,6 @@
 
 The network (:mod:`pipeline.thermal.network`) is fitted to the clean state table of training days in
 [degC] and SI units; a forest corrects it where days left out say that it helps (Twin2026).
-``sensor`` tells the step of the temperature's sensor.
 """
 
-__all__ = ["sensor", "submodel", "transfer"]
+__all__ = ["fit", "submodel", "transfer"]

@@ -61,16 +61,7 @@ def days_left_out(
 ) -> dict[str, DayRuns]:
     """Each training day as models of the others predict it; empty with fewer than two days.
 
-    Parameters
-    ----------
-    cases : sequence of Case
-        Training days.
-    pieces : sequence of StateSegment
-        Their stretches, as the model was fitted on.
-    recipe : Recipe
-        How the model was made.
-    settings : IntervalSettings
-        Says how many groups of days are left out.
+    ``pieces`` are the stretches of the training days as the model was fitted on them.
     """
     groups = list(splits(sorted({piece.day for piece in pieces}), settings.folds))
     models = mapped(
@@ -98,17 +89,6 @@ def forest_of(
 
     It has to lower the squared error in windows of these days significantly
     (:func:`~pipeline.submodels.statistics.gains`).
-
-    Parameters
-    ----------
-    days : mapping of str to DayRuns
-        Of :func:`days_left_out`.
-    used : sequence of str
-        Training days.
-    data : Examples
-        That the forest is fitted on.
-    records : SpindleRecords
-        Signals that it looks at.
     """
     runs = [day.windows for day in days.values()]
     with_forest = _squares(runs, [run.predicted for run in runs])
@@ -143,16 +123,7 @@ def calibrated(
 ) -> SpindleIntervals | None:
     """Prediction intervals by state and horizon; None with fewer than two training days.
 
-    Parameters
-    ----------
-    days : mapping of str to DayRuns
-        Of :func:`days_left_out`.
-    settings : IntervalSettings
-        How the intervals are made.
-    window_s : float
-        Length of a window, after which a measured temperature is known [s].
-    forest_used : bool
-        Whether the forest corrects the network.
+    ``window_s`` [s] is the length of a window, after which a measured temperature is known.
     """
     if len(days) < 2:
         return None

@@ -113,18 +113,8 @@ def runs_of(
 ) -> DayRuns | None:
     """A day in windows and as a free run; None where speed, load and temperature are never known.
 
-    Parameters
-    ----------
-    model : SpindleModel
-        That predicts.
-    state : DataFrame
-        State table of the day.
-    day : str
-        Its date.
-    window_s, bridge_s : float
-        Length of a window, and how long unknown inputs are held in windows [s].
-    intervals : SpindleIntervals
-        Says how regimes of the prediction interval are parted.
+    ``window_s`` and ``bridge_s`` [s] are the length of a window, and how long unknown inputs are
+    held in windows; ``intervals`` says how regimes of the prediction interval are parted.
     """
     whole = list(stretches(model, state, day, np.inf))
     if not whole:
@@ -207,18 +197,7 @@ def predicted_day(
 ) -> Prediction:
     """A day in windows and as a free run; nothing where it is no working day.
 
-    Parameters
-    ----------
-    model : SpindleModel
-        That serves.
-    case : Case
-        The day.
-    limits : SpindleLimits
-        How days are judged.
-    intervals : SpindleIntervals or None
-        Half widths of the 90 % intervals.
-    tried : SpindleModel or None
-        The network with its forest where the forest is not used: shown beside it.
+    ``tried`` is the network with its forest where the forest is not used: shown beside it.
     """
     state = case.load()
     whole = list(stretches(model, state, case.name, np.inf))

@@ -12,8 +12,13 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.signals.windows import StateSegment
-from pipeline.submodels.spindle.fit import Problem, SpindleFit, SpindleFitSettings, structure_of
-from pipeline.submodels.spindle.sensor import sensor_step
+from pipeline.submodels.spindle.fit import (
+    Problem,
+    SpindleFit,
+    SpindleFitSettings,
+    sensor_step,
+    structure_of,
+)
 from pipeline.submodels.statistics import LEVEL
 from pipeline.thermal.network import SOURCES, first_order
 from pipeline.twin import spindle
@@ -31,14 +36,7 @@ def with_doubt(
 ) -> SpindleFit:
     """A fit with the intervals of its sources over all that the records bear.
 
-    Parameters
-    ----------
-    fit : SpindleFit
-        Of the network that was chosen.
-    others : mapping of str to SpindleFit
-        Of those that hours left out cannot tell from it.
-    pieces, records, settings
-        Of the fit.
+    ``others`` are the networks that hours left out cannot tell from it.
     """
     said = residuals_say(fit, pieces, records, settings)
     intervals, left_out = dict(fit.intervals), dict(fit.left_out)

@@ -257,7 +257,6 @@ class SpindleFit:
     names: tuple[str, ...]
     values: Floats
     uncertainty: Uncertainty
-    cost: float
     rmse_K: float
     evaluations: int
     left_out: dict[str, str] = field(default_factory=dict)
@@ -299,7 +298,6 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
         names=tuple(problem.names),
         values=best.x,
         uncertainty=replace(uncertainty, half_width=uncertainty.half_width * problem.widening()),
-        cost=float(best.cost),
         rmse_K=float(np.sqrt(np.mean(r**2))),
         evaluations=sum(end.nfev for end in ends) * (len(problem.names) + 1),
     )
@@ -413,3 +411,19 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     widest = np.log(3) if name in LOGARITHMIC else 5.0
     inside = low + 1e-3 < fit.values[i] < high - 1e-3
     return bool(fit.uncertainty.half_width[i] < widest and inside)
+
+
+def sensor_step(measured: Floats) -> float:
+    """Step between the values that a sensor shows [K]: those it shows for 1 % of the time or more.
+
+    Values between them are of the interpolation between two observations.
+
+    Examples
+    --------
+    >>> sensor_step(np.array([20.0] * 50 + [20.3, 20.7] + [21.0] * 50))
+    1.0
+    """
+    values, count = np.unique(np.round(measured[np.isfinite(measured)], 3), return_counts=True)
+    often = values[count >= 0.01 * count.sum()]
+    steps = np.diff(often if len(often) > 1 else values)
+    return float(round(steps.min(), 3)) if len(steps) else 0.0

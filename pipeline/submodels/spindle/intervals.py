@@ -37,14 +37,7 @@ class IntervalSettings(Ranged, section="spindle_interval"):
 def state_words(physics: Floats, step: float, how: SpindleIntervals) -> Labels:
     """Whether a temperature warms, cools or is steady at each step, (T,), from its past.
 
-    Parameters
-    ----------
-    physics : ndarray, shape (T,)
-        Free run of the network [degC].
-    step : float
-        [s].
-    how : SpindleIntervals
-        Says over which time and how fast.
+    ``physics`` (T,) is the free run of the network [degC], ``step`` in s.
     """
     at = np.arange(len(physics))
     before = np.maximum(at - max(round(how.trend_s / step), 1), 0)
@@ -73,18 +66,8 @@ def regimes(
 ) -> Labels:
     """Regime of the prediction interval at each step, (T,): state, then horizon.
 
-    Parameters
-    ----------
-    physics : ndarray, shape (T,)
-        Free run of the network [degC].
-    since : ndarray, shape (T,)
-        Time since the last measured temperature that the prediction looks at [s].
-    step : float
-        [s].
-    how : SpindleIntervals
-        Says what is warming and cooling.
-    edges : tuple of float
-        Of the horizons [s].
+    ``physics`` (T,) is the free run of the network [degC], ``since`` (T,) the time since the last
+    measured temperature that the prediction looks at [s], ``edges`` those of the horizons [s].
     """
     states = state_words(physics, step, how)
     return np.char.add(np.char.add(states, ", "), horizon_words(since, edges)).astype(str)
@@ -95,16 +78,8 @@ def with_interval(
 ) -> pd.DataFrame:
     """A served free run with its 90 % interval, ``low`` and ``high`` [degC].
 
-    Parameters
-    ----------
-    served : DataFrame
-        ``spindle_temperature`` and ``physics`` [degC] by step.
-    step : float
-        [s].
-    how : SpindleIntervals
-        Half widths by regime.
-    factor : float
-        On them, beyond the conditions that were learnt [1].
+    ``served`` holds ``spindle_temperature`` and ``physics`` [degC] by ``step`` [s]; ``factor`` on
+    the half widths counts conditions beyond those that were learnt [1].
     """
     physics = served["physics"].to_numpy(float)
     since = np.arange(len(physics), dtype=np.float64) * np.float64(step)

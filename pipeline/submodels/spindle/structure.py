@@ -27,11 +27,11 @@ from pipeline.submodels.spindle.fit import (
     excited,
     fit_network,
     is_determined,
+    sensor_step,
     solve,
     structure_of,
     window_errors,
 )
-from pipeline.submodels.spindle.sensor import sensor_step
 from pipeline.submodels.statistics import LEVEL, gains
 from pipeline.twin import spindle
 
@@ -55,17 +55,7 @@ class Hours:
 def hours_of(
     pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
 ) -> Hours:
-    """Windows that start from a measured temperature, with the sources that each excites.
-
-    Parameters
-    ----------
-    pieces : sequence of StateSegment
-        Stretches of the training days.
-    sources : sequence of str
-        Whose excitation is looked at.
-    settings : SpindleFitSettings
-        Says how long a window is.
-    """
+    """Windows that start from a measured temperature, with the sources that each excites."""
     at, means = [], []
     for number, piece in enumerate(pieces):
         length = max(round(settings.window_s / piece.step), 1)
@@ -288,13 +278,9 @@ def identify_spindle_network(
     nodes, their limit of a nearly massless winding is tried too, and two nodes have to gain on it.
     The coolant, where it is recorded, becomes a sink on the same condition.
 
-    Returns
-    -------
-    fit : SpindleFit
-        On all ``pieces``, with the networks that are as good and the intervals over all of them.
-    scores : dict of str to float
-        RMSE [K] on days left out, by network, with ``" with coolant"`` for that sink and
-        ``", hours"`` on hours left out; empty when there was nothing to choose.
+    Beside the fit on all ``pieces``, with the networks that are as good and the intervals over all
+    of them, stand the RMSE [K] on days left out by network, with ``" with coolant"`` for that sink
+    and ``", hours"`` on hours left out; empty when there was nothing to choose.
     """
     plain = replace(records, coolant=False)
     if set(settings.nodes) == {1} and not records.coolant:

@@ -40,10 +40,10 @@ from pipeline.submodels.spindle.fit import (
     SpindleFit,
     SpindleFitSettings,
     is_determined,
+    sensor_step,
 )
 from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
 from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
-from pipeline.submodels.spindle.sensor import sensor_step
 from pipeline.submodels.spindle.structure import FEWEST_DAYS, identify_spindle_network
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import NODES, load_forest, save_forest

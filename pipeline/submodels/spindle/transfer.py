@@ -109,24 +109,9 @@ def transfer(
 ) -> Transfer:
     """Error on days not used against minutes of the sibling's own record.
 
-    Parameters
-    ----------
-    golden : SpindleModelFile
-        Model of the golden machine.
-    machine, origin : str
-        The sibling, and of which kind its records are.
-    pieces : sequence of StateSegment
-        Of the sibling's training days, in the order of time.
-    judged : sequence of StateSegment
-        Of its days that are not used.
-    own : SpindleRecords
-        Signals that the sibling records.
-    resolution_K : float
-        Step of its temperature sensor [K].
-    fitting : SpindleFitSettings
-        Of a network.
-    settings : TransferSettings
-        Of the pooling.
+    ``pieces`` are the sibling's training days in the order of time, ``judged`` the days that are
+    not used, ``own`` the signals that it records, ``resolution_K`` the step of its temperature
+    sensor [K].
 
     Raises
     ------
@@ -195,16 +180,8 @@ def pooled_network(
 ) -> SpindleThermalParameters:
     """The network of maximum posterior: the golden machine's, moved by the sibling's record.
 
-    Parameters
-    ----------
-    golden : SpindleModelFile
-        Whose parameters and intervals are the prior.
-    pieces : sequence of StateSegment
-        The sibling's record.
-    settings : TransferSettings
-        Variance between machines.
-    correlation_s : float
-        Residuals hang together this long: so much of a record counts as one measurement [s].
+    Parameters and intervals of the golden machine are the prior.  Residuals hang together over
+    ``correlation_s`` [s]: so much of a record counts as one measurement.
     """
     from scipy.optimize import least_squares
 
@@ -304,13 +281,6 @@ def leader(points: Sequence[TransferPoint], resolution_K: float) -> str:
     """Which parameters lead by more than the sensor's resolution, there and at all longer records.
 
     One record length shows nothing: a lead needs a longer record that confirms it.
-
-    Parameters
-    ----------
-    points : sequence of TransferPoint
-        By rising length of the record.
-    resolution_K : float
-        Step of the sensor [K].
     """
     for number, point in enumerate(points[:-1]):
         for name in METHODS:

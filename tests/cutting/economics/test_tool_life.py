@@ -1,12 +1,10 @@
-"""Tool life: Taylor's textbook numbers, damage that adds up, optima against a numerical search."""
+"""Tool life: Taylor's textbook numbers and damage that adds up."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.optimize import minimize_scalar
 
-from pipeline.cutting.economics.cost import CostRates, part_cost
 from pipeline.cutting.economics.tool_life import (
     Taylor,
     cutting_speed,
@@ -15,7 +13,7 @@ from pipeline.cutting.economics.tool_life import (
     wear,
     wear_ends,
 )
-from tests.cutting.closed_forms import minimum_cost_speed, speed_for_life
+from tests.cutting.closed_forms import speed_for_life
 
 MINUTE = 60.0
 CARBIDE = Taylor(n=0.25, C_m_min=500.0)
@@ -142,42 +140,3 @@ def test_a_population_is_each_of_its_members() -> None:
     for row in range(7):
         one = wear(EXTENDED, times[row], v_c[row], {"f_z": at["f_z"][row], "a_p": at["a_p"]}).sum()
         assert together[row] == pytest.approx(float(one), rel=1e-14)
-
-
-@given(exponents, constants, st.floats(5.0, 1200.0), st.floats(0.01, 500.0), st.floats(1.0, 300.0))
-def test_closed_forms_of_the_optimum_agree_with_a_search_of_the_whole_cost(
-    n: float, C: float, change: float, price: float, rate_h: float
-) -> None:
-    """The search knows only part_cost; its minimum in log V is flat, so 1e-6 needs xtol 1e-9.
-
-    Brent finds a minimum within the root of the rounding over the curvature, here below 1e-7.
-    """
-    taylor = Taylor(n=n, C_m_min=C)
-    rates = CostRates(currency="EUR", labour_per_h=rate_h, tool_change_min=change / MINUTE)
-
-    def cost(log_speed: float, life_price: float) -> float:
-        speed = np.exp(log_speed)
-        times = 1000.0 / speed  # a way of 1000 m of cut
-        share = wear(taylor, [times], [speed])
-        return float(part_cost(rates, times=[times], wear=share, life_prices=life_price).total)
-
-    for life_price, closed in (
-        (price, minimum_cost_speed(taylor, change, price, rates.per_second)),
-        # without a price, time is all that counts
-        (0.0, minimum_cost_speed(taylor, change, 0.0, 1.0)),
-    ):
-        middle = np.log(closed)
-        found = minimize_scalar(
-            cost, bracket=(middle - 0.7, middle + 0.1, middle + 0.9), args=(life_price,),
-            tol=1e-9,
-        )  # fmt: skip
-        assert np.exp(found.x) == pytest.approx(closed, rel=1e-6)
-
-
-def test_the_cheapest_speed_is_never_above_the_fastest() -> None:
-    fast = minimum_cost_speed(CARBIDE, 120.0, 0.0, 1.0)
-    cheap = minimum_cost_speed(CARBIDE, 120.0, 5.0, 0.01)
-    assert cheap < fast
-    assert life(CARBIDE, fast) == pytest.approx(3 * 120.0, rel=1e-12)  # (1/n - 1) T_c
-    assert fast * MINUTE == pytest.approx(319.5, abs=0.05)
-    assert minimum_cost_speed(CARBIDE, 0.0, 0.0, 1.0) == np.inf

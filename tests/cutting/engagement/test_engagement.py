@@ -10,7 +10,18 @@ from pipeline.cutting.engagement.engagement import ToolPath, engage, engaged_arc
 from pipeline.cutting.engagement.height_map import height_map
 from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.tool import Tool
-from tests.cutting.tool_paths import BALL, BULL_NOSE, DRILL, FLAT, MM, TURN, block, through
+from tests.cutting.tool_paths import (
+    BALL,
+    BULL_NOSE,
+    DRILL,
+    FLAT,
+    MM,
+    TURN,
+    arcs,
+    block,
+    radial_depth,
+    through,
+)
 
 WIDE = Tool(kind="flat", diameter_mm=200, flutes=8)
 
@@ -33,7 +44,7 @@ def test_a_path_that_meets_nothing_has_no_station(points, tool) -> None:
     found, left = engage(path, [tool], stock)
     assert len(found) == 0 and found.blocks == 1
     np.testing.assert_array_equal(left.heights, stock.heights)
-    assert found.axial_depth.shape == found.entry.shape == (0,)
+    assert found.axial_depth.shape == arcs(found)[0].shape == (0,)
 
 
 def test_a_path_without_pieces() -> None:
@@ -63,7 +74,7 @@ def test_a_tool_wider_than_the_stock_takes_all_of_it() -> None:
     assert np.all(left.heights == np.float32(-2 * MM))
     # in the middle of its way the rim is in the stock ahead: over 40 mm across its front
     k = np.argmax(found.volume)
-    assert found.radial_depth([WIDE])[k] == pytest.approx(40 * MM, rel=0.02)
+    assert radial_depth(found, WIDE)[k] == pytest.approx(40 * MM, rel=0.02)
 
 
 def test_a_rapid_through_material_cuts_and_is_marked() -> None:

@@ -6,7 +6,19 @@ import pytest
 from pipeline.cutting.engagement.engagement import Engagement, engage
 from pipeline.cutting.tool import Tool
 from tests.cutting.exact_engagement import engaged_height, surface
-from tests.cutting.tool_paths import BALL, BULL_NOSE, DRILL, FLAT, MM, TURN, block, cleared, through
+from tests.cutting.tool_paths import (
+    BALL,
+    BULL_NOSE,
+    DRILL,
+    FLAT,
+    MM,
+    TURN,
+    arcs,
+    block,
+    cleared,
+    radial_depth,
+    through,
+)
 
 R = 5.0
 RESOLUTIONS = 0.4, 0.2, 0.1
@@ -34,18 +46,18 @@ def test_a_slot_is_engaged_over_the_whole_front(angle: float, resolution: float)
     assert found.length[0] == pytest.approx(24 * MM)
     np.testing.assert_allclose(found.upper[0, :36], 3 * MM, rtol=1e-6)
     assert not found.lower.any() and not found.upper[0, 36:].any()
-    assert (found.entry[0], found.exit[0]) == pytest.approx((0, np.pi), abs=1e-6)
+    assert np.ravel(arcs(found)) == pytest.approx((0, np.pi), abs=1e-6)
     assert found.axial_depth[0] == pytest.approx(3 * MM, rel=1e-6)
-    assert found.radial_depth([FLAT])[0] == pytest.approx(10 * MM, rel=1e-6)
+    assert radial_depth(found, FLAT)[0] == pytest.approx(10 * MM, rel=1e-6)
 
 
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("radial_depth", [0.1, 0.5, 1.0, 3.0, 5.0, 8.0])
-def test_a_shoulder_ends_at_acos(radial_depth: float, backwards: bool, direction: int) -> None:
-    ends = np.array([[-10, R - radial_depth, -2], [70, R - radial_depth, -2]])
+@pytest.mark.parametrize("wide", [0.1, 0.5, 1.0, 3.0, 5.0, 8.0])
+def test_a_shoulder_ends_at_acos(wide: float, backwards: bool, direction: int) -> None:
+    ends = np.array([[-10, R - wide, -2], [70, R - wide, -2]])
     path = through(ends[::-1] if backwards else ends, direction=direction)
-    immersion = np.arccos(1 - 2 * radial_depth / 10)
+    immersion = np.arccos(1 - 2 * wide / 10)
     # material on the right with M3: the tooth leaves it where it moves against the feed
     down = (direction > 0) != backwards
     errors = []
@@ -53,7 +65,7 @@ def test_a_shoulder_ends_at_acos(radial_depth: float, backwards: bool, direction
         stock = block(y=(-20, 0), z=(-5, 0), resolution=resolution)
         found, _ = engage(path, [FLAT], stock)
         k = longest(found)
-        begin, end = found.entry[k], found.exit[k]
+        begin, end = (one[k] for one in arcs(found))
         inner, outer = (begin, end) if down else (np.pi - begin, np.pi - end)[::-1]
         errors.append(abs(inner - (np.pi - immersion)))
         # at the outer end hardly a column is met: a step at the stock's edge that was joined shows
@@ -101,7 +113,7 @@ def circle_errors(resolution: float) -> np.ndarray:
     turn = np.linspace(0, np.pi, 200)
     path = through(np.c_[way * np.cos(turn), way * np.sin(turn), np.full(200, -2)])
     found, _ = engage(path, [FLAT], stock)
-    assert found.exit[60] == pytest.approx(np.pi, abs=1e-6)
+    assert arcs(found)[1][60] == pytest.approx(np.pi, abs=1e-6)
     # the rim is outside of the cleared circle up to this angle from the outward direction
     engaged = np.arccos((cleared_to**2 - way**2 - R**2) / (2 * way * R))
     settled = found.piece > 40

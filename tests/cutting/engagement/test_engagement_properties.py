@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage
 from pipeline.cutting.tool import Tool
-from tests.cutting.tool_paths import BALL, BULL_NOSE, DRILL, FLAT, MM, block, through
+from tests.cutting.tool_paths import BALL, BULL_NOSE, DRILL, FLAT, MM, arcs, block, through
 
 BOX = {"x": (-20, 20), "y": (-20, 20), "z": (-10, 0), "resolution": 0.4}
 COORDINATE = st.floats(-30, 30).map(lambda value: round(value, 3))
@@ -63,8 +63,9 @@ def test_stations_lie_on_their_pieces_in_order(points, tool) -> None:
     assert np.all(found.lower >= 0) and np.all(found.upper >= found.lower)
     fed = np.bincount(found.block, found.length, found.blocks)
     assert np.all(fed <= path.length * (1 + 1e-9) + 1e-12)
-    arcs = found.exit - found.entry
-    assert np.all(np.isnan(arcs) | ((arcs > 0) & (arcs <= 2 * np.pi + 1e-9)))
+    begin, end = arcs(found)
+    arc = end - begin
+    assert np.all(np.isnan(arc) | ((arc > 0) & (arc <= 2 * np.pi + 1e-9)))
 
 
 @settings(deadline=None)

@@ -10,11 +10,10 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.engagement.immersions import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.directional import RegenerativeCut
 from pipeline.cutting.stability.margins import MOST, ROUNDED, margin, stability_table
 from pipeline.cutting.stability.semi_discretisation import least_depth
 from pipeline.cutting.tool import Tool
-from tests.cutting.chatter import X, Y, depth_limits
+from tests.cutting.chatter import X, Y, depth_limits, regenerative_cut
 from tests.cutting.zero_order import lobes
 
 LAW = ForceLaw.linear(K_tc=600.0, K_rc=200.0, K_te=20.0, K_re=20.0)
@@ -53,7 +52,7 @@ def table(program: Immersions = PROGRAM, nodes_rpm=NODES, **options):
 def limit_of(row: tuple, rpm: np.ndarray) -> np.ndarray:
     """Depth limit of a row's own cut, without classes."""
     _, tool, depth, entry, exit, feed, direction = row
-    cut = RegenerativeCut.of(
+    cut = regenerative_cut(
         LAW, (TWO, FOUR)[tool], entry=np.deg2rad(entry), exit=np.deg2rad(exit),
         feed_direction=np.deg2rad(feed), direction=direction,
     )  # fmt: skip
@@ -152,7 +151,7 @@ def test_a_ball_is_judged_by_the_part_of_its_edge_that_cuts(K_ac: float) -> None
         np.repeat(nodes[:, None], 24, axis=1)
     )
     cuts = [
-        RegenerativeCut.of(law, ball, entry=e, exit=pi, feed_direction=np.deg2rad(20),
+        regenerative_cut(law, ball, entry=e, exit=pi, feed_direction=np.deg2rad(20),
                            heights=(a, a + d))
         for a, d, e in zip(low, deep, entry, strict=True)
     ]  # fmt: skip
@@ -206,15 +205,15 @@ def test_flip_lobes_count() -> None:
     found = stability_table(
         stations([row], 1), [[X]], [LAW], [TWO], nodes_rpm=[14_000.0]
     ).margins([14_000.0])[0]  # fmt: skip
-    cut = RegenerativeCut.of(LAW, TWO, entry=pi / 2, exit=pi)
-    assert lobes([X], cut, [14_000 / 60]).depth_limit[0] > 1.7 * (found + 1) * 2e-3
+    cut = regenerative_cut(LAW, TWO, entry=pi / 2, exit=pi)
+    assert lobes([X], cut, [14_000 / 60])[0] > 1.7 * (found + 1) * 2e-3
 
 
 def test_speeds_too_slow_for_cells_have_the_least_depth() -> None:
     """At 2 rpm some 14 000 waves lie within a cut."""
     row = (0, 0, 1.0, 0, 180, 0, 1)
     found = table(stations([row], 1), [2.0]).margins([2.0])[0]
-    cut = RegenerativeCut.of(LAW, TWO, entry=0.0, exit=pi)
+    cut = regenerative_cut(LAW, TWO, entry=0.0, exit=pi)
     assert found == pytest.approx(ROUNDED * least_depth(TIP, cut) / 1e-3 - 1, rel=1e-9)
 
 

@@ -138,7 +138,7 @@ def test_complex_modes_are_on_the_safe_side(damper: float) -> None:
     found = fit_modes([tip])
     speeds = np.linspace(3000, 20_000, 120) / 60
     for cut in (SLOT, DOWN, UP):
-        of_fit, of_response = (lobes(one, cut, speeds).depth_limit for one in (found.modes, tip))
+        of_fit, of_response = (lobes(one, cut, speeds) for one in (found.modes, tip))
         over = of_fit / of_response
         assert over.max() < 1.02 and over.min() > 0.96 - 2 * found.error
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.tool import Tool
 from pipeline.schema.cutting import CutConditions
+from pipeline.submodels.cutting.identify import CuttingIdentification, identify_cutting_force
 from pipeline.submodels.cutting.recordings import CuttingRecording, steady_revolution
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup, Dynamometer
 from tests.submodels.cutting.milling import Truth, milled
@@ -62,3 +63,13 @@ def recordings(
     """All tests of a series."""
     random = np.random.default_rng(seed)
     return [recording(truth, one, k, random, zero) for k, one in enumerate(tests)]
+
+
+@cache
+def identified(truth: Truth, tests: tuple[Test, ...], seed: int = 0) -> CuttingIdentification:
+    """What is identified from all tests of a series."""
+    return identify_cutting_force(recordings(truth, tests, seed), known_of(truth), SETTINGS)
+
+
+SLOT = Truth(flutes=2, runout=0.004, runout_angle=0.0, natural=(1900.0, 1500.0, 2600.0))
+SLOTS: tuple[Test, ...] = tuple((6000.0, f, 2.0, 0.0, np.pi) for f in (0.05, 0.1, 0.15))

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.submodels.cutting.spindle_load.levels import LoadLog, LoadScale
 
 RATED_W = 15e3
@@ -12,7 +13,10 @@ K_TC, K_TE = 800e6, 20e3
 D, FLUTES = 12e-3, 3
 
 
-SCALE = LoadScale(rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60)
+DRIVE = SpindleDrive(
+    rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60, top_speed_rpm=12e3
+)  # fmt: skip
+SCALE = LoadScale(drive=DRIVE)
 
 
 def free_power(n: np.ndarray) -> np.ndarray:
@@ -66,19 +70,7 @@ def cut_rates(
     *, flutes: ArrayLike, diameter: ArrayLike, n: ArrayLike, f_z: ArrayLike, a_p: ArrayLike,
     phi_st: ArrayLike, phi_ex: ArrayLike,
 ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Removal rate [m^3/s] and edge rate [m^2/s] of a cut with constant engagement.
-
-    Parameters
-    ----------
-    flutes : array_like
-        Number of teeth.
-    diameter, f_z, a_p : array_like
-        Of the tool, feed for each tooth, axial depth [m].
-    n : array_like
-        Spindle speed [rev/s].
-    phi_st, phi_ex : array_like
-        Where teeth enter and leave [rad].
-    """
+    """Removal rate [m^3/s] and edge rate [m^2/s] of a cut with constant engagement; in SI."""
     teeth, D, speed = (np.asarray(v, dtype=np.float64) for v in (flutes, diameter, n))
     entry, leave = np.asarray(phi_st), np.asarray(phi_ex)
     removal = teeth * speed * np.asarray(f_z) * a_p * D / 2 * (np.cos(entry) - np.cos(leave))

@@ -12,16 +12,23 @@ from pipeline.schema.model import Model
 from pipeline.signals.recordings import Recording, Samples
 from pipeline.submodels.cutting.faults import Reference, candidates, named_faults
 from pipeline.submodels.cutting.fit import fit_waveform
-from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
+from pipeline.submodels.cutting.identify import cutting_model
 from pipeline.submodels.cutting.predictions import ForcePredictor
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics, with_revolution
 from pipeline.submodels.cutting.selection import model_of
 from pipeline.submodels.cutting.waveform import Terms
 from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
+from tests.submodels.cutting.recorded import (
+    RATE,
+    SETTINGS,
+    SLOT,
+    SLOTS,
+    clean,
+    identified,
+    known_of,
+)
 
 TRUTH = Truth(flutes=2)
-SLOTS = [(6000.0, f_z, 2.0, 0.0, np.pi) for f_z in (0.05, 0.1, 0.15)]
 QUARTERS = [(6000.0, f_z, 2.0, 0.0, np.pi / 2) for f_z in (0.05, 0.1, 0.15)]
 
 
@@ -75,13 +82,18 @@ SWAP = [[0, 1, 0], [1, 0, 0], [0, 0, 1]]
     ("change", "said"),
     [
         (SWAP, "x and y are swapped"),
-        (np.diag([1, -1, 1]), "the sign of y is turned"),
-        pytest.param(np.diag([-1, 1, 1]), "the sign of x is turned", marks=pytest.mark.proof),
-        pytest.param(1e-3 * np.eye(3), "in kN where N is stated", marks=pytest.mark.proof),
-        (np.eye(3) / 4.4482, "in lbf where N is stated"),
+        *(
+            pytest.param(change, said, marks=pytest.mark.proof)
+            for change, said in (
+                (np.diag([1, -1, 1]), "the sign of y is turned"),
+                (np.diag([-1, 1, 1]), "the sign of x is turned"),
+                (1e-3 * np.eye(3), "in kN where N is stated"),
+                (np.eye(3) / 4.4482, "in lbf where N is stated"),
+            )
+        ),
     ],
 )
-def test_the_fault_of_one_of_three_is_named(tests: list[Any], change: Any, said: str) -> None:
+def test_the_fault_of_one_of_three_is_named(tests: Any, change: Any, said: str) -> None:
     found = [recorded(TRUTH, one, k, change=change if k == 1 else None)
              for k, one in enumerate(tests)]  # fmt: skip
     sentences = named(found)
@@ -110,38 +122,32 @@ def test_a_speed_whose_revolution_does_not_repeat_is_named_where_it_is_left_out(
     assert "repeat with 6000 rev/min, half of what is stated" in one.reason
 
 
-@pytest.mark.parametrize(
-    ("change", "said"), [(1e-3 * np.eye(3), "kN"), (SWAP, "x and y are swapped")]
-)
-def test_of_two_recordings_both_are_doubted(change: Any, said: str) -> None:
-    found = [recorded(TRUTH, SLOTS[1], 0), recorded(TRUTH, SLOTS[2], 1, change=change)]
-    sentences = named(found)
-    assert (
-        said in sentences["1.csv"]
-        and "or that holds the other way round of 0.csv" in (sentences["1.csv"])
-    )
+def test_of_two_recordings_both_are_doubted() -> None:
+    other = recorded(TRUTH, SLOTS[2], 1, change=1e-3 * np.eye(3))
+    said = named([recorded(TRUTH, SLOTS[1], 0), other])["1.csv"]
+    assert "kN" in said and "or that holds the other way round of 0.csv" in said
 
 
-@pytest.mark.slow
-def test_the_identification_stores_the_fault_with_the_recording() -> None:
-    found = [recorded(TRUTH, one, k, change=SWAP if k == 1 else None)
-             for k, one in enumerate(SLOTS)]  # fmt: skip
-    setup = known_of(TRUTH)
-    identified = identify_cutting_force(found, setup, SETTINGS)
+def test_the_model_stores_the_fault_of_a_recording_that_was_held_out() -> None:
+    swapped = replace(recorded(SLOT, SLOTS[1], 9, change=SWAP), role="held_out")
+    sound, setup = identified(SLOT, SLOTS), known_of(SLOT)
+    found = replace(sound, recordings=[*sound.recordings, swapped])
+    for name, reference in found.references.items():
+        others = {one.name for one in sound.recordings} - {name}
+        assert set(reference.fitted_on) <= others and reference.fitted_on
     head = Model(submodel="cutting", machine="m", origin="simulated", parameters={}, trained_on=())
-    model = cutting_model(head, identified, setup, SETTINGS, None)
-    assert [bool(one.fault) for one in model.recordings] == [False, True, False]
-    prediction = ForcePredictor(model, setup, SETTINGS).prediction(found[1])
+    model = cutting_model(head, found, setup, SETTINGS, None)
+    assert [bool(one.fault) for one in model.recordings] == [False, False, False, True]
+    prediction = ForcePredictor(model, setup, SETTINGS).prediction(swapped)
     assert "x and y are swapped" in prediction.cause
 
 
-@pytest.mark.parametrize("seed", range(2))
-def test_sound_recordings_are_not_accused(seed: int) -> None:
-    _sound(seed)
+def test_sound_recordings_are_not_accused() -> None:
+    _sound(1)
 
 
 @pytest.mark.proof
-@pytest.mark.parametrize("seed", range(2, 60))
+@pytest.mark.parametrize("seed", range(60))
 def test_sound_recordings_are_not_accused_over_many_seeds(seed: int) -> None:
     _sound(seed)
 

@@ -1,7 +1,6 @@
 """Identification of a cut recovers what an independent simulation was given."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ from pipeline.submodels.cutting.recordings import cut_harmonics
 from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingSetup, Dynamometer
 from tests.submodels.cutting import recorded
 from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+from tests.submodels.cutting.recorded import SETTINGS, SLOT, SLOTS, identified, known_of, recordings
 
-SLOT = Truth(flutes=2, runout=0.004, runout_angle=0.0, natural=(1900.0, 1500.0, 2600.0))
-SLOTS = [(6000.0, f, 2.0, 0.0, np.pi) for f in (0.05, 0.1, 0.15)]
 ENDS = SLOTS[::2]
 """The least and the greatest feed, where three tell no more of the claim."""
 ROUNDED = Truth(flutes=3, runout=0.005, growth=0.008)
@@ -31,16 +28,14 @@ NAMES = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
 
 
 def determined_by(truth, tests, seed=0):
-    return _determined_by(truth, tuple(tests), seed)
+    found = identified(truth, tuple(tests), seed)
+    return {one.name: one for one in rows_of(found)}, found
 
 
-@cache
-def _determined_by(truth, tests, seed):
-    found = identify_cutting_force(recordings(truth, tests, seed), known_of(truth), SETTINGS)
-    rows = parameters(
+def rows_of(found):
+    return parameters(
         found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
     )
-    return {one.name: one for one in rows}, found
 
 
 def true_values(truth):
@@ -118,9 +113,7 @@ def test_unlike_edges_are_not_a_small_runout_where_the_waveform_tells_them_badly
     clean = recorded.clean
     monkeypatch.setattr(recorded, "clean", rippled)
     found = identify_cutting_force(recordings(UNLIKE, ENDS), known_of(UNLIKE), SETTINGS)
-    runout = parameters(
-        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
-    )[6]
+    runout = rows_of(found)[6]
     assert not runout.determined and runout.half_width > 2.0
     assert "edges of different teeth" in runout.reason
     assert "mm a tooth, at which a tooth that stands back does not cut" in runout.remedy
@@ -153,17 +146,13 @@ def test_a_helix_that_is_sought_is_found():
         dynamometer=Dynamometer(feed="x", normal="y", axial="z"),
     )  # fmt: skip
     found = identify_cutting_force(recordings(truth, SLOTS), known, SETTINGS)
-    rows = parameters(
-        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
-    )
-    helix = next(one for one in rows if one.name == "helix")
+    helix = next(one for one in rows_of(found) if one.name == "helix")
     assert helix.determined
     assert helix.value == pytest.approx(38.0, abs=1.5)
 
 
 def test_terms_that_recordings_do_not_ask_for_are_left_out():
-    truth = Truth(flutes=2, runout=0.0)
-    _, found = determined_by(truth, SLOTS)
+    _, found = determined_by(Truth(flutes=2, runout=0.0), SLOTS)
     terms = found.fit.problem.terms
     assert not terms.modes and not terms.teeth
 
@@ -201,16 +190,14 @@ def test_odd_series_give_an_answer(kind):
     """Columns that vanish or are the same make nothing fail, and no number out of nothing."""
     flutes = 1 if kind == "one tooth" else 2
     truth = Truth(flutes=flutes, runout=0.0)
-    tests = [SLOTS[0], SLOTS[0]] if kind == "the same feed twice" else SLOTS[:2]
+    tests = (SLOTS[0], SLOTS[0]) if kind == "the same feed twice" else SLOTS[:2]
     series = recordings(truth, tests)
     if kind == "no axial force":
         for one in series:
             one.cut[1].lines[:, 2] = 0.0
             one.cut[1].scatter[:, 2] = 0.0
     found = identify_cutting_force(series, known_of(truth), SETTINGS)
-    rows = parameters(
-        found.fit, found.uncertainty, found.not_sharp, SETTINGS.widest, found.mean_force
-    )
+    rows = rows_of(found)
     for one in rows[:2]:
         assert abs(one.value - true_values(truth)[one.name]) <= one.half_width
     if kind == "one tooth":

@@ -1,23 +1,35 @@
 """Kienzle's constants: exact without noise, within their intervals with it."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 from scipy.integrate import quad
 
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.schema.cutting import CutConditions
 from pipeline.submodels.cutting.kienzle import Kienzle, kienzle_by_force, kienzle_parameters
 from tests.cutting.closed_forms import edge_forces
 
 K, M = 1675.0, 0.24
-FEEDS = np.array([0.03, 0.05, 0.08, 0.12, 0.18]) * 1e-3
+FEEDS = [3e-5, 5e-5, 8e-5, 12e-5, 18e-5]
 SEEDS = 100
 
 
-def by_slots(force: ArrayLike, feeds: ArrayLike = FEEDS, **options: float) -> Kienzle:
-    return kienzle_by_force(
-        force, flutes=3, f_z=feeds, a_p=2e-3, phi_st=0.0, phi_ex=np.pi, **options
-    )
+Arc = tuple[float, float]
+SLOT = (0.0, np.pi)
+
+
+def cuts(feeds: Sequence[float], arc: Arc = SLOT, a_p: float = 2e-3) -> list[CutConditions]:
+    return [
+        CutConditions(speed=100.0, f_z=f, a_p=a_p, phi_st=arc[0], phi_ex=arc[1], flutes=3)
+        for f in feeds
+    ]
+
+
+def by_slots(force: ArrayLike, feeds: Sequence[float] = FEEDS, deviation: float = 0.0) -> Kienzle:
+    return kienzle_by_force(np.array(force), cuts(feeds), np.full(len(feeds), deviation))
 
 
 def mean_force(
@@ -36,18 +48,17 @@ def mean_force(
 def test_mean_forces_over_an_arc_give_the_law(arc: tuple[float, float], m_c: float) -> None:
     """Against an independent quadrature; 48 nodes are within 1e-8 of it."""
     forces = [mean_force(f, 2e-3, 3, *arc, m_c) for f in FEEDS]
-    found = kienzle_by_force(forces, flutes=3, f_z=FEEDS, a_p=2e-3, phi_st=arc[0], phi_ex=arc[1])
+    found = kienzle_by_force(np.array(forces), cuts(FEEDS, arc), np.zeros(5))
     assert found.k_c11 == pytest.approx(K, rel=1e-6)
     assert found.m_c == pytest.approx(m_c, abs=1e-7)
 
 
 def test_cuts_of_different_arcs_and_depths_go_together() -> None:
-    arcs = np.array([(0.0, np.pi), (0.0, 1.0), (2.2, np.pi), (0.5, 2.0), (0.0, np.pi)])
-    depths = np.array([1.0, 2.0, 3.0, 1.5, 2.5]) * 1e-3
-    forces = [mean_force(f, a, 4, *arc) for f, a, arc in zip(FEEDS, depths, arcs, strict=True)]
-    found = kienzle_by_force(
-        forces, flutes=4, f_z=FEEDS, a_p=depths, phi_st=arcs[:, 0], phi_ex=arcs[:, 1]
-    )
+    arcs = [(0.0, np.pi), (0.0, 1.0), (2.2, np.pi), (0.5, 2.0), (0.0, np.pi)]
+    depths = [1e-3, 2e-3, 3e-3, 1.5e-3, 2.5e-3]
+    each = [cuts([f], arc, a)[0] for f, a, arc in zip(FEEDS, depths, arcs, strict=True)]
+    forces = [mean_force(c.f_z, c.a_p, 3, c.phi_st, c.phi_ex) for c in each]
+    found = kienzle_by_force(np.array(forces), each, np.zeros(5))
     assert (found.k_c11, found.m_c) == pytest.approx((K, M), rel=1e-6)
 
 
@@ -58,10 +69,7 @@ def test_the_truth_is_within_the_intervals(scatter: float) -> None:
     hits = np.zeros(2)
     for seed in range(SEEDS):
         random = np.random.default_rng(seed)
-        found = kienzle_by_force(
-            exact * np.exp(scatter * random.standard_normal(len(FEEDS))),
-            flutes=3, f_z=FEEDS, a_p=2e-3, phi_st=0.0, phi_ex=np.pi,
-        )  # fmt: skip
+        found = by_slots(exact * np.exp(scatter * random.standard_normal(len(FEEDS))))
         hits += [
             low <= true <= high
             for true, (low, high) in ((K, found.k_c11_interval), (M, found.m_c_interval))
@@ -74,7 +82,7 @@ def test_intervals_are_never_narrower_than_what_is_known_of_the_forces() -> None
     exact = [mean_force(f, 2e-3, 3, 0.0, np.pi) for f in FEEDS]
     lucky, honest = by_slots(exact), by_slots(exact, deviation=0.1)
     # in a slot the arc changes the level alone, by as much at all feeds
-    design = np.stack([np.ones(5), -np.log(FEEDS / 1e-3)], axis=1)
+    design = np.stack([np.ones(5), -np.log(np.array(FEEDS) / 1e-3)], axis=1)
     expected = 1.96 * 0.1 * np.sqrt(np.linalg.inv(design.T @ design)[1, 1])
     half = (honest.m_c_interval[1] - honest.m_c_interval[0]) / 2
     assert half == pytest.approx(expected, rel=1e-3)
@@ -86,8 +94,6 @@ def test_intervals_are_never_narrower_than_what_is_known_of_the_forces() -> None
     [
         ([1e-4, 2e-4], "2 cuts with chips of 0.1 to 0.2 mm do not tell"),
         ([1e-4, 1.1e-4, 1.2e-4], "the thickest 1.5 times the thinnest"),
-        ([1e-4, -1e-4, 2e-4], "thickness of the chip = -0.0001 of a cut must be positive"),
-        ([1e-4, float("nan"), 2e-4], "thickness of the chip = nan"),
     ],
 )
 def test_cuts_that_do_not_tell_are_refused(feeds: list[float], words: str) -> None:
@@ -95,13 +101,9 @@ def test_cuts_that_do_not_tell_are_refused(feeds: list[float], words: str) -> No
         by_slots(np.full(len(feeds), 10.0), feeds)
 
 
-def test_forces_and_arcs_that_are_none_are_refused() -> None:
+def test_a_force_that_is_none_is_refused() -> None:
     with pytest.raises(ValueError, match=r"mean tangential force = 0\.0 of a cut must be positive"):
-        kienzle_by_force([1.0, 0.0, 2.0], flutes=2, f_z=FEEDS[:3], a_p=1e-3, phi_st=0, phi_ex=1)
-    with pytest.raises(ValueError, match="phi_ex must be greater than phi_st"):
-        kienzle_by_force([1.0, 1.5, 2.0], flutes=2, f_z=FEEDS[:3], a_p=1e-3, phi_st=1, phi_ex=1)
-    with pytest.raises(ValueError, match="3 feeds and 2 forces"):
-        by_slots([1.0, 2.0], FEEDS[:3])
+        by_slots([1.0, 0.0, 2.0], FEEDS[:3])
 
 
 def test_constants_have_intervals_or_the_reason_why_not() -> None:

@@ -1,7 +1,6 @@
 """Laws of the chip: closed forms, what two feeds cannot tell, and intervals that hold."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from pipeline.cutting.force.chip_law import design, local_lines
 from pipeline.cutting.force.mean_force import regressors
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.coefficients import mean_regression
-from pipeline.submodels.cutting.identify import identify_cutting_force
 from pipeline.submodels.cutting.law_draws import (
     EXPONENTS,
     KnownShape,
@@ -29,7 +27,7 @@ from pipeline.submodels.cutting.spread import (
 )
 from pipeline.submodels.cutting.waveform import STRAIGHT, ChipShape, CutHarmonics
 from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+from tests.submodels.cutting.recorded import SETTINGS, identified, recordings
 
 SLOT = CutConditions(speed=100.0, f_z=1e-4, a_p=2e-3, phi_st=0.0, phi_ex=np.pi, flutes=3)
 SIZE = ChipLaw(
@@ -149,17 +147,15 @@ def test_wear_between_two_cuts_lies_in_the_interval():
 
 
 def test_recordings_left_out_scale_the_interval():
-    found = identified((0.05, 0.1, 0.15)).model.spread
+    found = bent((0.05, 0.1, 0.15)).model.spread
     wide = calibrated(found, [(3.0, 0.1, 1.0)] * 20)
     assert wide.peak_scale > 2.5 and wide.mean_scale < 0.6 and wide.freedom == 24
     assert wide.shape_scale == pytest.approx(1.0)
 
 
-@cache
-def identified(feeds):
+def bent(feeds):
     truth = Truth(flutes=2, runout=0.004, runout_angle=0.0, exponent=0.25)
-    tests = [(6000.0, f, 2.0, 0.0, np.pi) for f in feeds]
-    return identify_cutting_force(recordings(truth, tests), known_of(truth), SETTINGS)
+    return identified(truth, tuple((6000.0, f, 2.0, 0.0, np.pi) for f in feeds))
 
 
 def test_a_shape_weighs_laws_by_its_density_and_their_step():
@@ -183,7 +179,7 @@ def test_a_shape_weighs_laws_by_its_density_and_their_step():
 @pytest.mark.parametrize("which", ["fit", "not_sharp"])
 def test_a_line_reads_its_own_law_as_it_is_and_edges_add_up(which):
     """Each constant of the fit's own law is read as itself; wear of all recordings as an edge."""
-    found = identified((0.05, 0.1, 0.15))
+    found = bent((0.05, 0.1, 0.15))
     fit = found.fit if which == "fit" else found.not_sharp.fit
     line = fitted_line(fit, np.ones(6))
     own = line.reading(fit.problem.chip(fit.x))
@@ -194,7 +190,7 @@ def test_a_line_reads_its_own_law_as_it_is_and_edges_add_up(which):
 
 def test_laws_depart_from_the_law_that_predicts():
     """A law of the model's own constants departs by nothing, one of a tenth more by a tenth."""
-    found = identified((0.05, 0.1, 0.15))
+    found = bent((0.05, 0.1, 0.15))
     model = found.model
     assert model.chip != STRAIGHT  # the truth has a size effect
     own = ChipLaw(
@@ -212,7 +208,7 @@ def test_laws_depart_from_the_law_that_predicts():
 
 def test_coefficients_of_a_bent_law_are_its_line_and_its_own_runout_predicts():
     """h^0.75: the straight line over the named feeds within 3 %; a sharp fit errs more."""
-    found = identified((0.05, 0.1, 0.15))
+    found = bent((0.05, 0.1, 0.15))
     each = [cut.conditions for cut in found.cuts]
     law = ChipLaw(
         cutting=(850e6, 240e6, 140e6), edge=(22e3, 25e3, 4e3), exponent=(0.25,) * 3, growth=0.0,
@@ -225,7 +221,7 @@ def test_coefficients_of_a_bent_law_are_its_line_and_its_own_runout_predicts():
 
 def test_forces_beyond_the_feeds_lie_in_wider_intervals():
     """A mill with a size effect, learnt at two feeds: half the least and 1.25 times the most."""
-    found = identified((0.05, 0.1))
+    found = bent((0.05, 0.1))
     truth = Truth(flutes=2, runout=0.004, runout_angle=0.0, exponent=0.25)
     share = {}
     for f_z in (0.025, 0.075, 0.125):

@@ -38,11 +38,8 @@ from pipeline.submodels.cutting.runs import components, cutting_facts
 from pipeline.submodels.cutting.settings import CuttingLimits
 from pipeline.submodels.cutting.submodel import SUBMODEL, _facts
 from pipeline.submodels.judge import judge
-from tests.submodels.cutting.milling import Truth
-from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+from tests.submodels.cutting.recorded import SETTINGS, SLOT, SLOTS, identified, known_of, recordings
 
-TRUTH = Truth(flutes=2, runout=0.004, runout_angle=0.0, natural=(1900.0, 1500.0, 2600.0))
-SLOTS = [(6000.0, f, 2.0, 0.0, np.pi) for f in (0.05, 0.1, 0.15)]
 HEAD = Model(submodel="cutting", machine="m", origin="simulated", parameters={}, trained_on=())
 BETWEEN = ("training", "held_out", "training")
 
@@ -50,16 +47,19 @@ BETWEEN = ("training", "held_out", "training")
 @cache
 def fitted(roles: tuple[str, ...]) -> CuttingModel:
     """The model of those slots that are learnt from, as it was stored and read again."""
-    known = known_of(TRUTH)
+    known = known_of(SLOT)
     found = [
-        replace(one, role=role) for one, role in zip(recordings(TRUTH, SLOTS), roles, strict=True)
+        replace(one, role=role) for one, role in zip(recordings(SLOT, SLOTS), roles, strict=True)
     ]
-    identified = identify_cutting_force(found, known, SETTINGS)
+    result = (
+        identified(SLOT, SLOTS) if set(roles) == {"training"}
+        else identify_cutting_force(found, known, SETTINGS)
+    )  # fmt: skip
     learnt = conditions_of(case_of(one) for one in found if one.role == "training")
     head = replace(HEAD, conditions=learnt)
     with TemporaryDirectory() as folder:
         path = Path(folder) / "model.json"
-        write_json(cutting_model(head, identified, known, SETTINGS, None), path)
+        write_json(cutting_model(head, result, known, SETTINGS, None), path)
         return read_json(path, CuttingModel)
 
 
@@ -76,11 +76,11 @@ def judged(roles=BETWEEN, feed_error=1.0):
     """Verdict and predictions; the feed of the second slot was another than it says."""
     model = fitted(roles)
     found = [
-        replace(one, role=role) for one, role in zip(recordings(TRUTH, SLOTS), roles, strict=True)
+        replace(one, role=role) for one, role in zip(recordings(SLOT, SLOTS), roles, strict=True)
     ]
     conditions = found[1].cut[0]
     found[1] = replace(found[1], conditions=replace(conditions, f_z=feed_error * conditions.f_z))
-    predictor = ForcePredictor(model, known_of(TRUTH), SETTINGS)
+    predictor = ForcePredictor(model, known_of(SLOT), SETTINGS)
     return judge(
         model, lambda case: predictor.prediction(case.load()),
         Cases(cases=tuple(map(case_of, found))), force_targets(CuttingLimits()), sets=None,
@@ -189,11 +189,6 @@ def test_figures_of_a_force_that_turns():
     assert found["z"].errors["mean"] is None  # a mean next to nothing is no measure
 
 
-def test_limits_have_to_be_positive():
-    with pytest.raises(ValueError, match=r"cutting_limits\.rms_percent = 0"):
-        CuttingLimits(rms_percent=0.0)
-
-
 def test_served_forces_are_those_of_the_model(tmp_path):
     """A table of conditions: peak, mean and RMS of the force in the plane of a trained slot."""
     model = fitted(BETWEEN)
@@ -243,7 +238,7 @@ def test_intervals_of_peak_and_mean_are_judged_and_shown():
 
 def test_the_spindles_load_is_compared_with_the_dynamometer():
     """K_tc and K_te of the load that are those of the cut give its tangential force."""
-    true = {"K_tc": (TRUTH.cutting[0], "N/mm^2"), "K_te": (TRUTH.edge[0], "N/mm")}
+    true = {"K_tc": (SLOT.cutting[0], "N/mm^2"), "K_te": (SLOT.edge[0], "N/mm")}
     load = {
         name: Parameter(
             value=1.1 * value, unit=unit, interval_95=(value, 1.2 * value), determined=True,
@@ -253,8 +248,8 @@ def test_the_spindles_load_is_compared_with_the_dynamometer():
     }  # fmt: skip
     model = fitted(BETWEEN)
     model = replace(model, parameters={**model.parameters, SPINDLE: load})
-    predictor = ForcePredictor(model, known_of(TRUTH), SETTINGS)
-    found = [replace(one, role="held_out") for one in recordings(TRUTH, SLOTS)]
+    predictor = ForcePredictor(model, known_of(SLOT), SETTINGS)
+    found = [replace(one, role="held_out") for one in recordings(SLOT, SLOTS)]
     frame = pd.concat([predictor.prediction(one).frame.assign(case=one.name) for one in found])
     share = frame[frame["quantity"] == BY_LOAD_SHARE]
     assert len(share) == 3 and share["measured"].to_numpy() == pytest.approx(100.0)

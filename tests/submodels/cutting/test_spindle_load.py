@@ -145,7 +145,7 @@ BENCH = Bench()
 
 def identified(signals: Path, raw: Path, records: SpindleLoadRecords) -> SpindleLoadResult:
     files = json.loads((signals / "manifest.json").read_text())["files"]
-    return identify_spindle_load(load_logs(files, records), signals, raw, records, 0.5)
+    return identify_spindle_load(load_logs(files, records, signals, raw), records, 0.5)
 
 
 def found(
@@ -175,12 +175,13 @@ def true_power(speed_rpm: float) -> float:
 @pytest.mark.parametrize(
     "bench",
     [
-        BENCH,
-        replace(BENCH, hold=(3, 4.0)),
-        replace(BENCH, slots=[replace(s, override=0.7) for s in SLOTS]),
-        replace(BENCH, poll=0.5, slots=[replace(s, feed=s.feed * 0.6) for s in SLOTS]),
+        replace(BENCH, hold=(3, 4.0), slots=[replace(s, override=0.7) for s in SLOTS]),
+        pytest.param(
+            replace(BENCH, poll=0.5, slots=[replace(s, feed=s.feed * 0.6) for s in SLOTS]),
+            marks=pytest.mark.proof,
+        ),
     ],
-    ids=["as programmed", "feed held in a cut", "override of 70 %", "polled twice a second"],
+    ids=["feed held in a cut, override of 70 %", "polled twice a second"],
 )
 def test_a_fine_meter_gives_the_truth(tmp_path: Path, bench: Bench) -> None:
     """A meter that settles within exp(-1.2 / 0.2) = 0.25 % of its step: half a percent."""
@@ -196,11 +197,14 @@ def test_a_fine_meter_gives_the_truth(tmp_path: Path, bench: Bench) -> None:
 def test_specific_force_is_the_power_of_all_cuts_over_what_they_remove(tmp_path: Path) -> None:
     spindle = found(tmp_path, BENCH)
     assert spindle.parameters["specific_force"].value == pytest.approx(work(), rel=0.002)
+    assert spindle.parameters["K_tc"].value == pytest.approx(K_TC / 1e6, rel=0.005)
     assert spindle.facts.recordings == (FREE_LOG, CUT_LOG)
     assert spindle.used == (FREE_LOG, CUT_LOG)
 
 
-@pytest.mark.parametrize("noise", [0.0, 0.05, 0.4])
+@pytest.mark.parametrize(
+    "noise", [0.4, *(pytest.param(one, marks=pytest.mark.proof) for one in (0.0, 0.05))]
+)
 def test_a_meter_of_whole_percents_has_intervals_that_hold_the_truth(
     tmp_path: Path, noise: float
 ) -> None:
@@ -355,8 +359,6 @@ def test_a_missing_program_a_copy_and_a_log_asked_for_twice_are_said(tmp_path: P
     ("change", "words"),
     [
         ({"cuts": [], "no_load": []}, "names no log"),
-        ({"settle_s": 0.0}, "settle_s = 0.0 s must lie from 0.1 to 60"),
-        ({"scale_error": 1.5}, "scale_error = 1.5 must lie from 0 to 1"),
         ({"items": {"line": "a", "speed": "b", "load": "a", "feed": "c"}}, "are a, b, a, c"),
     ],
 )
@@ -379,7 +381,6 @@ def test_sections_that_cannot_be_are_refused(change: dict[str, Any], words: str)
             {"tools": {1: {"kind": "ball", "diameter_mm": 6, "flutes": 2}}},
             "tool 1 of a.nc is a ball",
         ),
-        ({"resolution_mm": 0.0}, "resolution_mm = 0.0 mm must lie from 0.01 to 10"),
     ],
 )
 def test_cuts_that_cannot_be_are_refused(change: dict[str, Any], words: str) -> None:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.submodels.cutting.regression import regression
 from pipeline.submodels.cutting.spindle_load.identify import power_parameters
@@ -18,11 +19,11 @@ from pipeline.submodels.cutting.spindle_load.levels import (
     resolution,
     runs,
     settled,
-    shown_power,
 )
 from pipeline.submodels.cutting.spindle_load.power import no_load, specific_force
 from tests.cutting.closed_forms import mean_torque
 from tests.submodels.cutting.spindle_loads import (
+    DRIVE,
     FLUTES,
     K_TC,
     K_TE,
@@ -75,10 +76,9 @@ def test_settled_is_what_its_definition_says(speeds: list[float], settle_s: floa
 
 
 def test_load_is_power_of_what_the_motor_has_at_that_speed() -> None:
-    load = shown_power([50.0, 50.0, 50.0], [25.0, 50.0, 100.0], rated_W=10e3, base_speed=50.0)
-    np.testing.assert_allclose(load, [2500.0, 5000.0, 5000.0])
-    rated = shown_power(50.0, [25.0, 100.0], rated_W=10e3, base_speed=50.0, of="rated")
-    np.testing.assert_allclose(rated, 5000.0)
+    load = METER.power([50.0, 50.0, 50.0], [25.0, 50.0, 100.0])
+    np.testing.assert_allclose(load, [2250.0, 4500.0, 4500.0])
+    np.testing.assert_allclose(replace(METER, of="rated").power(50.0, [25.0, 100.0]), 4500.0)
 
 
 def test_runs_and_steps() -> None:
@@ -142,7 +142,11 @@ def test_columns_that_cannot_be_told_apart_are_not_determined() -> None:
     assert np.isinf(few.half_width).all() and few.freedom == 0
 
 
-METER = LoadScale(rated_power_kW=10.0, base_speed_rpm=3000.0, efficiency=0.9)
+METER = LoadScale(
+    drive=SpindleDrive(
+        rated_power_kW=10.0, base_speed_rpm=3000.0, top_speed_rpm=8000.0, efficiency=0.9
+    )
+)
 
 
 def log(**changes: object) -> LoadLog:
@@ -194,13 +198,6 @@ def test_logs_that_do_not_fit_together_are_refused(changes: dict[str, object], w
         log(**changes)
 
 
-def test_scales_out_of_range_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"load_scale\.efficiency = 1\.2 must lie above 0"):
-        LoadScale(rated_power_kW=10.0, base_speed_rpm=3000.0, efficiency=1.2)
-    with pytest.raises(ValueError, match=r"load_scale\.base_speed_rpm = 0\.0"):
-        LoadScale(rated_power_kW=10.0, base_speed_rpm=0.0)
-
-
 SPEEDS = [600.0, 1500.0, 3000.0, 4500.0, 6000.0, 7200.0, 8400.0]
 CUTS = [
     (3000.0, 0.04, 6.0), (3000.0, 0.08, 6.0), (3000.0, 0.15, 6.0),
@@ -241,7 +238,7 @@ def test_power_of_a_cut_is_that_of_its_mean_torque() -> None:
 
 def test_exact_powers_give_the_truth() -> None:
     idle, force = found(0, step=0.0, noise=0.0, spread=0.0)
-    assert idle.coefficients == pytest.approx(NO_LOAD, rel=1e-6)
+    assert idle.fit.values == pytest.approx(NO_LOAD, rel=1e-6)
     assert force.fit.values == pytest.approx((K_TC, K_TE), rel=1e-6)
     assert (idle.lowest * 60, idle.highest * 60) == pytest.approx((600, 8400))
 
@@ -250,13 +247,14 @@ def test_all_of_it_scales_with_the_power_that_is_taken_for_known() -> None:
     """Twice the rated power, half the efficiency: the same; twice alone: twice of everything."""
 
     def values(**changes: float) -> np.ndarray:
-        scale, random = replace(SCALE, **changes), np.random.default_rng(2)
+        scale = replace(SCALE, drive=replace(DRIVE, **changes))
+        random = np.random.default_rng(2)
         idle = no_load(load_levels(no_load_log(random, SPEEDS, step=1.0, noise=0.3), scale))
         log = cut_log(random, CUTS, step=1.0, noise=0.3, spread=0.02)
         force = specific_force(load_levels(log, scale), idle)
         return np.concatenate([idle.fit.half_width, force.fit.values, force.fit.half_width])
 
-    twice = 2 * SCALE.rated_power_kW
+    twice = 2 * DRIVE.rated_power_kW
     np.testing.assert_allclose(values(rated_power_kW=twice), 2 * values(), rtol=1e-4)  # tau's 1e-6
     np.testing.assert_allclose(values(rated_power_kW=twice, efficiency=0.5), values(), rtol=1e-9)
 

@@ -14,7 +14,8 @@ from pipeline.submodels.cases import Records, Roles, conditions_of
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.cutting.conditions import StatedConditions
 from pipeline.submodels.cutting.settings import CuttingRecords
-from pipeline.submodels.cutting.submodel import SUBMODEL, Fitting, LoadLog
+from pipeline.submodels.cutting.spindle_load.identify import LoadLogFile
+from pipeline.submodels.cutting.submodel import SUBMODEL, Fitting
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
 from tests.submodels.cutting.spindle_load_logs import CUT_LOG, FREE_LOG, Bench, load_records
@@ -102,7 +103,7 @@ def test_logs_of_the_load_are_cases_that_are_not_predicted(records):
     found = SUBMODEL.cases(records, settings(cutting_records=wanted))
     assert [case.name for case in found.cases] == [FREE_LOG, CUT_LOG]
     assert {case.role for case in found.cases} == {"training"}
-    assert isinstance(found.cases[0].load(), LoadLog)
+    assert isinstance(found.cases[0].load(), LoadLogFile)
 
 
 def test_the_records_that_are_read_have_to_be_named(records):

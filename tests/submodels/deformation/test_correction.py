@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.submodels.deformation.correction import correction, values_of
+from pipeline.submodels.deformation.correction import correction
 from pipeline.submodels.deformation.model import (
     LEFT_OUT,
     GrowthModel,
@@ -57,7 +57,7 @@ def test_a_linear_model_is_written_as_it_is(built: Built, states, method: str) -
     assert found.exact and found.largest_um < 1e-5  # nine digits of every coefficient
     growth, state = served(model, held_out(built))
     assert np.abs(growth).max() > 1
-    assert found.growth(values_of(state, model)) == pytest.approx(growth, abs=1e-5)
+    assert found.growth(model.file.values(state)) == pytest.approx(growth, abs=1e-5)
 
 
 def test_a_sensor_that_is_left_out_is_not_read(built: Built, states) -> None:
@@ -67,7 +67,7 @@ def test_a_sensor_that_is_left_out_is_not_read(built: Built, states) -> None:
     assert "temperature_2" not in found.inputs
     assert not any(one.input == "temperature_2" for one in (*found.terms, *found.starts))
     growth, state = served(model, held_out(built))
-    values = values_of(state, model)
+    values = model.file.values(state)
     values["temperature_2"] = np.full(len(growth), np.nan)
     assert found.growth(values) == pytest.approx(growth, abs=1e-5)
 
@@ -77,7 +77,7 @@ def test_a_network_is_linearised_and_the_difference_stated(built: Built, states)
     found = correction(model, states)
     assert not found.exact
     apart = [
-        found.growth(values_of(state, model)) - growth
+        found.growth(model.file.values(state)) - growth
         for growth, state in (served(model, one) for one in states)
     ]
     largest = float(np.abs(np.concatenate(apart)).max())
@@ -90,7 +90,7 @@ def test_a_network_is_linearised_and_the_difference_stated(built: Built, states)
 def test_growth_is_zero_at_the_start(built: Built, states) -> None:
     model = serving(built, "linear_sensors")
     found = correction(model, states)
-    assert found.growth(values_of(states[3], model))[0] == 0
+    assert found.growth(model.file.values(states[3]))[0] == 0
 
 
 def test_a_model_without_growth_is_refused(built: Built, states) -> None:

@@ -5,23 +5,31 @@ each, by 3 to 20 K in either direction.
 """
 
 from dataclasses import dataclass
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Model
 from pipeline.shop.growth.network import network
 from pipeline.shop.growth.parameters import SENSORS
 from pipeline.shop.growth.profiles import profiles
 from pipeline.shop.growth.records import Measured, measured
 from pipeline.shop.parameters import ShopParameters
-from pipeline.submodels.deformation.fit import GrowthFit, fit_growth
+from pipeline.signals.recordings import Channel
+from pipeline.submodels.deformation.fit import fit_growth
 from pipeline.submodels.deformation.model import DeformationFitSettings, GrowthModel
-from pipeline.submodels.deformation.records import Profile, State
+from pipeline.submodels.deformation.records import DeformationRecords, Profile, State
 
 NAMES = tuple(f"temperature_{k + 1}" for k in range(SENSORS))
+RECORDS = DeformationRecords(
+    recordings=("p*",), temperatures={name: Channel(column=name) for name in NAMES},
+    displacement=Channel(column="growth"), speed=Channel(column="speed"),
+    ambient=Channel(column="ambient"),
+)  # fmt: skip
+HEAD = Model(
+    submodel="deformation", machine="mill01", origin="simulated", parameters={}, trained_on=()
+)
 TRAINING = 14
 SEEDS, FEWEST = 100, 95
 NAMED_S = 300.0
@@ -71,14 +79,10 @@ def seeded(exposed: list[Measured], seed: int) -> Seeded:
     return Seeded(recordings=recordings, sensor=NAMES[sensor], jumps=jumps)
 
 
-def holds(found: GrowthFit, made: Seeded) -> bool:
+def holds(model: GrowthModel, made: Seeded) -> bool:
     """Whether no recording held out is worse than persistence and the one sensor alone is named."""
-    file: Any = SimpleNamespace(**{name: getattr(found, name) for name in (
-        "sensors", "inputs", "champion", "treatment", "second", "agreement_um", "learnt",
-    )}, widening=SETTINGS.widening)  # fmt: skip
-    model = GrowthModel(file, found.ensembles)
     better = [_worse(model, one) < 1 for one in made.recordings[TRAINING:]]
-    named = [_named(found, made, one) for one in made.recordings]
+    named = [_named(model, made, one) for one in made.recordings]
     return all(better) and all(named)
 
 
@@ -90,8 +94,8 @@ def _worse(model: GrowthModel, one: Profile) -> float:
     return float(np.sqrt(np.mean((served - one.growth) ** 2) / np.mean(one.growth**2)))
 
 
-def _named(found: GrowthFit, made: Seeded, one: Profile) -> bool:
-    faults = found.sensors.check(one.state).faults
+def _named(model: GrowthModel, made: Seeded, one: Profile) -> bool:
+    faults = model.file.sensors.check(one.state).faults
     if one.name not in made.jumps:
         # a sensor that cannot be told from its faults is named everywhere
         return {fault.sensor for fault in faults} <= {made.sensor}
@@ -106,6 +110,6 @@ def test_a_sensor_that_jumps_in_half_of_the_recordings_is_named_and_serves_no_mo
     good = []
     for seed in range(SEEDS):
         made = seeded(exposed, seed)
-        found = fit_growth(made.recordings[:TRAINING], NAMES, SETTINGS)
+        found = fit_growth(HEAD, made.recordings[:TRAINING], RECORDS, SETTINGS)
         good.append(holds(found, made))
     assert sum(good) >= FEWEST, [seed for seed, one in enumerate(good) if not one]

@@ -290,14 +290,6 @@ def test_a_dead_sensor_is_no_reason_to_refuse(built: Built) -> None:
     assert found == pytest.approx(one.growth, abs=6.0)
 
 
-def test_stored_methods_predict_the_same_bits(built: Built) -> None:
-    first, second = (load_growth_model(built.folder) for _ in range(2))
-    case = SUBMODEL.cases(Records(signals=built.signals), fitting_settings()).of("held_out")[0]
-    pieces = first.pieces(first.checked(case.load().state))
-    for name in first.ensembles:
-        assert np.array_equal(first.stitched(pieces, name), second.stitched(pieces, name))
-
-
 def fitting_settings() -> Any:
     return Fitting(
         identity=IDENTITY, roles=ROLES, deformation_records=RECORDS, deformation_fit=QUICK
@@ -329,8 +321,3 @@ def test_too_few_training_recordings_are_refused(tmp_path: Path) -> None:
     some = {name: one for name, one in recordings().items() if name in TRAINING[:2]}
     with pytest.raises(ValueError, match="2 training recordings of growth are of use, 4 are"):
         build(tmp_path, some)
-
-
-def test_each_method_is_named_for_a_person() -> None:
-    labels = [one.label for one in METHODS.values()]
-    assert len(set(labels)) == len(labels) and all(labels)

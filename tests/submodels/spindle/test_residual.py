@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
@@ -14,14 +14,13 @@ import pytest
 from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.schema.forest import Trees
-from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.spindle.calibration import Recipe, days_left_out, forest_of
 from pipeline.submodels.spindle.fit import SpindleFitSettings
 from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
 from pipeline.twin.residual import NODES, Forest, feature_names, load_forest, save_forest
-from pipeline.twin.spindle import TARGET, SpindleModel, SpindleRecords, spindle_stretches
+from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
 QUICK = ForestSettings(trees=8, depth=6, leaf=5, every_s=1800.0, sample_s=300.0)
@@ -153,12 +152,6 @@ def test_no_window_is_an_error_with_its_remedy() -> None:
         examples([replace(piece, frame=piece.frame.iloc[:2])], RECORDS, ONE, QUICK)
 
 
-@pytest.mark.parametrize(("name", "value"), [("trees", 0), ("sample_s", -1.0), ("window_s", 0.0)])
-def test_settings_that_make_no_sense_are_refused(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"residual_forest.{name} = {value}"):
-        ForestSettings(**{name: value})  # type: ignore[arg-type]
-
-
 def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well() -> None:
     rng = np.random.default_rng(3)
     x = rng.normal(size=(400, 5))
@@ -247,19 +240,3 @@ def test_a_forest_that_cannot_be_read_or_has_other_time_constants_is_refused(
     (tmp_path / NODES).write_bytes(b"no document")
     with pytest.raises(ValueError, match=r"forest\.json .*run `dvc repro`"):
         load_forest(tmp_path, ABOUT)
-
-
-def test_no_day_is_on_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every model of days left out is of whole days, and each day is left out once."""
-    seen: list[set[str]] = []
-    plain = Recipe.model_of
-
-    def watched(self: Recipe, some: Sequence[StateSegment]) -> SpindleModel:
-        seen.append({piece.day for piece in some})
-        return plain(self, some)
-
-    monkeypatch.setattr(Recipe, "model_of", watched)
-    about, _, _ = judged(6, noise)
-    everything = set(about.days)
-    left_out = [everything - fold for fold in seen]
-    assert sorted(day for group in left_out for day in group) == sorted(everything)

@@ -220,13 +220,8 @@ def test_position_and_parameters_are_inverse() -> None:
 @pytest.mark.parametrize(
     ("wrong", "words"),
     [
-        ({"step_s": 0.0}, "step_s = 0.0"),
-        ({"window_s": float("nan")}, "window_s = nan"),
-        ({"bridge_s": -1.0}, "bridge_s = -1.0"),
         ({"nodes": ()}, "nodes"),
-        ({"nodes": (1, 3)}, r"nodes = 3 must lie from 1 to 2"),
         ({"time_constants_s": ()}, "time_constants_s"),
-        ({"time_constants_s": (300.0, 0.0)}, "time_constants_s"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(wrong: dict[str, object], words: str) -> None:

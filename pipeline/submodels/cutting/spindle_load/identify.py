@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.schema.cutting import CutLevel, NoLoadPoint, SpindleLoad
 from pipeline.schema.model import LeftOut, Parameter
 from pipeline.schema.si import MINUTE
+from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.regression import Regression
 from pipeline.submodels.cutting.spindle_load.levels import Levels, LoadLog, load_levels
 from pipeline.submodels.cutting.spindle_load.power import (
@@ -35,8 +37,6 @@ LISTED = 5
 """Lines that a note lists, at most."""
 
 
-N_MM2 = 1e6
-N_MM = 1e3
 UNITS = ("WATT", "W s", "W s^2")
 """Units of the terms of the no-load power, over the speed in rev/s."""
 NAMES = ("p0", "p1", "p2")
@@ -51,6 +51,9 @@ class LoadLogFile:
     name: str
     entry: Mapping[str, Any]
     cut: LoadCut | None
+    signals: Path
+    raw: Path
+    """Folders of the log, as ``ingest`` wrote it, and of the program."""
 
     @property
     def sha256(self) -> str:
@@ -68,29 +71,17 @@ class SpindleLoadResult:
 
 
 def identify_spindle_load(
-    logs: Sequence[LoadLogFile], signals: Path, raw: Path, records: SpindleLoadRecords,
-    widest: float,
-) -> SpindleLoadResult:  # fmt: skip
+    logs: Sequence[LoadLogFile], records: SpindleLoadRecords, widest: float
+) -> SpindleLoadResult:
     """No-load power and specific cutting force from logs.
 
-    Parameters
-    ----------
-    logs : sequence of LoadLogFile
-        To be read.
-    signals : Path
-        As ``ingest`` wrote it.
-    raw : Path
-        The machine's folder with the programs.
-    records : SpindleLoadRecords
-        How logs are read, and what their loads mean.
-    widest : float
-        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
+    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
     """
     used: list[str] = []
     parts: list[Levels] = []
     left_out: dict[str, str] = {}
     notes: list[str] = []
-    reader = _Reader(signals=signals, raw=raw, records=records)
+    reader = _Reader(records=records)
     for log in logs:
         try:
             levels, note = reader.levels(log)
@@ -119,16 +110,11 @@ def identify_spindle_load(
 
 
 def load_logs(
-    files: Mapping[str, Mapping[str, Any]], records: SpindleLoadRecords
+    files: Mapping[str, Mapping[str, Any]], records: SpindleLoadRecords, signals: Path, raw: Path
 ) -> list[LoadLogFile]:
     """Logs that the records name: no-load logs, then those of cuts.
 
-    Parameters
-    ----------
-    files : mapping of str to mapping
-        Entries of the manifest by raw file.
-    records : SpindleLoadRecords
-        Patterns of the logs.
+    ``files`` are the entries of the manifest by raw file.
 
     Raises
     ------
@@ -153,7 +139,9 @@ def load_logs(
                     f"log {name} fits two patterns of cutting_records.spindle, {pattern!r} is one: "
                     "let it fit one of them"
                 )
-            by_name[name] = LoadLogFile(name=name, entry=files[name], cut=cut)
+            by_name[name] = LoadLogFile(
+                name=name, entry=files[name], cut=cut, signals=signals, raw=raw
+            )
     return list(by_name.values())
 
 
@@ -161,8 +149,6 @@ def load_logs(
 class _Reader:
     """Reader of logs; keeps the programs it has followed, and the first log of each content."""
 
-    signals: Path
-    raw: Path
     records: SpindleLoadRecords
     programs: dict[str, Lines] = field(default_factory=dict)
     first: dict[str, str] = field(default_factory=dict)
@@ -182,7 +168,7 @@ class _Reader:
         if output is None:
             raise ValueError(f"{file.name} could not be read: {file.entry.get('reason')}")
         cuts = file.cut is not None
-        log = read_log(self.signals / output, records.items, file.name, cuts=cuts)
+        log = read_log(file.signals / output, records.items, file.name, cuts=cuts)
         labelled, note = self._labelled(file, log)
         levels = load_levels(labelled, records.scale, settle_s=records.settle_s)
         kept = levels.where(
@@ -202,7 +188,7 @@ class _Reader:
             return no_load_log(log, settle), ""
         program = file.cut.program
         if program not in self.programs:
-            self.programs[program] = program_lines(self.raw, file.cut, self.records.setup)
+            self.programs[program] = program_lines(file.raw, file.cut, self.records.setup)
         lines = self.programs[program]
         labelled = cut_log(log, lines, settle_s=settle, name=file.name, program=program)
         shortest = settle + FEWEST * log.period
@@ -248,11 +234,11 @@ def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
     rows = zip(cuts.speed, cuts.removal, power, cuts.deviation, cuts.samples, strict=True)
     return tuple(
         CutLevel(
-            speed_rpm=_digits(60 * n),
-            removal_rate_cm3_min=_digits(60e6 * Q),
-            power_W=_digits(P),
-            deviation_W=_digits(s),
-            specific_force_N_mm2=_digits(P / Q * 1e-6),
+            speed_rpm=digits(60 * n),
+            removal_rate_cm3_min=digits(60e6 * Q),
+            power_W=digits(P),
+            deviation_W=digits(s),
+            specific_force_N_mm2=digits(P / Q * 1e-6),
             samples=int(samples),
         )
         for n, Q, P, s, samples in rows
@@ -285,74 +271,60 @@ def power_parameters(
 ) -> dict[str, Parameter]:
     """No-load power and specific force as they are stored.
 
-    Parameters
-    ----------
-    idle, force : NoLoad, SpecificForce, optional
-        Results.
-    widest : float
-        Half of a 95 % interval beyond this share of its value leaves it undetermined [1].
-    scale_error : float
-        Half of the 95 % interval of the power that a load stands for, as a share [1]; all results
-        scale with it, and their intervals hold it.
+    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
+    ``scale_error`` is half of the 95 % interval of the power that a load stands for, as a share
+    [1]: all results scale with it, and their intervals hold it.
     """
-    rows: dict[str, Parameter] = {}
+    rows: list[Estimate] = []
     if idle is not None:
-        for k in range(len(idle.fit.values)):
-            rows[NAMES[k]] = fitted_parameter(
-                idle.fit, k, unit=UNITS[k], widest=widest, method=METHOD, scale_error=scale_error
-            )
-    if force is None:
-        return rows
-    method = (
-        f"power of {force.cuts} levels of cutting over what they remove, each for the same time, "
-        "edge force included"
-    )
-    half = float(np.hypot(force.half_width, scale_error * force.value))
-    rows["specific_force"] = _stored(
-        force.value / N_MM2, half / N_MM2, unit="N/mm^2", widest=widest, method=method
-    )
-    method = f"least squares on {force.cuts} levels of cutting, no-load power taken off"
-    terms = (("K_tc", N_MM2, "N/mm^2"), ("K_te", N_MM, "N/mm"))
-    for k, (name, scale, unit) in enumerate(terms[: len(force.fit.values)]):
-        rows[name] = fitted_parameter(
-            force.fit, k, unit=unit, widest=widest, method=method, scale=scale,
-            scale_error=scale_error,
+        rows += [
+            _fitted(NAMES[k], idle.fit, k, unit=UNITS[k], widest=widest, method=METHOD,
+                    scale_error=scale_error)
+            for k in range(len(idle.fit.values))
+        ]  # fmt: skip
+    if force is not None:
+        method = (
+            f"power of {force.cuts} levels of cutting over what they remove, each for the same "
+            "time, edge force included"
+        )
+        half = float(np.hypot(force.half_width, scale_error * force.value))
+        rows.append(
+            _estimate("specific_force", force.value / N_MM2, half / N_MM2, unit="N/mm^2",
+                      widest=widest, method=method)
         )  # fmt: skip
-    return rows
+        method = f"least squares on {force.cuts} levels of cutting, no-load power taken off"
+        terms = (("K_tc", N_MM2, "N/mm^2"), ("K_te", N_MM, "N/mm"))
+        rows += [
+            _fitted(name, force.fit, k, unit=unit, widest=widest, method=method, scale=scale,
+                    scale_error=scale_error)
+            for k, (name, scale, unit) in enumerate(terms[: len(force.fit.values)])
+        ]  # fmt: skip
+    return {one.name: one.parameter for one in rows}
 
 
-def fitted_parameter(
-    fit: Regression, index: int, *, unit: str, widest: float, method: str, scale: float = 1.0,
-    scale_error: float = 0.0,
-) -> Parameter:  # fmt: skip
-    """One parameter of a regression: value and interval, or why it is undetermined."""
+def _fitted(
+    name: str, fit: Regression, index: int, *, unit: str, widest: float, method: str,
+    scale: float = 1.0, scale_error: float = 0.0,
+) -> Estimate:  # fmt: skip
+    """One parameter of a regression."""
     value, half = float(fit.values[index]), float(fit.half_width[index])
     what = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
-    return _stored(
-        value / scale, float(np.hypot(half, scale_error * value)) / scale, unit=unit,
+    return _estimate(
+        name, value / scale, float(np.hypot(half, scale_error * value)) / scale, unit=unit,
         widest=widest, method=method, missing=what,
     )  # fmt: skip
 
 
-def _stored(
-    value: float, half: float, *, unit: str, widest: float, method: str, missing: str = ""
-) -> Parameter:
-    def undetermined(why: str, remedy: str = "") -> Parameter:
-        return Parameter(
-            value=None, unit=unit, interval_95=None, determined=False, method=why, remedy=remedy
-        )
-
-    if not (np.isfinite(half) and np.isfinite(value)):
-        return undetermined(missing, "record more different ones")
-    interval = (_digits(value - half), _digits(value + half))
-    if half > widest * abs(value):
-        return undetermined(
-            f"the 95 % interval, {interval[0]:g} to {interval[1]:g}, is wider than asked"
-        )
-    return Parameter(
-        value=_digits(value), unit=unit, interval_95=interval, determined=True, method=method
-    )
-
-
-def _digits(value: float) -> float:
-    return float(f"{value:.5g}")
+def _estimate(
+    name: str, value: float, half: float, *, unit: str, widest: float, method: str,
+    missing: str = "",
+) -> Estimate:  # fmt: skip
+    """Value and interval, or why it is undetermined."""
+    finite = bool(np.isfinite(half) and np.isfinite(value))
+    wide = f"the 95 % interval, {digits(value - half):g} to {digits(value + half):g}"
+    return Estimate(
+        name=name, unit=unit, value=value, half_width=half, method=method,
+        determined=finite and half <= widest * abs(value),
+        reason=f"{wide}, is wider than asked" if finite else missing,
+        remedy="" if finite else "record more different ones",
+    )  # fmt: skip

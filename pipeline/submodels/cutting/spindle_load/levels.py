@@ -7,14 +7,13 @@ carries the load over the steps of the display, and from how long the noise is c
 """
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.economics.spindle_power import power_curve
+from pipeline.cutting.economics.spindle_power import SpindleDrive, power_curve
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.ranges import Range, Ranged
 
 ALIKE = 0.02
 """Share by which speed, removal and edge rate of equal levels differ at most [1]; equal levels have
@@ -61,22 +60,10 @@ def settled(
 
     A change of speed takes power before it shows in a speed in whole rpm.
 
-    Parameters
-    ----------
-    times : array_like, shape (T,)
-        Rising [s].
-    speed : array_like, shape (T,)
-        n [rev/s], in any sense.
-    settle_s : float
-        How long the speed must have been held before a sample counts [s]; half of it after, and
-        until the next sample at least.
-    tolerance : float
-        Greatest change that is none, as a share of the speed.
-
-    Returns
-    -------
-    ndarray of bool, shape (T,)
-        False where the spindle stands still, or where its speed is missing.
+    ``settle_s`` [s] is how long the speed n [rev/s], in any sense, must have been held before a
+    sample counts; half of it after, and until the next sample at least.  A change up to the share
+    ``tolerance`` of the speed is none.  False where the spindle stands still, or where its speed is
+    missing.
     """
     t, n = np.asarray(times, dtype=np.float64), np.abs(np.asarray(speed, dtype=np.float64))
     if not len(t):
@@ -92,40 +79,6 @@ def settled(
     lowest = np.minimum.reduceat(padded, bounds)[::2]
     kept: Bools = finite & (lowest > 0.0) & (highest - lowest <= tolerance * highest)
     return kept & (t - settle_s >= t[0])
-
-
-def shown_power(
-    load_percent: ArrayLike, speed: ArrayLike, *, rated_W: float, base_speed: float,
-    of: Literal["available", "rated"] = "available",
-) -> Floats:  # fmt: skip
-    """Power of the spindle's motor from the load that a control shows [W].
-
-    ``available``: percent of what the motor can give at that speed, P_rated min(1, n / n_base);
-    percent of the torque available there is the same number.  ``rated``: percent of the rated power
-    at any speed.  Which one a control shows, and whether it is power or current, its manual says; a
-    current that magnetises without load makes the no-load power look greater.
-
-    Parameters
-    ----------
-    load_percent : array_like
-        [%].
-    speed : array_like
-        n [rev/s].
-    rated_W : float
-        Rated power [W].
-    base_speed : float
-        Speed from which the motor gives it [rev/s].
-    of : {"available", "rated"}
-        Meaning of 100 % load.
-
-    Examples
-    --------
-    >>> float(shown_power(10.0, 25.0, rated_W=15e3, base_speed=50.0))
-    750.0
-    """
-    full = power_curve(speed, rated=rated_W, base_speed=base_speed)
-    power: Floats = np.asarray(load_percent) / 100 * (full if of == "available" else rated_W)
-    return power
 
 
 def runs(chosen: ArrayLike) -> Ints:
@@ -161,19 +114,9 @@ def levels(
 ) -> Levels:  # fmt: skip
     """Levels of labelled samples; equal ones are merged.
 
-    Parameters
-    ----------
-    label : array_like of int, shape (T,)
-        Cut or line of the program, or run of constant speed; negative for what does not count.
-    speed, power, removal, edge : array_like, shape (T,) or ()
-        As of :class:`Levels`, of each sample.
-    step : array_like, shape (T,) or ()
-        What one step of the display is there [W].
-
-    Returns
-    -------
-    Levels
-        Ordered by speed, then by removal rate.
+    ``label`` (T,) is the cut or line of the program, or the run of constant speed, and negative for
+    what does not count; speed, power, removal and edge are as of :class:`Levels`, of each sample;
+    ``step`` is what one step of the display is there [W].  Ordered by speed, then by removal rate.
     """
     labels = np.asarray(label, dtype=np.int64)
     columns = [np.broadcast_to(np.asarray(c, dtype=np.float64), labels.shape)
@@ -249,38 +192,43 @@ def _carried(values: Floats, variance: float, step: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoadScale(Ranged, section="load_scale"):
-    """Conversion from load in percent to power; a premise that all results scale with.
+class LoadScale:
+    """Power at the tool from the load that a control shows; a premise that all results scale with.
 
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
+    ``available``: percent of what the motor can give at that speed, P_rated min(1, n / n_base);
+    percent of the torque available there is the same number.  ``rated``: percent of the rated power
+    at any speed.  Which one a control shows, and whether it is power or current, its manual says; a
+    current that magnetises without load makes the no-load power look greater.
+
+    Examples
+    --------
+    >>> drive = SpindleDrive(rated_power_kW=15.0, base_speed_rpm=3000.0, top_speed_rpm=8000.0)
+    >>> float(LoadScale(drive=drive).power(10.0, 25.0))
+    750.0
     """
 
-    rated_power_kW: Annotated[float, Range(above=0.0, most=1e4, unit="kW")]
-    """At the motor's shaft [kW]."""
-    base_speed_rpm: Annotated[float, Range(above=0.0, most=1e6, unit="rpm")]
-    """From which it gives that power [rpm]."""
-    efficiency: Annotated[float, Range(above=0.0, most=1.0)] = 1.0
-    """Mechanical, from the motor's shaft to the tool [1]."""
+    drive: SpindleDrive
+    """Rated power, base speed and mechanical efficiency."""
     of: Literal["available", "rated"] = "available"
-    """Meaning of 100 % load, see :func:`shown_power`."""
+    """Meaning of 100 % load."""
 
-    def power(self, load_percent: Floats | float, speed: Floats) -> Floats:
+    def power(self, load_percent: ArrayLike, speed: ArrayLike) -> Floats:
         """Power at the tool [W], of loads [%] at speeds [rev/s]."""
-        return self.efficiency * shown_power(
-            load_percent, speed, rated_W=self.rated_power_kW * 1e3,
-            base_speed=self.base_speed_rpm / 60, of=self.of,
-        )  # fmt: skip
+        drive = self.drive
+        full: float | Floats = drive.rated_power
+        if self.of == "available":
+            full = power_curve(speed, rated=drive.rated_power, base_speed=drive.base_speed)
+        power: Floats = drive.efficiency * (np.asarray(load_percent) / 100 * full)
+        return power
 
     @property
     def words(self) -> str:
         """The premise in words, for documents."""
         of = "the power available at its speed" if self.of == "available" else "the rated power"
+        drive = self.drive
         return (
-            f"load is a percentage of {of}; {self.rated_power_kW:g} kW from "
-            f"{self.base_speed_rpm:g} rpm, efficiency {self.efficiency:g}"
+            f"load is a percentage of {of}; {drive.rated_power_kW:g} kW from "
+            f"{drive.base_speed_rpm:g} rpm, efficiency {drive.efficiency:g}"
         )
 
 
@@ -320,14 +268,7 @@ class LoadLog:
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
     """Levels of a log: rows at which speed and cut have been the same for ``settle_s``.
 
-    Parameters
-    ----------
-    log : LoadLog
-        Of one run.
-    scale : LoadScale
-        Conversion of its loads to power.
-    settle_s : float
-        Longer than the control averages its load [s].
+    ``settle_s`` [s] is longer than the control averages its load.
     """
     steady = settled(log.times, log.speed, settle_s=settle_s)
     if log.cut is None:

@@ -33,12 +33,6 @@ class NoLoad:
     levels: Levels
     """Levels that it was identified from."""
 
-    @property
-    def coefficients(self) -> tuple[float, ...]:
-        """Coefficients p0, p1, p2 of n [rev/s]; those not there are 0."""
-        values = self.fit.values.tolist()
-        return tuple(values + [0.0] * (TERMS - len(values)))
-
     def power(self, n: ArrayLike) -> Floats:
         """P_0 at the speed n [rev/s], in W."""
         power: Floats = powers(n, len(self.fit.values)) @ self.fit.values
@@ -109,13 +103,6 @@ def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     """Specific cutting force from levels with a cut at speeds of the no-load record.
 
     The no-load power's own uncertainty is counted, common to cuts at the same speed.
-
-    Parameters
-    ----------
-    levels : Levels
-        Those without removal are left out.
-    idle : NoLoad
-        Of the same spindle.
 
     Raises
     ------

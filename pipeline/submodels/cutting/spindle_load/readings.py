@@ -49,16 +49,7 @@ class Readings:
 def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings:
     """Readings of a log.
 
-    Parameters
-    ----------
-    path : Path
-        Its observations, as ``ingest`` wrote them.
-    items : LoadItems
-        Names of the data items.
-    name : str
-        Of the log, for messages.
-    cuts : bool
-        Whether line and feed are needed.
+    ``cuts`` says whether line and feed are needed; ``name`` is the log's, for messages.
 
     Raises
     ------
@@ -168,16 +159,8 @@ def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program:
     Cuts are stretches of one engagement and one feed; where the spindle turns in lines that are
     wholly in air, the reading is one without load, as of :func:`free_log`.
 
-    Parameters
-    ----------
-    log : Readings
-        Of one log.
-    lines : Lines
-        Of the program that ran.
-    settle_s : float
-        How long speed and air must have been the same where a level without a cut begins [s].
-    name, program : str
-        Of the log and the program, for messages.
+    ``settle_s`` [s] is how long speed and air must have been the same where a level without a cut
+    begins; ``name`` and ``program`` are for messages.
 
     Raises
     ------

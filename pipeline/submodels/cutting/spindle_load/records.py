@@ -109,9 +109,4 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     @property
     def scale(self) -> LoadScale:
         """Conversion from a load in percent to power at the tool."""
-        return LoadScale(
-            rated_power_kW=self.drive.rated_power_kW,
-            base_speed_rpm=self.drive.base_speed_rpm,
-            efficiency=self.drive.efficiency,
-            of=self.of,
-        )
+        return LoadScale(drive=self.drive, of=self.of)
