@@ -6,8 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
-from tests.machine.plain_drive import speed_after
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FrictionParameters,
+    friction_force,
+)
+from tests.machine.steps import speed_after
 
 MASS, DT = 150.0, 1e-3
 UP = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)

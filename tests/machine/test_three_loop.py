@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.machine.axis.drive_parameters import friction_force
 from pipeline.machine.axis.drive_train import sliding_friction
-from pipeline.machine.axis.friction import friction_force
 from pipeline.machine.axis.loops import FuzzyParameters, increments
 from pipeline.machine.axis.speed_trial import RPM
 from pipeline.machine.axis.three_loop import ThreeLoopTrace, follow_position, follow_speed, shafts

@@ -69,6 +69,11 @@ class MotorParameters(Ranged, section="motor"):
         return 1.5 * self.pole_pairs * self.flux
 
 
+def force_constant(torque_constant: float, lead: float) -> float:
+    """Return k = 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
+    return 2 * np.pi * torque_constant / lead
+
+
 def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any) -> Any:
     """Return di_d/dt and di_q/dt [A/s].
 

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.machine.axis import drive_train
 from pipeline.machine.axis import three_loop_kernel as kernel
-from pipeline.machine.axis.friction import DirectionFriction
+from pipeline.machine.axis.drive_parameters import DirectionFriction
 from pipeline.machine.axis.loops import FuzzyParameters, PositionLoopParameters
 from pipeline.machine.axis.motor import magnetic_energy
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, check_steps

@@ -14,8 +14,8 @@ both ends; damping of the twist gives 3 % of critical at the resonance of 247 Hz
 from dataclasses import dataclass
 from math import ceil, inf, isfinite, isinf, pi, sqrt
 
+from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.drive_train import TransmissionParameters, resonance
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
     PositionLoopParameters,

@@ -10,9 +10,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.axis.friction import friction_force
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import (
+    DriveStart,
+    ServoParameters,
+    drive_row,
+    friction_force,
+)
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
 from pipeline.submodels.drive.entry_fits import shifted
@@ -21,8 +25,7 @@ from pipeline.submodels.drive.mechanics.motion import motion
 from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import servo_low_passed
 from pipeline.submodels.statistics import Factor
-from pipeline.twin.drive import DriveStart, IdentifiedDrive, check_stability
-from pipeline.twin.drive_population import simulate_traces
+from pipeline.twin.drive import IdentifiedDrive, check_stability
 from pipeline.twin.program_axes import between
 
 LEAST = 1.0
@@ -132,7 +135,7 @@ def following_comparison(
         reference_velocity=float(one.reference[1] - one.reference[0]) / recording.period,
     )
     added = _added(one.load, entering, servo, fine, substeps)
-    trace = simulate_traces(
+    trace = simulate(
         between(one.reference, substeps) + added.reference, fine,
         drive_row(servo, drive.feed_drive)[np.newaxis],
         load=np.zeros(len(one.reference) * substeps)

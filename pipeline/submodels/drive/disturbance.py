@@ -27,7 +27,7 @@ from math import ceil, floor, inf, isinf, log, log10
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.drive.entry_fits import (
     APART,

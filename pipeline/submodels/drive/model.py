@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.machine.axis.friction import friction_force
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
 from pipeline.parallel import mapped
 from pipeline.schema.drive import (
     CurvePoint,

@@ -6,7 +6,7 @@ from math import isfinite
 from string import ascii_uppercase
 from typing import Annotated, Literal
 
-from pipeline.machine.axis.feed_drive import force_constant
+from pipeline.machine.axis.motor import force_constant
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.drive.records import AxisConstants, DriveRecords
@@ -34,7 +34,7 @@ class AxisPrior:
         Of motor [N m/A] and screw [mm/rev], in place of ``force_constant``.
     position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
 current_limit : float or str, optional
-        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
+        As in :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`.
     servo_period : float or str, optional
         Of the velocity loop [s]; the recorder's where it is not listed.
     coulomb : {"auto", "equal", "unequal"}

@@ -133,7 +133,7 @@ class AxisConstants:
         Force on the carriage for one unit of the command [N/A].
     position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
 current_limit : float or None
-        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
+        As in :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`.
     servo_period : float or None
         Of the velocity loop [s].
     """

@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.drive_train import TransmissionParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
     FuzzyParameters,

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
@@ -63,7 +64,6 @@ from pipeline.submodels.drive.records import (
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
 from pipeline.submodels.drive.twist import is_known, twist_frames
 from pipeline.twin.drive import IdentifiedDrive, identified_drive, identified_drives, speed_of
-from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between
 
 SHOWN = 4000
@@ -266,7 +266,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 if name not in table.columns or drive.servo is None:
                     continue
                 reference = table[name].to_numpy(float)
-                trace = simulate_traces(
+                trace = simulate(
                     between(reference, model.substeps), period / model.substeps,
                     drive_row(drive.servo, drive.feed_drive)[np.newaxis],
                 )  # fmt: skip

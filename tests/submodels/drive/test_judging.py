@@ -7,9 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 from pipeline.schema.drive import DriveAxis, DriveModel, FeedDrive, FitFacts, Servo
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.interval import Band
@@ -44,7 +47,7 @@ from pipeline.submodels.drive.submodel import (
 )
 from pipeline.submodels.judge import Judged, judge
 from pipeline.twin.drive import IdentifiedDrive, identified_drive
-from tests.machine.plain_drive import simulate_drive
+from tests.machine.steps import simulate_drive
 from tests.submodels.drive.servo_rig import Rig, recording, strokes
 from tests.twin.axes import DriveParameters
 

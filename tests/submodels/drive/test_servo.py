@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import (
+    DriveColumn,
+    DriveStart,
+    ServoParameters,
+    drive_row,
+)
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.drive.prior import DriveFitSettings
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
 from pipeline.submodels.drive.servo.equation import TERMS, Nominal
 from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, _at_end, identify_servo
-from pipeline.twin.drive import DriveStart
-from pipeline.twin.drive_population import simulate_traces
 from tests.submodels.drive.servo_rig import PERIOD, Rig, recorded, recording, strokes
 
 ALONE = DriveFitSettings(compare=False)
@@ -138,7 +141,7 @@ def test_the_closed_loop_alone_would_find_another_gain():
     places = np.arange(4 * len(REFERENCE)) / 4
     fine = np.interp(places, np.arange(len(REFERENCE)), REFERENCE)
     start = DriveStart(position=float(position[0]), command=float(current[0]))
-    traces = simulate_traces(fine, PERIOD / 4, table, start=start)
+    traces = simulate(fine, PERIOD / 4, table, start=start)
     error = (traces.position[:, ::4] - position).std(axis=1) / (REFERENCE - position).std()
     J = error + (traces.command[:, ::4] - current).std(axis=1) / current.std()
     assert abs(share[np.argmin(J)] - 1) > 10 * BIAS

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.drive_parameters import FeedDriveParameters
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     AMPLITUDES,

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled
-from pipeline.machine.axis.friction import friction_force
+from pipeline.machine.axis.drive_parameters import friction_force
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit

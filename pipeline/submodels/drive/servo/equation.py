@@ -26,7 +26,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.submodels.drive.mechanics.motion import first_difference
 from pipeline.submodels.drive.records import AxisConstants, Recording

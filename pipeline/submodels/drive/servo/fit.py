@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Bools
 from pipeline.schema.drive import Method
 from pipeline.submodels.drive.mechanics.estimates import (

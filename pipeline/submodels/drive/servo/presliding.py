@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
-from pipeline.machine.axis.presliding import presliding_trace
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import FeedDriveParameters, ServoParameters, drive_row
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Recording
@@ -216,8 +215,6 @@ def _nearest(
 
 def _squares(loop: _Loop, row: Floats, spring: tuple[float, float]) -> Floats:
     """Sums of squares of the command's error with a spring, by stretch; shape (STRETCHES,)."""
-    fine, many = loop.reference, loop.many
-    position, command = np.empty(len(fine)), np.empty(len(fine))
-    presliding_trace(fine, np.zeros(len(fine)), row, spring, loop.step, position, command)
-    error = (command[::many] - loop.command) ** 2
+    found = simulate(loop.reference, loop.step, row[np.newaxis], spring=spring)
+    error = (found.command[0, :: loop.many] - loop.command) ** 2
     return np.array([part.sum() for part in np.array_split(error, STRETCHES)])
