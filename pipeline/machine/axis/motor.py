@@ -34,13 +34,7 @@ _SQRT3 = np.sqrt(3.0)
 
 @dataclass(frozen=True, kw_only=True)
 class MotorParameters(Ranged, section="motor"):
-    """A synchronous motor with magnets.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """A synchronous motor with magnets."""
 
     resistance: Positive
     """R of one phase [ohm]."""
@@ -124,13 +118,7 @@ def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class InverterParameters(Ranged, section="inverter"):
-    """The inverter between the current loops and the motor; dead time and drops are left out.
-
-    Raises
-    ------
-    ValueError
-        When the voltage is out of its range.
-    """
+    """The inverter between the current loops and the motor; dead time and drops are left out."""
 
     dc_link: Annotated[float, Range(above=0.0, unit="V")]
     """U_dc [V]."""

@@ -51,13 +51,6 @@ class ThreeLoopParameters:
 def check_steps(drive: ThreeLoopParameters, steps: int) -> None:
     """Refuse steps that are too long for the drive's windings or its shaft.
 
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis.
-    steps : int
-        Steps in one period of the current loops.
-
     Raises
     ------
     ValueError
@@ -118,13 +111,7 @@ def servo_motor() -> MotorParameters:
 
 
 def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
-    """Return the axis with the speed loop's gains at the middle of Feed2025's ranges.
-
-    Parameters
-    ----------
-    rigid : bool
-        Whether motor and load are one mass.
-    """
+    """Return the axis with the speed loop's gains at the middle of Feed2025's ranges."""
     guideway = DirectionFriction(coulomb=150, static=220, stribeck_velocity=0.005, viscous=800)
     return ThreeLoopParameters(
         motor=servo_motor(),

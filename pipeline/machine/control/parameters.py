@@ -47,13 +47,7 @@ _PER_MINUTE = {Limit.RAPID_SPEED, Limit.CUTTING_SPEED, Limit.CORNER_JUMP}
 
 @dataclass(frozen=True, kw_only=True)
 class AxisParameters(Ranged):
-    """Limits of one axis; read degree for millimetre at A, B and C.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Limits of one axis; read degree for millimetre at A, B and C."""
 
     rapid_speed: Positive
     cutting_speed: Positive
@@ -75,13 +69,7 @@ class AxisParameters(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class AuxiliaryParameters(Ranged, section="auxiliary"):
-    """Times of auxiliary functions: spindle, tool change, M codes, stop.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Times of auxiliary functions: spindle, tool change, M codes, stop."""
 
     spindle_acceleration: _Unbounded = np.inf
     """Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
@@ -131,13 +119,7 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
 
 @dataclass(frozen=True, kw_only=True)
 class BlendParameters(Ranged, section="blend"):
-    """Corners that the control blends, as LinuxCNC does; used with ``corner = "blend"``.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Corners that the control blends, as LinuxCNC does; used with ``corner = "blend"``."""
 
     arcs: bool = True
     """Whether corners may be passed by arcs and by kinks ([TRAJ] ARC_BLEND_ENABLE), or by parabolas

@@ -237,17 +237,8 @@ def identify_control(
     known of its kind while the others are found again.  What units are taken to share is tested
     by unit, and found again for each where they differ or runs of one alone determine it.
 
-    Parameters
-    ----------
-    observed : sequence of Observed
-        The runs.
-    start : ControlParameters
-        Where the search begins, and to which a weak prior pulls.
-    settings : ControlFitSettings
-        Of the search.
-    near : ControlFit, optional
-        Control of more runs of the same units, where the search begins in place of ``start``; what
-        units share is not tested again.
+    Where ``near`` is given, a control of more runs of the same units, the search begins there in
+    place of ``start``, and what units share is not tested again.
 
     Raises
     ------

@@ -214,16 +214,7 @@ def axis_comparison(
 ) -> AxisComparison:
     """The recorded force and following error of ``axis`` beside those of the twin.
 
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : IdentifiedDrive
-        The axis as identified.
-    substeps : int
-        Samples of the servo in one sample of the recorder [1].
+    The servo samples ``substeps`` times in one sample of the recorder.
     """
     recording = in_unit_of_drive(recording, axis, drive)
     entering = entering_disturbance(recording, axis, drive)

@@ -102,17 +102,7 @@ class Disturbance:
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:
-    """Entry of the disturbance of ``axis`` in a recording; None where it has no such channel.
-
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : IdentifiedDrive
-        As identified, with the gains that the recording was taken with.
-    """
+    """Entry of the disturbance of ``axis`` in a recording; None where it has no such channel."""
     record = recording.axes[axis]
     if record.load is None:
         return None
@@ -230,15 +220,6 @@ def law_fits(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> dict[Difference, dict[Entry, EntryFit]]:
     """Fits of each place in the servo's law, by the differences that may be fed forward.
-
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : IdentifiedDrive
-        As identified.
 
     Returns
     -------

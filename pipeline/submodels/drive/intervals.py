@@ -35,16 +35,8 @@ def with_intervals(
 
     Without those where fewer than two training recordings move an axis.
 
-    Parameters
-    ----------
-    axes : mapping of str to DriveAxis
-        By letter, as identified from all ``recordings``.
-    recordings : sequence of Recording
-        Those to train on.
-    again : callable
-        An axis by its letter as some of them tell it; None where they determine less of it.
-    settings : DriveFitSettings
-        Number of folds, and substeps of the closed loop.
+    ``again`` gives an axis by its letter as some recordings tell it; None where they determine less
+    of it.
     """
     tasks = []
     for letter, axis in axes.items():

@@ -249,14 +249,8 @@ def stored_axis(
 ) -> DriveAxis:
     """One axis as it is stored.
 
-    Parameters
-    ----------
-    letter : str
-        Of an identified axis.
-    found : DriveIdentification
-        Of the machine.
-    recordings : sequence of Recording
-        From which it was identified; the constant level of the force is their mean.
+    The constant level of the force is the mean of the ``recordings`` from which the axis was
+    identified.
     """
     axis = _axis(letter, found)
     drive = identified_drive(axis)

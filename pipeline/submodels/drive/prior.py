@@ -74,11 +74,6 @@ current_limit : float or str, optional
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
         """Numbers in place of names.
 
-        Parameters
-        ----------
-        constants : mapping of str to float
-            Those that stand beside the channels of a recording.
-
         Raises
         ------
         ValueError
@@ -124,13 +119,7 @@ class DrivePrior:
 
 
 def constants_of(entries: Mapping[str, Mapping[str, object]]) -> dict[str, float]:
-    """Constants on which all recordings that hold them agree, by name.
-
-    Parameters
-    ----------
-    entries : mapping of str to mapping
-        Constants of each recording.
-    """
+    """Constants on which all recordings that hold them agree, by name."""
     seen: dict[str, set[float]] = {}
     for entry in entries.values():
         for name, value in entry.items():
@@ -205,13 +194,6 @@ def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
 
 def check_constants(prior: DrivePrior, held: Collection[str]) -> None:
     """Check that every constant that ``prior`` names stands in some recording.
-
-    Parameters
-    ----------
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    held : collection of str
-        Names of the constants of all recordings.
 
     Raises
     ------

@@ -58,17 +58,6 @@ def read_recordings(
 ) -> list[Recording]:
     """Recordings that ``records`` names, in the order of their names.
 
-    Parameters
-    ----------
-    signals : Path
-        As ``ingest`` wrote it.
-    records : DriveRecords
-        Which recordings, and their channels.
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    is_training : callable
-        Whether the drives are fitted on the raw file of a name.
-
     Returns
     -------
     list of Recording
@@ -107,19 +96,7 @@ def read_file(
     *,
     trained: bool,
 ) -> list[Recording]:
-    """Recordings in one file: one for each stretch without a gap in time.
-
-    Parameters
-    ----------
-    file : Recording
-        As the ingest wrote it.
-    records, prior
-        As in :func:`read_recordings`.
-    shared : mapping of str to float
-        Constants of the other recordings, for those that the file lacks.
-    trained : bool
-        Whether the drives are fitted on it.
-    """
+    """Recordings in one file: one for each stretch without a gap in time."""
     name = file.name
     blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
     if file.file is None:

@@ -108,20 +108,8 @@ def identify_shaft(
 ) -> ShaftFit | None:  # fmt: skip
     """Shaft of ``axis``; None where no recording shows both of its ends.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training.
-    axis : str
-        Its letter.
-    force_constant : float
-        Force for one unit of the command, and ``force_unit``, its unit.
-    force_unit : str
-        "N", or the command's unit where the constant is 1.
-    lead : float or None
-        Of the screw [m].
-    widest : float
-        Greatest half width of a determined interval, as a share.
+    ``lead`` is that of the screw [m], ``widest`` the greatest half width of a determined interval,
+    as a share.
     """
     shown = [signals_of(one, axis, force_constant, lead) for one in recordings
              if axis in one.shafts]  # fmt: skip

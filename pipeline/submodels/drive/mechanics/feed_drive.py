@@ -61,14 +61,7 @@ NARROWER = 5.0
 def genetic_dynamics(rows: Regressors, like: Dynamics, settings: GeneticSettings) -> Dynamics:
     """Search the parameters that ``like`` fitted, on rows weighted as there.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    like : Dynamics
-        Optimum of least squares: its weights and its choice of parameters are used.
-    settings : GeneticSettings
-        Of the search.
+    Weights and choice of parameters are those of ``like``, the optimum of least squares.
     """
     k, steps = len(rows.names), len(rows.stribeck)
     wide = np.hstack([rows.linear, rows.stribeck_table[0], rows.stribeck_table[1]])
@@ -126,17 +119,6 @@ def identify_feed_drive(
     recordings: Sequence[Recording], axis: str, prior: DrivePrior, settings: DriveFitSettings
 ) -> FeedDriveFit:
     """Feed drive of ``axis`` from its training recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Those not for training are ignored.
-    axis : str
-        Its letter.
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    settings : DriveFitSettings
-        Choices of the identification.
 
     Raises
     ------

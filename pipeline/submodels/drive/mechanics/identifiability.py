@@ -245,18 +245,8 @@ def held_out_load_factor(
     Only the factor and the zero of the load channel are fitted: the motor's force is that of the
     identified drive plus c F_d plus the zero.
 
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : FeedDriveParameters
-        As identified.
-    bandwidth : float or None
-        Of the parallel filter [Hz].
-    delay : float
-        How long the motion is behind the command [s].
+    ``bandwidth`` is that of the parallel filter [Hz], ``delay`` that of the motion behind the
+    command [s].
 
     Returns
     -------

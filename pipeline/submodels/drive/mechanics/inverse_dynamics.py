@@ -94,11 +94,6 @@ def regressors(motions: Sequence[Motion]) -> Regressors:
     Filtered ones have columns of the jerk and its derivative too; the first one's factor is mass
     times delay of the motion behind the force.
 
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Of one axis, of one bandwidth.
-
     Raises
     ------
     ValueError

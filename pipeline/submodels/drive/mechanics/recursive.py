@@ -34,13 +34,7 @@ from pipeline.submodels.drive.records import Recording
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveSettings(Ranged, section="recursive"):
-    """Settings of the recursive estimator.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of the recursive estimator."""
 
     forgetting: Annotated[float, Range(least=0.9, most=1.0)] = 0.99
     """lambda for each update [1], 0.9 to 1: the memory is about 1 / (1 - lambda) updates."""

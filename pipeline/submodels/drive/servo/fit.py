@@ -99,15 +99,6 @@ def identify_servo(
 ) -> ServoFit:
     """Servo of ``axis`` from recordings of its commanded and measured position.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training.
-    axis : str
-        Its letter.
-    settings : DriveFitSettings
-        Choices of the identification.
-
     Returns
     -------
     ServoFit
@@ -191,13 +182,7 @@ def _at_bandwidth(
     bandwidth: float,
     settings: DriveFitSettings,
 ) -> ServoFit:
-    """Servo from its equation below ``bandwidth`` [Hz].
-
-    Raises
-    ------
-    ValueError
-        When the records are too short for it.
-    """
+    """Servo from its equation below ``bandwidth`` [Hz]."""
     equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest

@@ -87,19 +87,7 @@ def identify_presliding(
     recordings: Sequence[Recording], axis: str, servo: ServoParameters,
     screw: FeedDriveParameters, widest: float,
 ) -> PreslidingFit | None:  # fmt: skip
-    """Friction of ``axis`` before it slides; None where no recording could show it.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training; those with a load are left out.
-    axis : str
-        Its letter.
-    servo, screw : ServoParameters, FeedDriveParameters
-        As identified.
-    widest : float
-        Greatest half width of a determined interval, as a share.
-    """
+    """Friction of ``axis`` before it slides; None where no recording could show it."""
     shown = [
         one for one in recordings
         if axis in one.axes and one.axes[axis].load is None and one.period <= SLOWEST
