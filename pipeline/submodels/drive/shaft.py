@@ -344,15 +344,11 @@ def _backlash(found: Rounds, why: str) -> Parameter:
 def _parameter(
     value: float, reach: float, unit: str, why: str, remedy: str, least: float | None = None
 ) -> Parameter:
-    known = not why
     value = float(value)
     if least is not None and value < least:
         # beyond what can be: as much as that, at least, the records err
         reach, value = float(np.hypot(reach, least - value)), least
-    low, high = value - reach, value + reach
-    low = low if least is None else max(low, least)
-    return Parameter(
-        value=float(f"{value:.5g}") if known else None, unit=unit,
-        interval_95=(float(f"{low:.5g}"), float(f"{high:.5g}")) if known else None,
-        determined=known, method=HOW if known else why, remedy="" if known else remedy,
-    )  # fmt: skip
+    low = value - reach if least is None else max(value - reach, least)
+    return Parameter.estimated(
+        value, low, value + reach, unit, method=why or HOW, remedy=remedy, determined=not why
+    )

@@ -181,9 +181,9 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        stored = mapped(lambda axis: stored_axis(axis, found, recordings), found.feed_drives)
+        stored = mapped(lambda axis: stored_axis(axis, found, recordings), found.axes)
         axes = with_intervals(
-            dict(zip(found.feed_drives, stored, strict=True)),
+            dict(zip(found.axes, stored, strict=True)),
             recordings,
             partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
@@ -317,7 +317,7 @@ def _by_rest(
 ) -> dict[str, dict[str, DriveAxis]]:
     """By the name of each block the axes that the other blocks determine as well as all do."""
     tasks = [(block.name, letter) for block in blocks for letter in block.axes]
-    tasks = [one for one in tasks if one[1] in found.feed_drives]
+    tasks = [one for one in tasks if one[1] in found.axes]
 
     def of_rest(task: tuple[str, str]) -> DriveAxis | None:
         rest = of_axis([one for one in blocks if one.name != task[0]], task[1])

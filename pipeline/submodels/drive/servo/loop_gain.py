@@ -61,14 +61,11 @@ class LoopGain:
 
     @property
     def parameter(self) -> Parameter:
-        """As it is stored, to five digits."""
-        known = self.determined
-        value, low, high = (float(f"{one:.5g}") for one in (self.value, self.low, self.high))
-        remedy = LISTED if self.decays else RECORD.format(self.constant_s)
-        return Parameter(
-            value=value if known else None, unit="1/s", interval_95=(low, high) if known else None,
-            determined=known, remedy="" if known else remedy,
-            method=METHOD if known else DECAYS if self.decays else OPEN,
+        """As it is stored."""
+        return Parameter.estimated(
+            self.value, self.low, self.high, "1/s", determined=self.determined,
+            method=METHOD if self.determined else DECAYS if self.decays else OPEN,
+            remedy=LISTED if self.decays else RECORD.format(self.constant_s),
         )  # fmt: skip
 
 

@@ -58,11 +58,9 @@ class Estimate(NamedTuple):
 
     def parameter(self, unit: str, remedy: str) -> Parameter:
         """The value as it is stored."""
-        known = self.determined
-        return Parameter(
-            value=float(f"{self.value:.5g}") if known else None, unit=unit,
-            interval_95=(float(f"{self.low:.5g}"), float(f"{self.high:.5g}")) if known else None,
-            determined=known, method=HOW, remedy="" if known else remedy,
+        return Parameter.estimated(
+            self.value, self.low, self.high, unit, method=HOW, remedy=remedy,
+            determined=self.determined,
         )  # fmt: skip
 
 
