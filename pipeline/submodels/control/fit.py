@@ -146,27 +146,17 @@ def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFitSettings(SearchSettings, section="control_fit"):
-    """Settings of the identification of a control.
-
-    Parameters
-    ----------
-    shortest_s : float
-        Segments are at least as long [s], those of waits excepted.
-    scales_s : tuple of float
-        Residuals above count linearly [s]: from what the start may be wrong by down to what polling
-        adds to the duration of a segment.
-    widest : float
-        A parameter whose 95 % interval is wider than this share of it is not determined [1].
-    folds : int
-        Controls that are identified without some of the programs for the intervals, at most.
-    loose_s, step, evaluations
-        As in :class:`~pipeline.submodels.control.fit.SearchSettings`.
-    """
+    """Settings of the identification of a control."""
 
     shortest_s: Positive = 1.0
+    """Least duration of a segment [s], those of waits excepted."""
     scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
+    """Residuals above which each search counts linearly [s]: from what the start may be wrong by
+    down to what polling adds to the duration of a segment."""
     widest: Positive = 0.5
+    """Share of a parameter beyond which the width of its 95 % interval leaves it open [1]."""
     folds: Annotated[int, Range(least=2)] = 5
+    """Controls that are identified without some of the programs for the intervals, at most."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -23,38 +23,30 @@ _OF_THE_LOOPS = (
 
 @dataclass(frozen=True, kw_only=True)
 class AxisPrior:
-    """Prior knowledge of one axis; each number may be the name of a constant of the recordings.
-
-    Parameters
-    ----------
-    force_constant : float or str, optional
-        Force on the carriage for one unit of the command [N/A]; without it, and without torque
-        constant and lead, forces are in the command's unit.
-    torque_constant, lead : float or str, optional
-        Of motor [N m/A] and screw [mm/rev], in place of ``force_constant``.
-    position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
-current_limit : float or str, optional
-        As in :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`.
-    servo_period : float or str, optional
-        Of the velocity loop [s]; the recorder's where it is not listed.
-    coulomb : {"auto", "equal", "unequal"}
-        Motion shows only the sum of Coulomb friction and a constant force.  "equal": Coulomb
-        friction is equal in both directions, and the difference is the force (a vertical axis, an
-        amplifier with an offset); "unequal": no such force; "auto": see
-        :mod:`pipeline.submodels.drive.mechanics.estimates`.
-    """
+    """Prior knowledge of one axis; each number may be the name of a constant of the recordings."""
 
     force_constant: Number = None
+    """Force on the carriage for one unit of the command [N/A]; without it, and without torque
+    constant and lead, forces are in the command's unit."""
     torque_constant: Number = None
     lead: Number = None
+    """Torque constant of the motor [N m/A] and lead of the screw [mm/rev], in place of
+    ``force_constant``."""
     position_gain: Number = None
     velocity_gain: Number = None
     integral_gain: Number = None
     velocity_feedforward: Number = None
     acceleration_feedforward: Number = None
     current_limit: Number = None
+    """Gains, feed-forward and limit as in
+    :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`."""
     servo_period: Number = None
+    """Period of the velocity loop [s]; the recorder's where it is not listed."""
     coulomb: Coulomb = "auto"
+    """Split of Coulomb friction and a constant force, of which motion shows only the sum. "equal":
+    Coulomb friction is equal in both directions, and the difference is the force (a vertical axis,
+    an amplifier with an offset); "unequal": no such force; "auto": see
+    :mod:`pipeline.submodels.drive.mechanics.estimates`."""
 
     def __post_init__(self) -> None:
         if (self.torque_constant is None) != (self.lead is None):

@@ -76,22 +76,15 @@ SHOWN = TERMS[:TH]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ServoFit(AxisFit):
-    """Servo identified from records; scale factors are gains in SI where its list names none.
-
-    Parameters
-    ----------
-    servo : ServoParameters or None
-        With all parameters; None where a gain is neither determined nor listed.
-    reason : str
-        Why there is no servo, in one sentence.
-    left_out : tuple of str
-        Recordings of another list of gains than the first's: another servo.
-    """
+    """Servo identified from records; scale factors are gains in SI where its list names none."""
 
     names: tuple[str, ...] = SHOWN
     servo: ServoParameters | None
+    """Servo with all parameters; None where a gain is neither determined nor listed."""
     reason: str = ""
+    """Reason why there is no servo, in one sentence."""
     left_out: tuple[str, ...] = ()
+    """Recordings of another list of gains than the first's: another servo."""
 
 
 def identify_servo(
