@@ -15,7 +15,6 @@ FULL = with_servo(
     position_lag=0.002, current_limit=0.9,
 )  # fmt: skip
 STEPS = 4000
-OPTIONS = [{}, {"substeps": 3}, {"substeps": 3, "servo_substeps": True}]
 
 
 def varied(individuals: int) -> list[DriveParameters]:

@@ -92,19 +92,3 @@ def test_vertical_axis_without_command_stands_while_friction_holds_it(offset: fl
 def test_vertical_axis_falls_when_its_offset_is_greater() -> None:
     _, v, _ = screw_step(0.0, 0.0, 0.0, 0.0, 1e-3, axis(offset=90.1))
     assert v < 0
-
-
-@pytest.mark.parametrize(
-    "values, said",
-    [
-        ({"mass": 0.0}, "feed_drive.mass = 0.0 must be finite and positive"),
-        ({"force_constant": float("inf")}, "feed_drive.force_constant = inf"),
-        ({"offset": float("nan")}, "feed_drive.offset = nan N must be finite"),
-        ({"backlash": -1e-6}, "feed_drive.backlash = -1e-06 m"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(values: dict[str, float], said: str) -> None:
-    friction = FrictionParameters(positive=ONE, negative=ONE)
-    known = {"mass": 1.0, "force_constant": 1.0, "friction": friction}
-    with pytest.raises(ValueError, match=said):
-        FeedDriveParameters(**{**known, **values})

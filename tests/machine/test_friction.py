@@ -142,10 +142,7 @@ def test_stick_slip_has_the_durations_of_the_exact_motion(period: float) -> None
 @pytest.mark.parametrize(
     "values, said",
     [
-        ({"coulomb": -1.0, "static": 1.0}, "friction.coulomb = -1.0 must be finite"),
         ({"coulomb": 2.0, "static": 1.0}, "friction.static = 1.0 N must not be below coulomb"),
-        ({"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.0}, "stribeck_velocity = 0.0 m/s"),
-        ({"coulomb": 1.0, "static": float("nan")}, "friction.static = nan"),
     ],
 )
 def test_parameters_out_of_range_are_refused(values: dict[str, float], said: str) -> None:

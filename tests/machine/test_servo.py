@@ -87,23 +87,3 @@ def test_lag_follows_the_exact_exponential() -> None:
         _, state = servo_step((1e-3, 0.0, 0.0), 0.0, 0.2, state, 1e-3, servo)
         assert state.v_seen == pytest.approx(0.2 * (1 - np.exp(-k / 4)), rel=1e-12)
         assert state.v_ref == pytest.approx(0.06 * (1 - np.exp(-k / 10)), rel=1e-12)
-
-
-def test_without_lag_nothing_is_late() -> None:
-    assert _followed(0.0, 1e-3) == 1.0
-    _, state = servo_step((1e-3, 0.0, 0.0), 0.0, 0.2, REST, 1e-3, SERVO)
-    assert state.v_seen == 0.2
-
-
-@pytest.mark.parametrize(
-    "name, value, said",
-    [
-        ("position_gain", 0.0, "servo.position_gain = 0.0 must be finite and positive"),
-        ("integral_gain", -1.0, "servo.integral_gain = -1.0 must be finite and at least 0"),
-        ("velocity_lag", float("inf"), "servo.velocity_lag = inf must be finite"),
-        ("current_limit", 0.0, "servo.current_limit = 0.0 A must be positive"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(name: str, value: float, said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        replace(SERVO, **{name: value})

@@ -209,13 +209,7 @@ def checked_rows(table: ArrayLike) -> Floats:
 
 
 def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:
-    """``values`` as finite numbers, shape (T,).
-
-    Raises
-    ------
-    ValueError
-        When they are not, or not as many as ``length``.
-    """
+    """``values`` as finite numbers, shape (T,)."""
     array = np.asarray(values, dtype=np.float64)
     if array.ndim != 1 or not array.size:
         raise ValueError(f"{name} has shape {array.shape}: give one row of at least one sample")

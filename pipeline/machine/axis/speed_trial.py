@@ -105,13 +105,7 @@ def settling_time(time: Floats, error: Floats, band: float) -> float:
 def step_response(
     drive: ThreeLoopParameters, trial: SpeedTrial, direction: int = 1
 ) -> StepResponse:
-    """Return the response of a drive to a step of the speed, and then one of the load.
-
-    Raises
-    ------
-    ValueError
-        When the drive runs away.
-    """
+    """Return the response of a drive to a step of the speed, and then one of the load."""
     half = round(trial.duration / trial.period)
     load = np.zeros(2 * half + 1)
     load[half:] = direction * trial.load
@@ -164,11 +158,6 @@ def ramp_error(
 
     The ramp has the speed ``feed`` [m/s] in the ``direction`` 1 or -1; ``feedforward`` is the share
     of it that is fed forward [1].
-
-    Raises
-    ------
-    ValueError
-        When there is no position loop, or the drive runs away.
     """
     if drive.position_loop is None:
         raise ValueError("drive.position_loop is missing: a ramp of positions needs one")

@@ -49,13 +49,7 @@ class ThreeLoopParameters:
 
 
 def check_steps(drive: ThreeLoopParameters, steps: int) -> None:
-    """Refuse steps that are too long for the drive's windings or its shaft.
-
-    Raises
-    ------
-    ValueError
-        When ``steps`` is no count or too few; the message says how many are needed.
-    """
+    """Refuse steps that are too long for the drive's windings or its shaft."""
     if not (isfinite(steps) and steps >= 1 and steps % 1 == 0):
         raise ValueError(f"steps = {steps} must be a whole number from 1")
     rates = _rates(drive)

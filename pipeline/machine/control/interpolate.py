@@ -73,11 +73,6 @@ def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> 
     """The same in chunks of at most ``samples``, for programs of any length.
 
     The ``period`` is the control's ``interpolation_period`` by default [s].
-
-    Raises
-    ------
-    ValueError
-        As :func:`trace`.
     """
     step = _period(plan, period)
     lengths = plan.path.control.filters

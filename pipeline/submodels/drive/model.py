@@ -78,13 +78,7 @@ def identify_drives(
     prior: DrivePrior,
     settings: DriveFitSettings,
 ) -> DriveIdentification:
-    """Everything that the recordings determine of a machine's drives.
-
-    Raises
-    ------
-    ValueError
-        When no axis can be identified.
-    """
+    """Everything that the recordings determine of a machine's drives."""
     training = [one for one in recordings if one.trained]
     each = [(axis, of_axis(training, axis), prior, settings) for axis in records.axes]
     tried = dict(zip(records.axes, mapped(_whole_axis, each), strict=True))
@@ -139,13 +133,7 @@ def _whole_axis(
 def identified_axis(
     axis: str, training: Sequence[Recording], prior: DrivePrior, settings: DriveFitSettings
 ) -> IdentifiedAxis:
-    """Mechanics and loops of one axis from recordings to train on.
-
-    Raises
-    ------
-    ValueError
-        When they do not tell its mechanics.
-    """
+    """Mechanics and loops of one axis from recordings to train on."""
     drive = identify_feed_drive(training, axis, prior, settings)
     return IdentifiedAxis(drive=drive, servo=identify_servo(training, axis, settings))
 

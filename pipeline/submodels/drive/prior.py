@@ -64,13 +64,7 @@ class AxisPrior:
         return float(self.lead) * 1e-3 if isinstance(self.lead, int | float) else None
 
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
-        """Numbers in place of names.
-
-        Raises
-        ------
-        ValueError
-            When a name is none of ``constants``, or a value is out of its range.
-        """
+        """Numbers in place of names."""
         force = _number("force_constant", self.force_constant, constants)
         torque = _number("torque_constant", self.torque_constant, constants)
         lead = _number("lead", self.lead, constants)
@@ -154,14 +148,7 @@ class DriveFitSettings(Ranged, section="drive_fit"):
 
 
 def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
-    """Check that axes are letters, named in both sections.
-
-    Raises
-    ------
-    ValueError
-        When ``records`` names no axis or one that is no letter, or not the axis of a prior or of a
-        recorded motor.
-    """
+    """Check that axes are letters, named in both sections."""
     there = ", ".join(records.axes)
     if not there:
         raise ValueError("drive_records.axes names no axis: name the channels of at least one")
@@ -185,13 +172,7 @@ def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
 
 
 def check_constants(prior: DrivePrior, held: Collection[str]) -> None:
-    """Check that every constant that ``prior`` names stands in some recording.
-
-    Raises
-    ------
-    ValueError
-        When none of the recordings holds one.
-    """
+    """Check that every constant that ``prior`` names stands in some recording."""
     for letter, axis in prior.axes.items():
         for name in names_of(axis):
             if name not in held:

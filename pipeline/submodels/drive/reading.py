@@ -4,7 +4,7 @@ Rows that lack a value of a channel that is used count as missing.  Each axis th
 not show has its reason, in one sentence.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -146,10 +146,6 @@ def _drives(
     if not channels:
         return [replace(blank, lacking=lacking)]
     air = _air(table, records.air)
-    rows, pieces = _pieces(table, [v for axis in channels.values() for v in axis.values()])
-
-    def grid(letter: str, piece: UniformSegment) -> dict[str, Floats]:
-        return {key: piece.on_grid(values[rows]) for key, values in channels[letter].items()}
 
     def record(letter: str, on_grid: dict[str, Floats]) -> AxisRecord:
         return AxisRecord(
@@ -159,23 +155,20 @@ def _drives(
             load=on_grid.get("load"), **{key: on_grid.get(key) for key in SI},
         )  # fmt: skip
 
-    found = []
-    for piece, one in _parts(pieces, table.num_rows, blank):
-        grids = {letter: grid(letter, piece) for letter in channels}
-        found.append(
-            replace(
-                one,
-                axes={letter: record(letter, grids[letter]) for letter in units},
-                tracked={
-                    letter: Tracked(reference=of["reference"], position=of["position"])
-                    for letter, of in grids.items()
-                    if _both(of)
-                },
-                lacking=lacking,
-                air=_near(piece, air[rows]) & ~piece.filled,
-            )
+    return [
+        replace(
+            one,
+            axes={letter: record(letter, grids[letter]) for letter in units},
+            tracked={
+                letter: Tracked(reference=of["reference"], position=of["position"])
+                for letter, of in grids.items()
+                if _both(of)
+            },
+            lacking=lacking,
+            air=_near(piece, air[rows]) & one.air,
         )
-    return found
+        for one, grids, piece, rows in _parts(table, blank, channels)
+    ]
 
 
 def _both(channels: Mapping[str, Floats]) -> bool:
@@ -193,15 +186,7 @@ def _motor(table: pa.Table, blank: Recording, records: MotorRecords) -> list[Rec
         if values is None:
             raise Unusable(f"it has no channel {name!r}: record it or correct its name")
         found[key] = values
-    rows, pieces = _pieces(table, list(found.values()))
-    return [
-        replace(
-            one,
-            motor={key: piece.on_grid(values[rows]) for key, values in found.items()},
-            air=~piece.filled,
-        )
-        for piece, one in _parts(pieces, table.num_rows, blank)
-    ]
+    return [replace(one, motor=of[""]) for one, of, *_ in _parts(table, blank, {"": found})]
 
 
 def _shafts(table: pa.Table, blank: Recording, records: ShaftRecords) -> list[Recording]:
@@ -224,48 +209,41 @@ def _shafts(table: pa.Table, blank: Recording, records: ShaftRecords) -> list[Re
             "it shows both ends of no axis: record motor position, scale and current together, or "
             "correct drive_records.shaft"
         )
-    rows, pieces = _pieces(table, [v for axis in found.values() for v in axis.values()])
-    return [
-        replace(
-            one,
-            shafts={
-                letter: {key: piece.on_grid(values[rows]) for key, values in axis.items()}
-                for letter, axis in found.items()
-            },
-            air=~piece.filled,
-        )
-        for piece, one in _parts(pieces, table.num_rows, blank)
-    ]
+    return [replace(one, shafts=grids) for one, grids, *_ in _parts(table, blank, found)]
 
 
-def _pieces(table: pa.Table, channels: Sequence[Floats]) -> tuple[Ints, list[UniformSegment]]:
-    """Rows that have a value in all channels, and their stretches on a uniform grid."""
-    time = _time(table)
-    whole = np.isfinite(time) & np.all([np.isfinite(values) for values in channels], axis=0)
-    rows = np.flatnonzero(whole)
+def _parts(
+    table: pa.Table, blank: Recording, channels: Mapping[str, Mapping[str, Floats]]
+) -> Iterator[tuple[Recording, dict[str, dict[str, Floats]], UniformSegment, Ints]]:
+    """A recording for each stretch without a gap, named where there are several, and its channels.
+
+    They stand on its grid, by letter and name; then the stretch, and the rows that have a value in
+    all channels.
+    """
+    time, every = _time(table), [v for axis in channels.values() for v in axis.values()]
+    rows = np.flatnonzero(np.isfinite(time) & np.all([np.isfinite(one) for one in every], axis=0))
     try:
         pieces = uniform_segments(time[rows])
     except ValueError as error:
         raise Unusable(str(error)) from error
     if not pieces:
         raise Unusable("it has more gaps than rows")
-    return rows, pieces
-
-
-def _parts(
-    pieces: Sequence[UniformSegment], rows: int, blank: Recording
-) -> list[tuple[UniformSegment, Recording]]:
-    """A recording for each stretch, named where there are several."""
-    lost = rows - sum(len(one.rows) for one in pieces)
-    left = (f"{lost} of {rows} rows left out: no value, a copy, or between gaps",) if lost else ()
-    parts = []
+    many = table.num_rows
+    lost = many - sum(len(one.rows) for one in pieces)
+    left = (f"{lost} of {many} rows left out: no value, a copy, or between gaps",) if lost else ()
     for number, piece in enumerate(pieces, start=1):
         name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
         filled = int(piece.filled.sum())
         said = (f"{filled} missing rows filled in and not learnt from",) if filled else ()
-        one = replace(blank, name=name, period=piece.period, notes=blank.notes + said + left)
-        parts.append((piece, one))
-    return parts
+        one = replace(
+            blank, name=name, period=piece.period, notes=blank.notes + said + left,
+            air=~piece.filled,
+        )  # fmt: skip
+        grids = {
+            letter: {key: piece.on_grid(values[rows]) for key, values in axis.items()}
+            for letter, axis in channels.items()
+        }
+        yield one, grids, piece, rows
 
 
 def _nothing(blank: Recording, records: DriveRecords, reason: str) -> Recording:
@@ -380,13 +358,7 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Check that the channel ``name`` of a torque command is not in a unit of motion.
-
-    Raises
-    ------
-    ValueError
-        When it is: a command may be in amperes, volts, percent or counts.
-    """
+    """Check that the channel ``name`` of a torque command is not in a unit of motion."""
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:
             conversion(unit, motion)

@@ -286,13 +286,7 @@ MOTION = (
 
 
 def check_channels(records: DriveRecords, recordings: Sequence[Recording]) -> None:
-    """Check that some recording of an axis holds each channel that ``records`` names for it.
-
-    Raises
-    ------
-    ValueError
-        When none does: a misspelt name would be a channel that is derived, or a missing servo.
-    """
+    """Check that some recording of an axis holds each channel that ``records`` names for it."""
     for letter, channels in records.axes.items():
         shown = [one.axes[letter] for one in recordings if letter in one.axes]
         for key in MOTION:

@@ -48,13 +48,7 @@ SLOW_END = 5
 def aligned(
     recordings: Sequence[Recording], axis: str, bandwidth: float | None
 ) -> tuple[list[Motion], Regressors, float]:
-    """Motion and its table with the command delayed like the motion, and that delay [s].
-
-    Raises
-    ------
-    ValueError
-        When too few rows move in air.
-    """
+    """Motion and its table with the command delayed like the motion, and that delay [s]."""
     motions = [motion(one, axis, bandwidth) for one in recordings]
     rows = _enough(regressors(motions), axis)
     if "delay" not in rows.names:

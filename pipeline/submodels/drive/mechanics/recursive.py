@@ -100,11 +100,6 @@ def recursive_inertia(
         T [s].
     settings : RecursiveSettings
         Of the estimator.
-
-    Raises
-    ------
-    ValueError
-        When the record is no two series of the same length, or the period is not positive.
     """
     w, m = _record(speed, torque, period)
     speed_scale = _scale(w, settings.speed_scale)
