@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from pipeline.schema.drive import (
     FrictionPoint,
     RecursiveMass,
     Servo,
-    Shaft,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
 from pipeline.schema.structure import structured
@@ -33,9 +31,6 @@ from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, i
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.twin.drive import identified_drive
 
-if TYPE_CHECKING:
-    from pipeline.submodels.drive.mechanics.recursive import MassTrace
-
 CURVE = 40
 """Number of speeds of the stored friction curve in each direction [1]."""
 MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
@@ -49,7 +44,7 @@ class IdentifiedAxis:
     drive: FeedDriveFit
     servo: ServoFit
     presliding: PreslidingFit | None = None
-    mass: "MassTrace | None" = None
+    mass: RecursiveMass | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -180,14 +175,6 @@ def _shafts(
     return {axis: shaft for axis, shaft in found if shaft is not None}
 
 
-def stored_shaft(fit: ShaftFit, lead: float | None) -> Shaft:
-    """A shaft as it is stored, without its parameters; ``lead`` [m/rev]."""
-    return Shaft(
-        factors=tuple(map(significant, fit.shared.tolist())), lead=lead, samples=fit.samples,
-        twist_um=significant(fit.twist_um), left_um=significant(fit.left_um),
-    )  # fmt: skip
-
-
 def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
     """Why an axis is not identified: what its training recordings lack, if all lack it."""
     training = [one for one in recordings if one.trained and not one.motor]
@@ -256,7 +243,7 @@ def _axis(axis: IdentifiedAxis) -> DriveAxis:
         ),
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
         servo_fit=_facts(servo),
-        recursive_mass=None if mass is None else _recursive_mass(mass),
+        recursive_mass=mass,
         presliding_stiffness=_determined(None if spring is None else spring.stiffness),
         presliding_time_s=_determined(None if spring is None else spring.time),
     )  # fmt: skip
@@ -368,16 +355,6 @@ def _curve(fit: FeedDriveFit) -> tuple[CurvePoint, ...]:
     return tuple(
         CurvePoint(velocity_mm_s=significant(1e3 * v), force=significant(f))
         for v, f in zip(velocity.tolist(), force.tolist(), strict=True)
-    )
-
-
-def _recursive_mass(mass: "MassTrace") -> RecursiveMass:
-    return RecursiveMass(
-        recording=mass.recording,
-        unit=mass.unit,
-        time_s=tuple(round(t, 4) for t in mass.time.tolist()),
-        value=tuple(map(_known, mass.value.tolist())),
-        half_width=tuple(map(_known, mass.half_width.tolist())),
     )
 
 

@@ -26,7 +26,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.model import Parameter
+from pipeline.schema.drive import Shaft
+from pipeline.schema.model import Parameter, significant
 from pipeline.submodels.drive.mechanics.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft_signals import (
@@ -90,16 +91,9 @@ class Rounds:
 class ShaftFit:
     """Shaft of an axis as fitted."""
 
-    shared: Floats
-    """Factors of the columns that recordings share; shape (7,)."""
+    shaft: Shaft
     parameters: dict[str, Parameter]
     """``shaft_stiffness``, ``shaft_damping``, ``backlash``, ``motor_mass``."""
-    samples: int
-    """That were fitted [1]."""
-    twist_um: float
-    """Root mean square of the twist that the records show [um]."""
-    left_um: float
-    """The same of what the fit leaves over [um]."""
 
 
 def identify_shaft(
@@ -124,11 +118,12 @@ def identify_shaft(
         # no play that shows: the flank does not matter, and all samples count
         found = _rounds(shown, found.shared, (*found.out, PLAY))
     twist = np.concatenate([one.twist[ok] for one, ok in zip(shown, found.sure, strict=True)])
-    return ShaftFit(
-        shared=found.shared, parameters=_parameters(found, force_unit, widest) | {
-            "backlash": backlash},
-        samples=len(twist), twist_um=1e6 * float(twist.std()), left_um=1e6 * found.left,
+    shaft = Shaft(
+        factors=tuple(map(significant, found.shared.tolist())), lead=lead, samples=len(twist),
+        twist_um=significant(1e6 * float(twist.std())), left_um=significant(1e6 * found.left),
     )  # fmt: skip
+    known = _parameters(found, force_unit, widest) | {"backlash": backlash}
+    return ShaftFit(shaft=shaft, parameters=known)
 
 
 def _fitted(shown: Sequence[Signals]) -> tuple[Rounds, list[Signals]]:

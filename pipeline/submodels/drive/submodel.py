@@ -38,8 +38,8 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
+from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
-from pipeline.submodels.drive.intervals import with_intervals
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     axis_again,
@@ -49,7 +49,6 @@ from pipeline.submodels.drive.model import (
     motor_parameters,
     stored_axis,
     stored_motor,
-    stored_shaft,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
@@ -61,8 +60,8 @@ from pipeline.submodels.drive.records import (
     blocks_of,
     of_axis,
 )
+from pipeline.submodels.drive.shaft_signals import is_known, twist_frames
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
-from pipeline.submodels.drive.twist import is_known, twist_frames
 from pipeline.twin.drive import IdentifiedDrive, identified_drive, identified_drives, speed_of
 from pipeline.twin.program_axes import between
 
@@ -194,10 +193,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         if found.motor is not None:
             pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1
             parameters[MOTOR] = motor_parameters(found.motor, pairs)
-        shafts = {
-            letter: stored_shaft(fit, settings.drive.axis(letter).screw_lead)
-            for letter, fit in found.shafts.items()
-        }
+        shafts = {letter: fit.shaft for letter, fit in found.shafts.items()}
         used = [
             c for c, one in zip(training, recordings, strict=True)
             if one.axes or one.motor or one.shafts or one.tracked

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.schema.drive import FOLLOWING, FORCE
 from pipeline.submodels.drive import comparison
-from pipeline.submodels.drive.intervals import with_intervals
+from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.model import axis_again, identified_axis, stored_axis
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import AxisConstants

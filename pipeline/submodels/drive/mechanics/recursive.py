@@ -26,6 +26,8 @@ from numpy.typing import ArrayLike
 from pipeline.kernels import compiled
 from pipeline.machine.axis.drive_parameters import friction_force
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.drive import RecursiveMass
+from pipeline.schema.model import significant
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit
 from pipeline.submodels.drive.mechanics.motion import motion
@@ -143,26 +145,15 @@ def _scale(series: Floats, given: float | None) -> float:
     return greatest if greatest > 0 else 1.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MassTrace:
-    """Recursive estimate of the mass of one axis over one recording."""
-
-    recording: str
-    unit: str
-    """Its name, and the unit of ``value``."""
-    time: Floats
-    value: Floats
-    half_width: Floats
-    """[s], and mass with half of its 95 % interval; shape (K,)."""
-
-
 MEMORY = 0.99
 """Forgetting factor of the mass trace [1]: the last hundred samples count."""
 SHOWN = 200
 """Greatest number of samples of a stored mass trace [1]."""
 
 
-def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) -> MassTrace | None:
+def mass_trace(
+    recordings: Sequence[Recording], axis: str, found: FeedDriveFit
+) -> RecursiveMass | None:
     """Recursive mass in the recording of the strongest acceleration, with friction subtracted.
 
     None where the fit determines no mass, the sampling is too slow, or no recording shows one.
@@ -191,9 +182,11 @@ def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) 
     chosen = np.unique(
         defined[np.linspace(0, len(defined) - 1, min(SHOWN, len(defined))).astype(int)]
     )
-    return MassTrace(
-        recording=best.recording, unit=found.units[0], time=best.time[chosen],
-        value=trace.inertia[chosen], half_width=1.96 * trace.deviation[chosen],
+    return RecursiveMass(
+        recording=best.recording, unit=found.units[0],
+        time_s=tuple(round(t, 4) for t in best.time[chosen].tolist()),
+        value=tuple(map(significant, trace.inertia[chosen].tolist())),
+        half_width=tuple(map(significant, (1.96 * trace.deviation[chosen]).tolist())),
     )  # fmt: skip
 
 
