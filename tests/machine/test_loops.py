@@ -48,7 +48,6 @@ def test_short_periods_give_the_continuous_gains() -> None:
     ("loop", "name", "value"),
     [
         ("current_loop", "bandwidth", 0.0),
-        ("speed_loop", "every", 1.5),
         ("position_loop", "every", 0),
     ],
 )

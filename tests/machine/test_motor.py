@@ -117,7 +117,7 @@ def test_a_population_is_the_single_motors() -> None:
     ("name", "value"),
     [
         ("resistance", 0.0),
-        ("pole_pairs", 2.5),
+        ("pole_pairs", 0),
     ],
 )
 def test_values_out_of_range_are_named(name: str, value: float) -> None:

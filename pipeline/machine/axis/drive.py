@@ -50,7 +50,6 @@ from pipeline.machine.axis.drive_parameters import (
     DriveColumn,
     DriveStart,
     check_steps,
-    checked_rows,
     samples,
 )
 from pipeline.machine.axis.loops import FuzzyParameters, increments
@@ -322,10 +321,10 @@ def simulate(
     Raises
     ------
     ValueError
-        When an array has another shape or is not finite, or a row's number is out of its range.
+        When reference or load has another shape or is not finite.
     """
     check_steps(period, substeps)
-    rows, x_ref = checked_rows(table), samples("reference", reference)
+    rows, x_ref = np.ascontiguousarray(table, dtype=np.float64), samples("reference", reference)
     push = np.zeros(1) if load is None else samples("load", load, len(x_ref))
     inner, held = (substeps, 1) if servo_substeps else (1, substeps)
     traces, greatest = np.empty((3, len(rows), len(x_ref))), np.empty((len(rows), 2))

@@ -128,7 +128,7 @@ class DriveStart(Ranged, section="start"):
     command: Annotated[float, Range(unit="A")] = 0.0
     """First command, which the integral is set for [A]; without integral gain it has no meaning."""
     reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """Of the reference before the first sample, for the feed-forward [m/s]."""
+    """Speed of the reference before the first sample, for the feed-forward [m/s]."""
 
 
 class DriveColumn(IntEnum):
@@ -158,13 +158,6 @@ class DriveColumn(IntEnum):
     POSITION_LAG = 20
 
 
-_POSITIVE = {
-    DriveColumn.LOOP_GAIN, DriveColumn.PROPORTIONAL, DriveColumn.CURRENT_LIMIT, DriveColumn.MASS,
-    DriveColumn.FORCE_CONSTANT, DriveColumn.STRIBECK_POSITIVE, DriveColumn.STRIBECK_NEGATIVE,
-}  # fmt: skip
-_SIGNED = {DriveColumn.OFFSET, DriveColumn.LOAD_FACTOR}
-
-
 def drive_row(
     servo: ServoParameters, feed_drive: FeedDriveParameters, load_factor: float = 1.0
 ) -> Floats:
@@ -182,30 +175,6 @@ def drive_row(
             feed_drive.backlash, servo.velocity_lag, servo.position_lag,
         ]
     )  # fmt: skip
-
-
-def checked_rows(table: ArrayLike) -> Floats:
-    """Rows of axes, shape (P, 21); the first number out of its range is refused."""
-    rows = np.ascontiguousarray(table, dtype=np.float64)
-    if rows.ndim != 2 or rows.shape[-1] != len(DriveColumn) or not rows.size:
-        raise ValueError(f"table has shape {rows.shape}: give (P, {len(DriveColumn)})")
-    for column in DriveColumn:
-        values = rows[..., column]
-        fits = np.isfinite(values)
-        if column == DriveColumn.CURRENT_LIMIT:
-            fits, rule = values > 0, "positive"
-        elif column in _POSITIVE:
-            fits, rule = fits & (values > 0), "finite and positive"
-        elif column in _SIGNED:
-            rule = "finite"
-        elif column in (DriveColumn.STATIC_POSITIVE, DriveColumn.STATIC_NEGATIVE):
-            fits, rule = fits & (values >= rows[..., column - 1]), "finite, not below coulomb"
-        else:
-            fits, rule = fits & (values >= 0), "finite and at least 0"
-        if not fits.all():
-            at = tuple(int(i) for i in np.argwhere(~fits)[0])
-            raise ValueError(f"row {list(at)}: {column.name} = {values[at]} must be {rule}")
-    return rows
 
 
 def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:

@@ -145,10 +145,6 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
     every: _Every = 1
     """Periods of the current loop for one of the speed loop."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_whole(self.every, "speed_loop")
-
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParameters(Ranged, section="position_loop"):
@@ -163,12 +159,3 @@ class PositionLoopParameters(Ranged, section="position_loop"):
     carriage."""
     every: _Every = 10
     """Periods of the current loop for one of the position loop."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_whole(self.every, "position_loop")
-
-
-def _check_whole(every: float, section: str) -> None:
-    if every % 1:
-        raise ValueError(f"{section}.every = {every} must be a whole number from 1")

@@ -52,11 +52,6 @@ class MotorParameters(Ranged, section="motor"):
     coulomb: NotNegative = 0.0
     """Friction torque of the bearings and the cogging that speed does not change [N m]."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.pole_pairs % 1:
-            raise ValueError(f"motor.pole_pairs = {self.pole_pairs} must be a whole number from 1")
-
     @property
     def torque_constant(self) -> float:
         """3/2 p phi_f [N m/A], torque of one ampere of i_q, an amplitude; i_d = 0."""

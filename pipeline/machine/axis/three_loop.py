@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.machine.axis import drive_train
 from pipeline.machine.axis import three_loop_kernel as kernel
-from pipeline.machine.axis.drive_parameters import DirectionFriction
+from pipeline.machine.axis.drive_parameters import DirectionFriction, samples
 from pipeline.machine.axis.loops import FuzzyParameters, PositionLoopParameters
 from pipeline.machine.axis.motor import magnetic_energy
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, check_steps
@@ -39,7 +39,7 @@ class ThreeLoopTrace:
     """Carriage, and motor's angle times L / 2 pi [m]."""
     speed: Floats
     load_speed: Floats
-    """Of the motor, and of the load about its shaft [rad/s]."""
+    """Speed of the motor, and of the load about its shaft [rad/s]."""
     i_d: Floats
     i_q: Floats
     """[A]."""
@@ -134,8 +134,8 @@ def _follow(
     *,
     position: bool,
 ) -> ThreeLoopTrace:
-    target = _samples("reference", reference)
-    force = _samples("load", load, target.size)
+    target = samples("reference", reference)
+    force = samples("load", np.full(target.size, load) if np.ndim(load) == 0 else load, target.size)
     clock = drive.current_loop.period
     check_steps(drive, steps)
     ratio = drive.transmission.ratio
@@ -154,20 +154,6 @@ def _follow(
             "speed loop, or the load"
         )
     return _trace(target, period, drive, out)
-
-
-def _samples(name: str, values: ArrayLike, many: int | None = None) -> Floats:
-    row = np.array(values, dtype=np.float64)
-    if many is not None and row.ndim == 0:
-        row = np.full(many, row)
-    if row.ndim != 1 or (many is None and row.size == 0):
-        raise ValueError(f"{name} has shape {row.shape}, but must be one row of samples")
-    if many is not None and row.size != many:
-        raise ValueError(f"{name} has {row.size} samples, but the reference has {many}")
-    wrong = np.flatnonzero(~np.isfinite(row))
-    if wrong.size:
-        raise ValueError(f"{name}[{wrong[0]}] = {row[wrong[0]]} must be finite")
-    return row
 
 
 def _periods(period: float, clock: float) -> int:

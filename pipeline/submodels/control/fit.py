@@ -33,15 +33,29 @@ TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchSettings(Ranged, section="control_fit"):
-    """Settings of the search for an optimum."""
+class ControlFitSettings(Ranged, section="control_fit"):
+    """Settings of the identification of a control."""
 
     loose_s: Positive = 5.0
     """Width about the start of the weak prior on waiting times [s]; that of rates is a factor e."""
     step: Positive = 0.02
-    """Of the differences that the Jacobian is made of [1 on the logarithmic scale, s]."""
+    """Step of the differences that the Jacobian is made of [1 on the logarithmic scale, s]."""
     evaluations: Count = 60
     """Jacobians at most."""
+    shortest_s: Positive = 1.0
+    """Least duration of a segment [s], those of waits excepted."""
+    scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
+    """Residuals above which each search counts linearly [s]: from what the start may be wrong by
+    down to what polling adds to the duration of a segment."""
+    widest: Positive = 0.5
+    """Share of a parameter beyond which the width of its 95 % interval leaves it open [1]."""
+    folds: Annotated[int, Range(least=2)] = 5
+    """Controls that are identified without some of the programs for the intervals, at most."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.scales_s:
+            raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +90,7 @@ class Left:
 
 def optimum(
     residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: Bools,
-    scale_s: float, settings: SearchSettings,
+    scale_s: float, settings: ControlFitSettings,
 ) -> Optimum:  # fmt: skip
     """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
 
@@ -95,7 +109,7 @@ def optimum(
         Which are fitted.
     scale_s : float
         Residuals above count linearly [s].
-    settings : SearchSettings
+    settings : ControlFitSettings
         Of the search.
     """
     from scipy.optimize import least_squares
@@ -145,26 +159,6 @@ def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlFitSettings(SearchSettings, section="control_fit"):
-    """Settings of the identification of a control."""
-
-    shortest_s: Positive = 1.0
-    """Least duration of a segment [s], those of waits excepted."""
-    scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
-    """Residuals above which each search counts linearly [s]: from what the start may be wrong by
-    down to what polling adds to the duration of a segment."""
-    widest: Positive = 0.5
-    """Share of a parameter beyond which the width of its 95 % interval leaves it open [1]."""
-    folds: Annotated[int, Range(least=2)] = 5
-    """Controls that are identified without some of the programs for the intervals, at most."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.scales_s:
-            raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
-
-
-@dataclass(frozen=True, kw_only=True)
 class ControlFit:
     """Identified control with its intervals."""
 
@@ -189,9 +183,9 @@ class ControlFit:
     differ: frozenset[str]
     """Names with the unit of those of them that units do not share."""
     left: Left
-    """Of what is not determined."""
+    """What the runs leave of parameters that are not determined."""
     uncertainty: Uncertainty
-    """Of those fitted to durations, on the scale of the search."""
+    """Uncertainty of those fitted to durations, on the scale of the search."""
     rmse_s: float
     """Rmse of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int

@@ -25,7 +25,7 @@ class FreeParameter:
     """One parameter."""
 
     name: str
-    """As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit
+    """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit
     behind it."""
     unit: str
     """Unit of its value."""
@@ -66,7 +66,7 @@ class FreeParameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of the search."""
+        """Bounds of the search."""
         return self.coordinate(self.low), self.coordinate(self.high)
 
     def coordinate(self, value: float) -> float:

@@ -28,7 +28,7 @@ class Section:
 
     first: int
     last: int
-    """Of the run."""
+    """First and last line of the run."""
     shift: int
     """0 where the run is of this very program."""
 

@@ -40,7 +40,7 @@ class Observed:
     """Which of several machines of a kind."""
     begin: Floats
     end: Floats
-    """Of each segment in the recording [s]; shape (N,)."""
+    """Begin and end of each segment in the recording [s]; shape (N,)."""
     measured: Floats
     """Its duration without stops [s]; shape (N,)."""
     first: Ints

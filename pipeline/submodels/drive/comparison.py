@@ -54,7 +54,7 @@ class ForceComparison:
     modelled: Floats = field(repr=False)
     """In the drive's unit of force; shape (N,)."""
     direction: Floats = field(repr=False)
-    """Of motion, -1 or 1; shape (N,)."""
+    """Direction of motion, -1 or 1; shape (N,)."""
     time: Floats = field(repr=False)
     """Since the recording began [s]; shape (N,)."""
     period: float

@@ -93,7 +93,7 @@ class Disturbance:
     """Unit of the quantity at the entry."""
     delay: float = 0.0
     delay_half_width: float = inf
-    """Of the entry behind the channel, with half of its 95 % interval [s]."""
+    """Delay of the entry behind the channel, with half of its 95 % interval [s]."""
     share: float = 0.0
     """Share of the squared error of its equation that it explains [1]."""
     words: str = ""

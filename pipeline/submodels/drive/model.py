@@ -134,8 +134,8 @@ def identified_axis(
 
 
 def axis_again(
-    letter: str, recordings: Sequence[Recording], found: DriveIdentification, prior: DrivePrior,
-    settings: DriveFitSettings,
+    letter: str, recordings: Sequence[Recording], found: Mapping[str, IdentifiedAxis],
+    prior: DrivePrior, settings: DriveFitSettings,
 ) -> DriveAxis | None:  # fmt: skip
     """The axis as some recordings tell it; None where they determine less of it than ``found``.
 
@@ -146,7 +146,7 @@ def axis_again(
         own = identified_axis(letter, recordings, prior, replace(settings, compare=False))
     except ValueError:
         return None
-    if not _determined_of(found.axes[letter]) <= _determined_of(own):
+    if not _determined_of(found[letter]) <= _determined_of(own):
         return None
     return _axis(own)
 
@@ -205,15 +205,13 @@ def _motor(
     return motor, ""
 
 
-def stored_axis(
-    letter: str, found: DriveIdentification, recordings: Sequence[Recording]
-) -> DriveAxis:
+def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recording]) -> DriveAxis:
     """One axis as it is stored.
 
     The constant level of the force is the mean of the ``recordings`` from which the axis was
     identified.
     """
-    axis = _axis(found.axes[letter])
+    axis = _axis(found)
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]
     return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)

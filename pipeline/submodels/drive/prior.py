@@ -133,18 +133,19 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     compare: bool = True
     """Whether the other method runs too, for the report."""
     bandwidth_Hz: Annotated[float | None, Range(above=0.0, unit="Hz")] = None
-    """Of the parallel filter on motion and force [Hz]; chosen from the records when None."""
+    """Bandwidth of the parallel filter on motion and force [Hz]; chosen from the records when
+    None."""
     shortest_s: Annotated[float, Range(above=0.0, unit="s")] = 0.2
     """Least duration of a stretch of constant speed [s]."""
     widest: Positive = 0.5
     """Relative half width of the 95 % interval beyond which a parameter is not determined [1]."""
     substeps: Annotated[int, Range(above=0.0, most=FINEST)] = 4
-    """Of the closed-loop simulation in one sample."""
+    """Steps of the closed-loop simulation in one sample."""
     folds: Annotated[int, Range(least=2)] = 5
     """Drives that are identified without some of the recordings for the intervals of an axis, at
     most."""
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
-    """Of the genetic algorithm."""
+    """Settings of the genetic algorithm."""
 
 
 def check_axes(records: DriveRecords, prior: DrivePrior) -> None:

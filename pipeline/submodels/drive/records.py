@@ -211,7 +211,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     """Changes to its rows."""
     sha256: str = ""
-    """Of the raw file."""
+    """SHA-256 of the raw file."""
 
     @property
     def file(self) -> str:

@@ -180,11 +180,13 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        stored = mapped(lambda axis: stored_axis(axis, found, recordings), found.axes)
+        stored = mapped(lambda axis: stored_axis(axis, found.axes[axis], recordings), found.axes)
         axes = with_intervals(
             dict(zip(found.axes, stored, strict=True)),
             recordings,
-            partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
+            partial(
+                axis_again, found=found.axes, prior=settings.drive, settings=settings.drive_fit
+            ),
             settings.drive_fit,
         )
         parameters = {
@@ -317,7 +319,7 @@ def _by_rest(
 
     def of_rest(task: tuple[str, str]) -> DriveAxis | None:
         rest = of_axis([one for one in blocks if one.name != task[0]], task[1])
-        return axis_again(task[1], rest, found, settings.drive, settings.drive_fit)
+        return axis_again(task[1], rest, found.axes, settings.drive, settings.drive_fit)
 
     axes: dict[str, dict[str, DriveAxis]] = {}
     for (name, letter), axis in zip(tasks, mapped(of_rest, tasks), strict=True):

@@ -269,12 +269,9 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
 @pytest.mark.parametrize(
     ("current", "speed", "period", "words"),
     [
-        (np.ones(100), np.ones(99), 1e-3, "i_d (100,), i_q (100,), w_e (99,)"),
-        (np.ones((10, 10)), np.ones((10, 10)), 1e-3, "no record"),
         (np.ones(64), np.ones(64), 1e-3, "record of 64 samples has no window of 65"),
         (np.full(100, np.nan), np.ones(100), 1e-3, "no window of 65 finite ones"),
         (np.ones(0), np.ones(0), 1e-3, "record of 0 samples"),
-        (np.ones(100), np.ones(100), -1.0, "period = -1.0 s"),
     ],
 )
 def test_what_is_no_record_is_refused(current, speed, period: float, words: str) -> None:

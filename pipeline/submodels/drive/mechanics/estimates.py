@@ -146,16 +146,16 @@ class AxisFit(Estimates):
     samples: int = 0
     """Rows that were fitted."""
     relative_error_percent: float = np.nan
-    """Of what is modelled, over what was measured on those rows [%]."""
+    """Error of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
     """Below which model and recording were compared [Hz]; nan where they were taken as they are."""
     condition: float = np.nan
     rank: int = 0
-    """Of the Jacobian with columns scaled to length one."""
+    """Condition number and rank of the Jacobian with columns scaled to length one."""
     correlated: tuple[str, ...] = ()
     """Names of the S parameters that were fitted."""
     correlation: Floats
-    """Of these; shape (S, S)."""
+    """Correlation of these; shape (S, S)."""
 
 
 def compared_methods(

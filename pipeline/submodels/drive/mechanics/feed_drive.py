@@ -106,7 +106,8 @@ class FeedDriveFit(AxisFit):
 
     command_unit: str
     force_unit: str
-    """Of the motor's command; of forces, the command's where the force constant is not listed."""
+    """Units of the motor's command and of forces, the command's where the force constant is not
+    listed."""
     feed_drive: FeedDriveParameters
     """With all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()

@@ -42,7 +42,7 @@ class Regressors:
     """Regression table: N rows of filtered motion and force."""
 
     names: tuple[str, ...]
-    """Of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
+    """Names of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
     second-order lag of the motion adds, then ``load`` and ``load_zero``, the reading of the load's
     sensor without load [N], where a recording has it."""
     force: Floats

@@ -53,14 +53,6 @@ class RecursiveSettings(Ranged, section="recursive"):
     torque_scale: Positive | None = None
     """Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.trace_bound < 3 * self.prior:
-            raise ValueError(
-                f"recursive.trace_bound = {self.trace_bound} must be at least three times "
-                f"recursive.prior = {self.prior}"
-            )
-
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveTrace:
@@ -103,7 +95,8 @@ def recursive_inertia(
     settings : RecursiveSettings
         Of the estimator.
     """
-    w, m = _record(speed, torque, period)
+    w = np.ascontiguousarray(speed, dtype=np.float64)
+    m = np.ascontiguousarray(torque, dtype=np.float64)
     speed_scale = _scale(w, settings.speed_scale)
     torque_scale = _scale(m, settings.torque_scale)
     many = len(w)
@@ -121,19 +114,6 @@ def recursive_inertia(
         excited=excited, freedom=weight**2 / squared - PARAMETERS if squared else 0.0,
         skipped=int(skipped),
     )  # fmt: skip
-
-
-def _record(speed: ArrayLike, torque: ArrayLike, period: float) -> tuple[Floats, Floats]:
-    w = np.ascontiguousarray(speed, dtype=np.float64)
-    m = np.ascontiguousarray(torque, dtype=np.float64)
-    if w.ndim != 1 or w.shape != m.shape or len(w) < 2:
-        raise ValueError(
-            f"speed of shape {w.shape} and torque of shape {m.shape} are no record: "
-            "give two series of the same length, two samples at least"
-        )
-    if not (isfinite(period) and period > 0):
-        raise ValueError(f"period = {period} s must be finite and positive")
-    return w, m
 
 
 def _scale(series: Floats, given: float | None) -> float:
