@@ -16,10 +16,9 @@ from pipeline.machine.axis.motor import (
     input_power,
     leg_voltage,
     limited,
-    magnetic_energy,
     torque,
 )
-from tests.machine.motor_frames import inverse_park, park, steady_voltages
+from tests.machine.motor_frames import inverse_park, magnetic_energy, park, steady_voltages
 
 SALIENT = MotorParameters(
     resistance=0.4, inductance_d=3e-3, inductance_q=7e-3, flux=0.11, pole_pairs=4, inertia=4e-4

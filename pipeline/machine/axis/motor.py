@@ -98,11 +98,6 @@ def copper_loss(i_d: Any, i_q: Any, motor: Any) -> Any:
     return 1.5 * motor.resistance * (i_d * i_d + i_q * i_q)
 
 
-def magnetic_energy(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the energy of the currents' field [J]; that of the magnets does not change."""
-    return 0.75 * (motor.inductance_d * i_d * i_d + motor.inductance_q * i_q * i_q)
-
-
 def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
     """Return the vector (x, y) turned by the angle of this cosine and sine.
 

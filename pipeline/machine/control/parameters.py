@@ -77,7 +77,7 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     spindle_base_speed: _Unbounded = np.inf
     """Above it the motor gives constant power instead of constant torque [rev/min]."""
     spindle_deceleration: _Unbounded | None = None
-    """Deceleration of a spindle that is stopped [rev/min/s]; ``spindle_acceleration`` by default."""
+    """Deceleration of a spindle that stops [rev/min/s]; ``spindle_acceleration`` by default."""
     spindle_delay: _Seconds = 0.0
     """Added to each of them [s]."""
     spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"

@@ -25,7 +25,7 @@ class FreeParameter:
     """One parameter."""
 
     name: str
-    """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit
+    """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or unit
     behind it."""
     unit: str
     """Unit of its value."""
