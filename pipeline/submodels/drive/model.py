@@ -100,7 +100,7 @@ def loop_gains(
     """Loop gains of the axes whose commanded and actual position was recorded."""
     tried = {
         axis: loop_gain.loop_gain(
-            [(one.tracked[axis], one.period) for one in training if axis in one.tracked], widest
+            [one.tracked[axis] for one in training if axis in one.tracked], widest
         )
         for axis in records.axes
     }

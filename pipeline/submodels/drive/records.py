@@ -178,10 +178,13 @@ class AxisRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Commanded and actual position of one axis [m]; shape (T,) each."""
+    """Commanded and actual position of one axis in a stretch of T samples."""
 
-    reference: Floats
-    position: Floats
+    reference: Floats = field(repr=False)
+    position: Floats = field(repr=False)
+    """Positions [m]; shape (T,) each."""
+    period: float
+    """Sampling period [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -25,7 +25,7 @@ from pipeline.submodels.drive.mechanics.estimates import (
     compared_methods,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, Recording, Tracked
+from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -102,10 +102,7 @@ def identify_servo(
     if not records:
         return _without(nominal, unit, f"no training recording of axis {axis} has commanded "
                         "position, measured position and command: record all three")  # fmt: skip
-    alone = loop_gain(
-        [(Tracked(reference=r.reference, position=r.position), r.period) for r in records],
-        settings.widest,
-    )
+    alone = loop_gain(records, settings.widest)
     bandwidth = settings.bandwidth_Hz or servo_bandwidth(records)
     fits: list[ServoFit] = []
     try:
