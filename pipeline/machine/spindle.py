@@ -50,14 +50,7 @@ def spindle_waits(
 ) -> tuple[Rows, Rows, Floats]:
     """Rows that wait for the spindle, and how long it takes.
 
-    Parameters
-    ----------
-    moves : Moves
-        M rows.
-    parameters : AuxiliaryParameters
-        Acceleration of the spindle, and where it is waited for.
-    speeds : (P, M) array
-        Speed of the spindle, at least 0 [rev/min].
+    Speeds of the spindle, shape (P, M), are at least 0 [rev/min].
 
     Returns
     -------

@@ -6,6 +6,7 @@ that adds what its predictions need.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 
 Origin = str
 """``"simulated"`` or ``"recorded"``; what rests on simulated records is labelled so everywhere."""
@@ -27,6 +28,24 @@ class Parameter:
     """Where the value comes from; of an undetermined one, why there is none."""
     remedy: str = ""
     """What to record so that it becomes determined; empty where it is."""
+
+    @classmethod
+    def estimated(
+        cls, value: float, low: float, high: float, unit: str, *, method: str, remedy: str,
+        determined: bool,
+    ) -> "Parameter":  # fmt: skip
+        """An estimate with its interval to five significant digits; neither where it is open."""
+        ends = significant(low), significant(high)
+        return cls(
+            value=significant(value) if determined else None, unit=unit,
+            interval_95=ends if determined and all(map(isfinite, ends)) else None,
+            determined=determined, method=method, remedy="" if determined else remedy,
+        )  # fmt: skip
+
+
+def significant(value: float, digits: int = 5) -> float:
+    """Value to so many significant digits."""
+    return float(f"{value:.{digits}g}")
 
 
 @dataclass(frozen=True, kw_only=True)

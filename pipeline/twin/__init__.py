@@ -21,7 +21,6 @@ __all__ = [
     "cut_wear",
     "cutting_path",
     "drive",
-    "drive_population",
     "preflight",
     "program_axes",
     "residual",

@@ -24,11 +24,15 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    FeedDriveParameters,
+    ServoParameters,
+    check_steps,
+    samples,
+)
 from pipeline.schema.arrays import Bools, Complexes, Floats
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
-from pipeline.twin.drive import IdentifiedDrive, check_steps, samples
+from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual, driven
 
 REACH = 4.0

@@ -9,74 +9,22 @@ slip and within the limit.  It is stable while all eigenvalues of G lie inside t
 """
 
 from dataclasses import dataclass, replace
-from math import isfinite
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from pipeline.machine.axis.feed_drive import DriveColumn, FeedDriveParameters, drive_row
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DriveColumn,
+    FeedDriveParameters,
+    ServoParameters,
+    drive_row,
+)
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel
 from pipeline.schema.model import Condition
-from pipeline.schema.ranges import Range, Ranged
 from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.structure import structured, unstructured
 from pipeline.schema.verdict import Fact
-
-
-@dataclass(frozen=True, kw_only=True)
-class DriveStart(Ranged, section="start"):
-    """The axis at the first sample.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite.
-    """
-
-    position: Annotated[float, Range(unit="m")]
-    velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """At the encoder [m], [m/s]."""
-    command: Annotated[float, Range(unit="A")] = 0.0
-    """First command, which the integral is set for [A]; without integral gain it has no meaning."""
-    reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """Of the reference before the first sample, for the feed-forward [m/s]."""
-
-
-def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:
-    """``values`` as finite numbers, shape (T,).
-
-    Raises
-    ------
-    ValueError
-        When they are not, or not as many as ``length``.
-    """
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim != 1 or not array.size:
-        raise ValueError(f"{name} has shape {array.shape}: give one row of at least one sample")
-    if length is not None and len(array) != length:
-        raise ValueError(f"{name} has {len(array)} samples, the reference {length}: give as many")
-    wrong = np.flatnonzero(~np.isfinite(array))
-    if wrong.size:
-        raise ValueError(f"{name}[{wrong[0]}] = {array[wrong[0]]}: give finite samples")
-    return array
-
-
-def check_steps(period: float, substeps: int) -> None:
-    """Refuse a period or a number of substeps that is none.
-
-    Raises
-    ------
-    ValueError
-        With the value.
-    """
-    if not (isfinite(period) and period > 0):
-        raise ValueError(f"period = {period} s must be finite and positive")
-    if substeps < 1:
-        raise ValueError(f"substeps = {substeps} must be at least 1")
 
 
 def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
@@ -85,7 +33,7 @@ def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
     Parameters
     ----------
     rows : (..., 21) array
-        Of :func:`pipeline.machine.axis.feed_drive.drive_row`.
+        Of :func:`pipeline.machine.axis.drive_parameters.drive_row`.
     period : float
         Of the servo [s].
     substeps : int

@@ -11,15 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pipeline.gcode.moves import AXES
-from pipeline.machine.axis.feed_drive import drive_row
-from pipeline.machine.axis.presliding import STATES
+from pipeline.machine.axis.drive import STATES, STICKS, fuzzy_rules, simulate
+from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.machine.control.interpolate import Trace, trace, traces
 from pipeline.machine.control.parameters import LINEAR
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
 from pipeline.schema.outside import widest
 from pipeline.twin.drive import IdentifiedDrive, speed_of
-from pipeline.twin.drive_population import simulate_traces, state_before
 from pipeline.twin.preflight import extents
 
 MOST = 20_000_000
@@ -183,8 +182,7 @@ class _Parts:
 
     def __init__(self, letter: str, drive: IdentifiedDrive, period: float) -> None:
         self.letter, self.drive, self.period = letter, drive, period
-        slides = drive.presliding_stiffness is None
-        self.state = state_before() if slides else np.full(STATES, np.nan)
+        self.state = np.full(STATES, np.nan)
         self.samples, self.row = 0, 0
         self.greatest = self.squares = self.command = self.speed = 0.0
 
@@ -364,14 +362,10 @@ def _driven_fine(
     """:func:`driven` at the samples of the servo; from where ``state`` is, if it is given."""
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
-    row = drive_row(drive.servo, drive.feed_drive)
-    if drive.presliding_stiffness is None:
-        found = simulate_traces(fine, step, row[np.newaxis], load=load, state=state)
-        position, command = found.position[0], found.command[0]
-    else:
-        position, command, _ = _presliding(
-            drive, drive.presliding_stiffness, row, fine, load=load, step=step, state=state
-        )
+    row = drive_row(drive.servo, drive.feed_drive)[np.newaxis]
+    spring = _spring(drive, drive.presliding_stiffness)
+    found = simulate(fine, step, row, load=load, spring=spring, state=state)
+    position, command = found.position[0], found.command[0]
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable: identify it again")
     return position, command
@@ -397,37 +391,25 @@ def driven_by_fuzzy(
     ValueError
         When the drive has no servo, or is unstable.
     """
-    from pipeline.machine.axis.presliding import fuzzy_rules
-
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
-    row, fine = drive_row(drive.servo, drive.feed_drive), between(reference, substeps)
-    step = period / substeps
+    row = drive_row(drive.servo, drive.feed_drive)[np.newaxis]
+    fine, step = between(reference, substeps), period / substeps
     # friction that sticks exactly is a spring as stiff as the step can follow
     stiffness = drive.presliding_stiffness or 0.1 * drive.feed_drive.mass / step**2
-    _, _, greatest = _presliding(drive, stiffness, row, fine, step=step)
-    rules = fuzzy_rules(*greatest)
-    position, _, _ = _presliding(drive, stiffness, row, fine, step=step, rules=rules)
+    spring = _spring(drive, stiffness)
+    rules = fuzzy_rules(*simulate(fine, step, row, spring=spring).greatest[0].tolist())
+    position = simulate(fine, step, row, spring=spring, rules=rules).position[0]
     if not np.isfinite(position).all():
         raise ValueError(f"the drive of axis {letter} is unstable under a fuzzy speed loop")
     return position[::substeps]
 
 
-def _presliding(
-    drive: IdentifiedDrive, stiffness: float, row: Floats, fine: Floats, *, step: float,
-    load: Floats | None = None, rules: tuple[float, ...] | None = None,
-    state: Floats | None = None,
-) -> tuple[Floats, Floats, tuple[float, float]]:  # fmt: skip
-    """Position, command, and greatest speed error and change of it, at the servo's samples."""
-    from pipeline.machine.axis.presliding import PLAIN, presliding_trace
-
-    push = np.zeros(len(fine)) if load is None else load
-    position, command = np.empty(len(fine)), np.empty(len(fine))
-    loss = 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
-    greatest = presliding_trace(
-        fine, push, row, (stiffness, loss), step, position, command, rules or PLAIN, state
-    )
-    return position, command, greatest
+def _spring(drive: IdentifiedDrive, stiffness: float | None) -> tuple[float, float]:
+    """Stiffness of friction before it slides [N/m], and the rate of its loss [1/s]."""
+    if stiffness is None:
+        return STICKS
+    return stiffness, 0.0 if drive.presliding_time is None else 1.0 / drive.presliding_time
 
 
 def between(values: Floats, substeps: int) -> Floats:

@@ -8,10 +8,10 @@ from time import process_time
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.machine.axis.three_loop import follow_position
 from pipeline.machine.axis.three_loop_axis import servo_axis
-from pipeline.twin.drive_population import simulate_traces
 from tests.twin.axes import AXIS, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(
@@ -25,7 +25,7 @@ ROW = drive_row(FULL.servo, FULL.feed_drive)[np.newaxis]
 
 @pytest.mark.benchmark(timer=process_time)
 def test_traces(benchmark) -> None:
-    benchmark(lambda: simulate_traces(to_and_fro(SAMPLES), T, ROW))
+    benchmark(lambda: simulate(to_and_fro(SAMPLES), T, ROW))
     assert benchmark.stats["min"] / SAMPLES < 60e-9
 
 

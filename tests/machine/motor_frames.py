@@ -9,6 +9,11 @@ from pipeline.machine.axis.motor import rotated
 _SQRT3 = np.sqrt(3.0)
 
 
+def magnetic_energy(i_d: Any, i_q: Any, motor: Any) -> Any:
+    """Return the energy of the currents' field [J]; that of the magnets does not change."""
+    return 0.75 * (motor.inductance_d * i_d * i_d + motor.inductance_q * i_q * i_q)
+
+
 def steady_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
     """Return u_d and u_q [V] that hold the currents [A] at a speed [rad/s]."""
     w_e = motor.pole_pairs * speed

@@ -74,23 +74,6 @@ def test_eigenfrequencies_are_those_of_the_matrices(
     assert squares == pytest.approx([0, top], abs=1e-9 * top)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("lead", 0.0),
-        ("mass", float("nan")),
-        ("screw_inertia", -1.0),
-        ("load_damping", float("inf")),
-        ("internal_damping", -0.1),
-        ("coupling_stiffness", 0.0),
-        ("axial_stiffness", float("nan")),
-    ],
-)
-def test_values_out_of_range_are_named(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"transmission\.{name} = {value}"):
-        replace(SCREW, **{name: value})
-
-
 WINDING = Winding(
     resistance=0.19, inductance_d=1.6e-3, inductance_q=2.4e-3, flux=0.064, pole_pairs=4.0
 )

@@ -7,9 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters, force_constant
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from tests.machine.plain_drive import carriage_position, screw_step
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+)
+from pipeline.machine.axis.motor import force_constant
+from tests.machine.steps import screw_step
 
 ONE = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)
 NONE = DirectionFriction(coulomb=0.0, static=0.0)
@@ -88,42 +92,3 @@ def test_vertical_axis_without_command_stands_while_friction_holds_it(offset: fl
 def test_vertical_axis_falls_when_its_offset_is_greater() -> None:
     _, v, _ = screw_step(0.0, 0.0, 0.0, 0.0, 1e-3, axis(offset=90.1))
     assert v < 0
-
-
-def test_reversal_loses_the_backlash() -> None:
-    way = np.concatenate((np.linspace(0, 1e-3, 50), np.linspace(1e-3, -1e-3, 100)))
-    c, carriage = 0.0, []
-    for x in way:
-        c = carriage_position(c, x, 2e-5)
-        carriage.append(c)
-    assert carriage[49] == pytest.approx(1e-3 - 1e-5, abs=1e-15)
-    assert carriage[-1] == pytest.approx(-1e-3 + 1e-5, abs=1e-15)
-    # it rests while the screw crosses the gap
-    crossing = way[50:][way[50:] >= 1e-3 - 2e-5]
-    assert len(set(carriage[49 : 50 + len(crossing)])) == 1
-
-
-@given(st.lists(st.floats(-1, 1), min_size=1, max_size=30), st.floats(0, 0.5))
-def test_carriage_is_never_farther_than_half_of_the_gap(way: list[float], gap: float) -> None:
-    c = way[0]
-    for x in way:
-        c = carriage_position(c, x, gap)
-        assert abs(c - x) <= 0.5 * gap * (1 + 1e-12) + 1e-15
-        # at rest it stays
-        assert carriage_position(c, x, gap) == c
-
-
-@pytest.mark.parametrize(
-    "values, said",
-    [
-        ({"mass": 0.0}, "feed_drive.mass = 0.0 must be finite and positive"),
-        ({"force_constant": float("inf")}, "feed_drive.force_constant = inf"),
-        ({"offset": float("nan")}, "feed_drive.offset = nan N must be finite"),
-        ({"backlash": -1e-6}, "feed_drive.backlash = -1e-06 m"),
-    ],
-)
-def test_parameters_out_of_range_are_refused(values: dict[str, float], said: str) -> None:
-    friction = FrictionParameters(positive=ONE, negative=ONE)
-    known = {"mass": 1.0, "force_constant": 1.0, "friction": friction}
-    with pytest.raises(ValueError, match=said):
-        FeedDriveParameters(**{**known, **values})

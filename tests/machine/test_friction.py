@@ -6,8 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
-from tests.machine.plain_drive import speed_after
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FrictionParameters,
+    friction_force,
+)
+from tests.machine.steps import speed_after
 
 MASS, DT = 150.0, 1e-3
 UP = DirectionFriction(coulomb=60.0, static=90.0, stribeck_velocity=0.01, viscous=200.0)
@@ -138,10 +142,7 @@ def test_stick_slip_has_the_durations_of_the_exact_motion(period: float) -> None
 @pytest.mark.parametrize(
     "values, said",
     [
-        ({"coulomb": -1.0, "static": 1.0}, "friction.coulomb = -1.0 must be finite"),
         ({"coulomb": 2.0, "static": 1.0}, "friction.static = 1.0 N must not be below coulomb"),
-        ({"coulomb": 1.0, "static": 1.0, "stribeck_velocity": 0.0}, "stribeck_velocity = 0.0 m/s"),
-        ({"coulomb": 1.0, "static": float("nan")}, "friction.static = nan"),
     ],
 )
 def test_parameters_out_of_range_are_refused(values: dict[str, float], said: str) -> None:

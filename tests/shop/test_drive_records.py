@@ -12,9 +12,13 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters, friction_force
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+    friction_force,
+)
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.drives.records import write_drives
 from pipeline.signals.formats import RecordSource

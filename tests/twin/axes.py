@@ -5,9 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,8 +1,11 @@
 """Drives of the simulated shop floor as a perfect identification of one mass would have them."""
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 from pipeline.shop.drives.axis import hidden, truth
 from pipeline.shop.drives.parameters import Axis, Drives
 from pipeline.twin.drive import IdentifiedDrive

@@ -5,9 +5,12 @@ from dataclasses import asdict
 
 import pytest
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 from pipeline.schema.store import StoreError
 from pipeline.twin.drive import read_drives
 

@@ -50,13 +50,7 @@ _Stiffness = Annotated[float, Range(above=0.0, finite=False)]
 
 @dataclass(frozen=True, kw_only=True)
 class TransmissionParameters(Ranged, section="transmission"):
-    """Transmission from the motor's shaft to the carriage, and the carriage.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Transmission from the motor's shaft to the carriage, and the carriage."""
 
     lead: Positive
     """L, travel of the carriage for one revolution of the screw [m/rev]."""

@@ -39,13 +39,7 @@ _Span = Annotated[float, Range(least=0.0, below=1.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentLoopParameters(Ranged, section="current_loop"):
-    """Both current loops; they are computed once a carrier period.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Both current loops; they are computed once a carrier period."""
 
     bandwidth: Positive
     """w of the closed loop [rad/s]."""
@@ -86,13 +80,7 @@ INTEGRAL = _rules(
 
 @dataclass(frozen=True, kw_only=True)
 class FuzzyParameters(Ranged, section="fuzzy"):
-    """Scales of the rules.  K = K_middle (1 + span times increment), increments in [-1, 1].
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Scales of the rules.  K = K_middle (1 + span times increment), increments in [-1, 1]."""
 
     error_scale: NotNegative
     """E for one unit of speed error [s/rad]."""
@@ -144,13 +132,7 @@ def increments(error: float, change: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedLoopParameters(Ranged, section="speed_loop"):
-    """One speed loop.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """One speed loop."""
 
     torque_limit: Positive
     """Greatest torque that is commanded [N m]."""
@@ -163,20 +145,10 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
     every: _Every = 1
     """Periods of the current loop for one of the speed loop."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_whole(self.every, "speed_loop")
-
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParameters(Ranged, section="position_loop"):
-    """One position loop.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """One position loop."""
 
     gain: Annotated[float, Range(above=0.0, unit="1/s")]
     """K_v [1/s]; at a constant feed v without feed-forward the error is v / K_v."""
@@ -187,12 +159,3 @@ class PositionLoopParameters(Ranged, section="position_loop"):
     carriage."""
     every: _Every = 10
     """Periods of the current loop for one of the position loop."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _check_whole(self.every, "position_loop")
-
-
-def _check_whole(every: float, section: str) -> None:
-    if every % 1:
-        raise ValueError(f"{section}.every = {every} must be a whole number from 1")

@@ -34,13 +34,7 @@ _SQRT3 = np.sqrt(3.0)
 
 @dataclass(frozen=True, kw_only=True)
 class MotorParameters(Ranged, section="motor"):
-    """A synchronous motor with magnets.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """A synchronous motor with magnets."""
 
     resistance: Positive
     """R of one phase [ohm]."""
@@ -58,15 +52,15 @@ class MotorParameters(Ranged, section="motor"):
     coulomb: NotNegative = 0.0
     """Friction torque of the bearings and the cogging that speed does not change [N m]."""
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.pole_pairs % 1:
-            raise ValueError(f"motor.pole_pairs = {self.pole_pairs} must be a whole number from 1")
-
     @property
     def torque_constant(self) -> float:
         """3/2 p phi_f [N m/A], torque of one ampere of i_q, an amplitude; i_d = 0."""
         return 1.5 * self.pole_pairs * self.flux
+
+
+def force_constant(torque_constant: float, lead: float) -> float:
+    """Return k = 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
+    return 2 * np.pi * torque_constant / lead
 
 
 def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any) -> Any:
@@ -104,11 +98,6 @@ def copper_loss(i_d: Any, i_q: Any, motor: Any) -> Any:
     return 1.5 * motor.resistance * (i_d * i_d + i_q * i_q)
 
 
-def magnetic_energy(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the energy of the currents' field [J]; that of the magnets does not change."""
-    return 0.75 * (motor.inductance_d * i_d * i_d + motor.inductance_q * i_q * i_q)
-
-
 def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
     """Return the vector (x, y) turned by the angle of this cosine and sine.
 
@@ -119,13 +108,7 @@ def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class InverterParameters(Ranged, section="inverter"):
-    """The inverter between the current loops and the motor; dead time and drops are left out.
-
-    Raises
-    ------
-    ValueError
-        When the voltage is out of its range.
-    """
+    """The inverter between the current loops and the motor; dead time and drops are left out."""
 
     dc_link: Annotated[float, Range(above=0.0, unit="V")]
     """U_dc [V]."""

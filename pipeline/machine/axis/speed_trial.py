@@ -48,13 +48,7 @@ Search = Callable[[Callable[[Floats], Floats], Floats, Floats], SearchResult]
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedTrial(Ranged, section="trial"):
-    """Steps and ramps that a speed loop is tested with.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Steps and ramps that a speed loop is tested with."""
 
     speed: Positive = 1000 * RPM
     """Height of the step [rad/s]."""
@@ -109,22 +103,7 @@ def settling_time(time: Floats, error: Floats, band: float) -> float:
 def step_response(
     drive: ThreeLoopParameters, trial: SpeedTrial, direction: int = 1
 ) -> StepResponse:
-    """Return the response of a drive to a step of the speed, and then one of the load.
-
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis; its position loop stays open.
-    trial : SpeedTrial
-        Steps and their duration.
-    direction : int
-        1 or -1, of the speed; the load is against it.
-
-    Raises
-    ------
-    ValueError
-        When the drive runs away.
-    """
+    """Return the response of a drive to a step of the speed, and then one of the load."""
     half = round(trial.duration / trial.period)
     load = np.zeros(2 * half + 1)
     load[half:] = direction * trial.load
@@ -175,23 +154,8 @@ def ramp_error(
 ) -> float:
     """Return the greatest distance of the carriage from a ramp [m].
 
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis, with a position loop.
-    feed : float
-        [m/s].
-    trial : SpeedTrial
-        Stroke, acceleration and period.
-    feedforward : float
-        Share of the reference's velocity that is fed forward [1].
-    direction : int
-        1 or -1.
-
-    Raises
-    ------
-    ValueError
-        When there is no position loop, or the drive runs away.
+    The ramp has the speed ``feed`` [m/s] in the ``direction`` 1 or -1; ``feedforward`` is the share
+    of it that is fed forward [1].
     """
     if drive.position_loop is None:
         raise ValueError("drive.position_loop is missing: a ramp of positions needs one")
@@ -235,17 +199,8 @@ def tuned(
 ) -> ThreeLoopParameters:
     """Return the drive with the best speed loop of a search.
 
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis.
-    kind : str
-        Of ``TUNED``.
-    trial : SpeedTrial
-        Trial that gives the cost.
-    search : callable
-        Takes costs over a population and both bounds, and returns the best individual as ``x``, in
-        logarithms to the base 10.
+    ``search`` takes costs over a population and both bounds, and returns the best individual as
+    ``x``, in logarithms to the base 10.
     """
 
     def costs(logarithms: Floats) -> Floats:
@@ -261,15 +216,6 @@ def compare_speed_loops(
     drive: ThreeLoopParameters, trial: SpeedTrial, search: Search | None = None
 ) -> pd.DataFrame:
     """Return PI and fuzzy PI side by side, with Feed2025's gains and tuned.
-
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis.
-    trial : SpeedTrial
-        Steps and ramps.
-    search : callable, optional
-        As in :func:`tuned`; without it only Feed2025's gains are compared.
 
     Returns
     -------

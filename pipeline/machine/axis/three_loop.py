@@ -14,9 +14,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.machine.axis import drive_train
 from pipeline.machine.axis import three_loop_kernel as kernel
-from pipeline.machine.axis.friction import DirectionFriction
+from pipeline.machine.axis.drive_parameters import DirectionFriction, samples
 from pipeline.machine.axis.loops import FuzzyParameters, PositionLoopParameters
-from pipeline.machine.axis.motor import magnetic_energy
 from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, check_steps
 from pipeline.schema.arrays import Floats
 
@@ -28,7 +27,7 @@ _LONGEST = 1e9
 
 @dataclass(frozen=True, kw_only=True)
 class ThreeLoopTrace:
-    """Simulated axis at T samples; every array has shape (T,)."""
+    """Simulated axis at T samples; every array but the last has shape (T,)."""
 
     time: Floats
     """Time [s]."""
@@ -39,7 +38,7 @@ class ThreeLoopTrace:
     """Carriage, and motor's angle times L / 2 pi [m]."""
     speed: Floats
     load_speed: Floats
-    """Of the motor, and of the load about its shaft [rad/s]."""
+    """Speed of the motor, and of the load about its shaft [rad/s]."""
     i_d: Floats
     i_q: Floats
     """[A]."""
@@ -54,17 +53,9 @@ class ThreeLoopTrace:
     proportional: Floats
     integral: Floats
     """K_p [N m s/rad] and K_i [N m/rad] of the speed loop in the period that ends there."""
-    electrical_work: Floats
-    copper_loss: Floats
-    shaft_work: Floats
-    mechanical_loss: Floats
-    load_work: Floats
-    """Since the start [J]: into the motor, lost in its windings, of T_e, lost to friction and
-    damping, done on the load."""
-    magnetic: Floats
-    kinetic: Floats
-    elastic: Floats
-    """Energy that is stored [J]."""
+    states: Floats
+    """Columns of :mod:`pipeline.machine.axis.three_loop_kernel`, energies [J] among them; shape
+    (T, COLUMNS)."""
 
 
 def follow_position(
@@ -134,8 +125,8 @@ def _follow(
     *,
     position: bool,
 ) -> ThreeLoopTrace:
-    target = _samples("reference", reference)
-    force = _samples("load", load, target.size)
+    target = samples("reference", reference)
+    force = samples("load", np.full(target.size, load) if np.ndim(load) == 0 else load, target.size)
     clock = drive.current_loop.period
     check_steps(drive, steps)
     ratio = drive.transmission.ratio
@@ -156,20 +147,6 @@ def _follow(
     return _trace(target, period, drive, out)
 
 
-def _samples(name: str, values: ArrayLike, many: int | None = None) -> Floats:
-    row = np.array(values, dtype=np.float64)
-    if many is not None and row.ndim == 0:
-        row = np.full(many, row)
-    if row.ndim != 1 or (many is None and row.size == 0):
-        raise ValueError(f"{name} has shape {row.shape}, but must be one row of samples")
-    if many is not None and row.size != many:
-        raise ValueError(f"{name} has {row.size} samples, but the reference has {many}")
-    wrong = np.flatnonzero(~np.isfinite(row))
-    if wrong.size:
-        raise ValueError(f"{name}[{wrong[0]}] = {row[wrong[0]]} must be finite")
-    return row
-
-
 def _periods(period: float, clock: float) -> int:
     many = round(period / clock) if 0 < period < _LONGEST * clock else 0
     if many < 1 or abs(many * clock - period) > 1e-9 * period:
@@ -183,36 +160,16 @@ def _periods(period: float, clock: float) -> int:
 def _trace(
     reference: Floats, period: float, drive: ThreeLoopParameters, out: Floats
 ) -> ThreeLoopTrace:
-    motor, transmission = drive.motor, drive.transmission
-    i_d, i_q = out[:, drive_train.I_D], out[:, drive_train.I_Q]
-    w_m, w_l = out[:, drive_train.W_M], out[:, drive_train.W_L]
-    kinetic = (motor.inertia * w_m**2 + transmission.load_inertia * w_l**2) / 2
-    twist = out[:, drive_train.TH_M] - out[:, drive_train.TH_L]
-    rigid = isinf(transmission.stiffness)
+    ratio = drive.transmission.ratio
     return ThreeLoopTrace(
-        time=period * np.arange(reference.size, dtype=np.float64),
-        reference=reference,
-        position=transmission.ratio * out[:, drive_train.TH_L],
-        motor_position=transmission.ratio * out[:, drive_train.TH_M],
-        speed=w_m,
-        load_speed=w_l,
-        i_d=i_d,
-        i_q=i_q,
-        u_d=out[:, kernel.U_D],
-        u_q=out[:, kernel.U_Q],
-        torque=out[:, kernel.TORQUE],
-        friction=out[:, kernel.FRICTION] / transmission.ratio,
-        proportional=out[:, kernel.GAIN_P],
-        integral=out[:, kernel.GAIN_I],
-        electrical_work=out[:, drive_train.INPUT],
-        copper_loss=out[:, drive_train.COPPER],
-        shaft_work=out[:, drive_train.SHAFT],
-        mechanical_loss=out[:, drive_train.LOST],
-        load_work=out[:, drive_train.LOAD],
-        magnetic=magnetic_energy(i_d, i_q, motor),
-        kinetic=kinetic,
-        elastic=np.zeros_like(twist) if rigid else transmission.stiffness * twist**2 / 2,
-    )
+        time=period * np.arange(reference.size, dtype=np.float64), reference=reference,
+        position=ratio * out[:, drive_train.TH_L], motor_position=ratio * out[:, drive_train.TH_M],
+        speed=out[:, drive_train.W_M], load_speed=out[:, drive_train.W_L],
+        i_d=out[:, drive_train.I_D], i_q=out[:, drive_train.I_Q], u_d=out[:, kernel.U_D],
+        u_q=out[:, kernel.U_Q], torque=out[:, kernel.TORQUE],
+        friction=out[:, kernel.FRICTION] / ratio, proportional=out[:, kernel.GAIN_P],
+        integral=out[:, kernel.GAIN_I], states=out,
+    )  # fmt: skip
 
 
 def _winding(drive: ThreeLoopParameters) -> drive_train.Winding:

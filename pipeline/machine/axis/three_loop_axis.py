@@ -14,8 +14,8 @@ both ends; damping of the twist gives 3 % of critical at the resonance of 247 Hz
 from dataclasses import dataclass
 from math import ceil, inf, isfinite, isinf, pi, sqrt
 
+from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.drive_train import TransmissionParameters, resonance
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
     PositionLoopParameters,
@@ -49,20 +49,7 @@ class ThreeLoopParameters:
 
 
 def check_steps(drive: ThreeLoopParameters, steps: int) -> None:
-    """Refuse steps that are too long for the drive's windings or its shaft.
-
-    Parameters
-    ----------
-    drive : ThreeLoopParameters
-        The axis.
-    steps : int
-        Steps in one period of the current loops.
-
-    Raises
-    ------
-    ValueError
-        When ``steps`` is no count or too few; the message says how many are needed.
-    """
+    """Refuse steps that are too long for the drive's windings or its shaft."""
     if not (isfinite(steps) and steps >= 1 and steps % 1 == 0):
         raise ValueError(f"steps = {steps} must be a whole number from 1")
     rates = _rates(drive)
@@ -118,13 +105,7 @@ def servo_motor() -> MotorParameters:
 
 
 def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
-    """Return the axis with the speed loop's gains at the middle of Feed2025's ranges.
-
-    Parameters
-    ----------
-    rigid : bool
-        Whether motor and load are one mass.
-    """
+    """Return the axis with the speed loop's gains at the middle of Feed2025's ranges."""
     guideway = DirectionFriction(coulomb=150, static=220, stribeck_velocity=0.005, viscous=800)
     return ThreeLoopParameters(
         motor=servo_motor(),

@@ -13,7 +13,7 @@ from math import sqrt
 from pipeline.kernels import compiled
 
 LEAST_SHARE = 0.05
-"""Of the bound of acceleration that is taken as left for braking where less is [1]."""
+"""Share of the bound of acceleration that counts as left for braking where less is [1]."""
 
 
 @compiled

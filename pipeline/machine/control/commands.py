@@ -156,14 +156,7 @@ def auxiliary_time(
 ) -> tuple[npt.NDArray[np.intp], Floats]:
     """Rows that take time without moving, N of them but for the spindle's, and their time [s].
 
-    Parameters
-    ----------
-    moves : Moves
-        M rows.
-    parameters : AuxiliaryParameters
-        Duration of each.
-    speeds : (1 or P, M) array
-        Speed of the spindle, at least 0 [rev/min].
+    Speeds of the spindle, shape (1 or P, M), are at least 0 [rev/min].
 
     Returns
     -------

@@ -72,19 +72,7 @@ def trace(plan: Plan, *, period: float | None = None) -> Trace:
 def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> Iterator[Trace]:
     """The same in chunks of at most ``samples``, for programs of any length.
 
-    Parameters
-    ----------
-    plan : Plan
-        Plan that is sampled.
-    period : float, optional
-        The control's ``interpolation_period`` by default [s].
-    samples : int
-        Greatest length of a chunk.
-
-    Raises
-    ------
-    ValueError
-        As :func:`trace`.
+    The ``period`` is the control's ``interpolation_period`` by default [s].
     """
     step = _period(plan, period)
     lengths = plan.path.control.filters

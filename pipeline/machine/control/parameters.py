@@ -13,8 +13,8 @@ jerk at most twice that over min(T1, T2).
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import IntEnum
-from functools import cache, cached_property
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from functools import cached_property
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -47,13 +47,7 @@ _PER_MINUTE = {Limit.RAPID_SPEED, Limit.CUTTING_SPEED, Limit.CORNER_JUMP}
 
 @dataclass(frozen=True, kw_only=True)
 class AxisParameters(Ranged):
-    """Limits of one axis; read degree for millimetre at A, B and C.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Limits of one axis; read degree for millimetre at A, B and C."""
 
     rapid_speed: Positive
     cutting_speed: Positive
@@ -75,13 +69,7 @@ class AxisParameters(Ranged):
 
 @dataclass(frozen=True, kw_only=True)
 class AuxiliaryParameters(Ranged, section="auxiliary"):
-    """Times of auxiliary functions: spindle, tool change, M codes, stop.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Times of auxiliary functions: spindle, tool change, M codes, stop."""
 
     spindle_acceleration: _Unbounded = np.inf
     """Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
@@ -89,7 +77,7 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     spindle_base_speed: _Unbounded = np.inf
     """Above it the motor gives constant power instead of constant torque [rev/min]."""
     spindle_deceleration: _Unbounded | None = None
-    """Of a spindle that is stopped [rev/min/s]; ``spindle_acceleration`` by default."""
+    """Deceleration of a spindle that stops [rev/min/s]; ``spindle_acceleration`` by default."""
     spindle_delay: _Seconds = 0.0
     """Added to each of them [s]."""
     spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"
@@ -104,7 +92,7 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     spindle_orientation: _Seconds = 0.0
     """M19 [s]."""
     maximum_speed: _Unbounded = np.inf
-    """Of the spindle, limits constant surface speed [rev/min]."""
+    """Greatest speed of the spindle, limits constant surface speed [rev/min]."""
     tool_change: _Seconds = 0.0
     """M6 [s]."""
     tools: dict[int, float] = field(default_factory=dict)
@@ -120,7 +108,6 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_choices(self, "auxiliary.")
         for name, times in (("tools", self.tools), ("m_codes", self.m_codes)):
             for number, time in times.items():
                 if not (np.isfinite(time) and time >= 0):
@@ -131,13 +118,7 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
 
 @dataclass(frozen=True, kw_only=True)
 class BlendParameters(Ranged, section="blend"):
-    """Corners that the control blends, as LinuxCNC does; used with ``corner = "blend"``.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Corners that the control blends, as LinuxCNC does; used with ``corner = "blend"``."""
 
     arcs: bool = True
     """Whether corners may be passed by arcs and by kinks ([TRAJ] ARC_BLEND_ENABLE), or by parabolas
@@ -196,7 +177,6 @@ class ControlParameters(Ranged):
     def __post_init__(self) -> None:
         if not self.axes or not set(self.axes) <= set(AXES):
             raise ValueError(f"axes = {sorted(self.axes)}: name some of {list(AXES)}")
-        _check_choices(self)
         super().__post_init__()
         if self.profile == "s_curve":
             for letter, axis in self.axes.items():
@@ -286,20 +266,6 @@ class ControlParameters(Ranged):
 def _spread(axis: AxisParameters, filters: tuple[float, float]) -> float:
     longest = max(filters)
     return axis.corner_jump / 60 / longest if longest > 0 else 0.0
-
-
-def _check_choices(parameters: Any, prefix: str = "") -> None:
-    """Refuse a word that the field's own ``Literal`` does not name."""
-    kind: Any = type(parameters)
-    for name, allowed in _choices(kind).items():
-        if (value := getattr(parameters, name)) not in allowed:
-            raise ValueError(f"{prefix}{name} = {value!r} must be one of {allowed}")
-
-
-@cache
-def _choices(kind: type) -> dict[str, tuple[str, ...]]:
-    hints = get_type_hints(kind).items()
-    return {name: get_args(hint) for name, hint in hints if get_origin(hint) is Literal}
 
 
 def of_dialect(said: Mapping[str, Any], dialect: str) -> dict[str, Any]:

@@ -33,15 +33,29 @@ TOLERANCE = 1e-5
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchSettings(Ranged, section="control_fit"):
-    """Settings of the search for an optimum."""
+class ControlFitSettings(Ranged, section="control_fit"):
+    """Settings of the identification of a control."""
 
     loose_s: Positive = 5.0
     """Width about the start of the weak prior on waiting times [s]; that of rates is a factor e."""
     step: Positive = 0.02
-    """Of the differences that the Jacobian is made of [1 on the logarithmic scale, s]."""
+    """Step of the differences that the Jacobian is made of [1 on the logarithmic scale, s]."""
     evaluations: Count = 60
     """Jacobians at most."""
+    shortest_s: Positive = 1.0
+    """Least duration of a segment [s], those of waits excepted."""
+    scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
+    """Residuals above which each search counts linearly [s]: from what the start may be wrong by
+    down to what polling adds to the duration of a segment."""
+    widest: Positive = 0.5
+    """Share of a parameter beyond which the width of its 95 % interval leaves it open [1]."""
+    folds: Annotated[int, Range(least=2)] = 5
+    """Controls that are identified without some of the programs for the intervals, at most."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.scales_s:
+            raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +90,7 @@ class Left:
 
 def optimum(
     residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: Bools,
-    scale_s: float, settings: SearchSettings,
+    scale_s: float, settings: ControlFitSettings,
 ) -> Optimum:  # fmt: skip
     """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
 
@@ -95,7 +109,7 @@ def optimum(
         Which are fitted.
     scale_s : float
         Residuals above count linearly [s].
-    settings : SearchSettings
+    settings : ControlFitSettings
         Of the search.
     """
     from scipy.optimize import least_squares
@@ -145,36 +159,6 @@ def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlFitSettings(SearchSettings, section="control_fit"):
-    """Settings of the identification of a control.
-
-    Parameters
-    ----------
-    shortest_s : float
-        Segments are at least as long [s], those of waits excepted.
-    scales_s : tuple of float
-        Residuals above count linearly [s]: from what the start may be wrong by down to what polling
-        adds to the duration of a segment.
-    widest : float
-        A parameter whose 95 % interval is wider than this share of it is not determined [1].
-    folds : int
-        Controls that are identified without some of the programs for the intervals, at most.
-    loose_s, step, evaluations
-        As in :class:`~pipeline.submodels.control.fit.SearchSettings`.
-    """
-
-    shortest_s: Positive = 1.0
-    scales_s: tuple[Positive, ...] = (3.0, 0.8, 0.2)
-    widest: Positive = 0.5
-    folds: Annotated[int, Range(least=2)] = 5
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not self.scales_s:
-            raise ValueError("control_fit.scales_s is empty: name one scale of residuals at least")
-
-
-@dataclass(frozen=True, kw_only=True)
 class ControlFit:
     """Identified control with its intervals."""
 
@@ -199,9 +183,9 @@ class ControlFit:
     differ: frozenset[str]
     """Names with the unit of those of them that units do not share."""
     left: Left
-    """Of what is not determined."""
+    """What the runs leave of parameters that are not determined."""
     uncertainty: Uncertainty
-    """Of those fitted to durations, on the scale of the search."""
+    """Uncertainty of those fitted to durations, on the scale of the search."""
     rmse_s: float
     """Rmse of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
@@ -237,17 +221,8 @@ def identify_control(
     known of its kind while the others are found again.  What units are taken to share is tested
     by unit, and found again for each where they differ or runs of one alone determine it.
 
-    Parameters
-    ----------
-    observed : sequence of Observed
-        The runs.
-    start : ControlParameters
-        Where the search begins, and to which a weak prior pulls.
-    settings : ControlFitSettings
-        Of the search.
-    near : ControlFit, optional
-        Control of more runs of the same units, where the search begins in place of ``start``; what
-        units share is not tested again.
+    Where ``near`` is given, a control of more runs of the same units, the search begins there in
+    place of ``start``, and what units share is not tested again.
 
     Raises
     ------

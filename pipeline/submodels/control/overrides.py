@@ -28,14 +28,7 @@ def line_spans(run: Run, lines: int) -> tuple[Floats, Floats, Ints]:
 def override_of_lines(run: Run, series: Series, lines: int) -> Floats:
     """Mean of an override over the time of each line, spans at 0 left out [1]; 1 where unsaid.
 
-    Parameters
-    ----------
-    run : Run
-        Lines numbered as in the program.
-    series : Series
-        Of the override [%].
-    lines : int
-        Length of what is returned; index 0 is no line.
+    Lines count up to ``lines``; index 0 is no line. The series is in percent.
     """
     begin, end, number = line_spans(run, lines)
     if not len(series.time) or not len(number):
@@ -124,14 +117,8 @@ def steady_ratios(run: Run, moves: Moves, *, arcs: bool = False) -> tuple[Ints, 
     A reading counts when the one before it agrees and both were taken while lines that cut were
     executed, since a while.
 
-    Parameters
-    ----------
-    run : Run
-        Lines numbered as in the program.
-    moves : Moves
-        Of the program.
-    arcs : bool
-        Whether to read on arcs too, where the control may settle at what their curvature allows.
+    With ``arcs`` readings on arcs count too, where the control may settle at what their curvature
+    allows.
     """
     programmed = feed_of_lines(moves)
     wanted = np.zeros(len(programmed), dtype=bool)
@@ -243,15 +230,7 @@ def _stretches(moves: Moves, said: Floats) -> Ints:
 
 
 def _levels(stretches: Ints, where: Ints, ratio: Floats) -> Floats:
-    """The plateau of each stretch, at its lines; NaN where there is none.
-
-    Parameters
-    ----------
-    stretches : ndarray of int, shape (lines + 1,)
-        Number of the stretch of each line.
-    where, ratio : ndarray, shape (N,)
-        Lines of readings, and the share of the programmed feed that was read there [1].
-    """
+    """The plateau of each stretch, at its lines; NaN where there is none."""
     factor = np.full(len(stretches), np.nan)
     for number in np.unique(stretches[where]):
         level = plateau(ratio[stretches[where] == number])

@@ -25,7 +25,7 @@ class FreeParameter:
     """One parameter."""
 
     name: str
-    """As in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or the unit
+    """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or unit
     behind it."""
     unit: str
     """Unit of its value."""
@@ -66,7 +66,7 @@ class FreeParameter:
 
     @property
     def bounds(self) -> tuple[float, float]:
-        """Of the search."""
+        """Bounds of the search."""
         return self.coordinate(self.low), self.coordinate(self.high)
 
     def coordinate(self, value: float) -> float:
@@ -110,15 +110,8 @@ def free_parameters(
 
     Limits of cutting are the same for X, Y and Z.
 
-    Parameters
-    ----------
-    control : ControlParameters
-        Where the search begins.
-    units : sequence of str
-        Machines of the kind.
-    apart : collection of str
-        Names of parameters that are fitted for each of ``units``, as :data:`BY_UNIT` always are;
-        everything else is fitted for all together.
+    Those named in ``apart`` are fitted for each of ``units``, as :data:`BY_UNIT` always are;
+    everything else is fitted for all together.
     """
     return [
         own
@@ -196,16 +189,7 @@ def control_of(
 ) -> ControlParameters:
     """The control of machine ``unit`` with ``values`` in place of those of ``start``.
 
-    Parameters
-    ----------
-    start : ControlParameters
-        Of what is not fitted.
-    free : sequence of FreeParameter
-        What ``values`` are of.
-    values : ndarray, shape (D,)
-        In the units of ``free``.
-    unit : str
-        Parameters of other units are left out.
+    ``values``, shape (D,), are in the units of ``free``; those of other machines are left out.
     """
     axes: dict[str, dict[str, float]] = {letter: {} for letter in start.axes}
     others: dict[str, Any] = {}

@@ -28,7 +28,7 @@ class Section:
 
     first: int
     last: int
-    """Of the run."""
+    """First and last line of the run."""
     shift: int
     """0 where the run is of this very program."""
 
@@ -289,21 +289,7 @@ def read_matches(
     items: Mapping[str, str],
     programs: Mapping[str, Moves],
 ) -> list[Match]:
-    """Every run of a program in the recordings, in the order of their names.
-
-    Parameters
-    ----------
-    signals : Path
-        As ``ingest`` wrote it.
-    files : mapping of str to mapping
-        Entries of its manifest by raw file.
-    records : ControlRecords
-        Which of the recordings.
-    items : mapping of str to str
-        Signal -> data item.
-    programs : mapping of str to Moves
-        Those that may have run, by name.
-    """
+    """Every run of a program in the recordings, in the order of their names."""
     found: list[Match] = []
     for name, entry in sorted(files.items()):
         if entry["output"] is None or not fnmatchcase(name, records.logs):

@@ -192,15 +192,8 @@ class Run(Activity):
 def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]:
     """Runs in one recording.
 
-    Parameters
-    ----------
-    path : Path
-        Observations of the recording.
-    items : mapping of str to str
-        Signal -> data item; ``execution`` and ``line`` are needed, the others of
-        :data:`SIGNAL_OF` are used where they are named.
-    recording : str
-        Its name, for people.
+    ``items`` maps a signal to its data item; ``execution`` and ``line`` are needed, the others of
+    :data:`SIGNAL_OF` are used where they are named.
 
     Returns
     -------

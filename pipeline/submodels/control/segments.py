@@ -40,7 +40,7 @@ class Observed:
     """Which of several machines of a kind."""
     begin: Floats
     end: Floats
-    """Of each segment in the recording [s]; shape (N,)."""
+    """Begin and end of each segment in the recording [s]; shape (N,)."""
     measured: Floats
     """Its duration without stops [s]; shape (N,)."""
     first: Ints
@@ -61,18 +61,7 @@ class Observed:
 def observe(run: Run, program: str, moves: Moves, unit: str, shortest_s: float) -> Observed:
     """Cut a run into segments, at polls that saw a later line.
 
-    Parameters
-    ----------
-    run : Run
-        Lines numbered as in the program.
-    program : str
-        Its name.
-    moves : Moves
-        Of the program.
-    unit : str
-        Which of several machines of a kind.
-    shortest_s : float
-        Segments last at least as long [s], those of waits excepted.
+    Segments last at least ``shortest_s`` [s], those of waits excepted.
     """
     operator = operator_of(run, moves)
     time, row = _polls(run, moves)

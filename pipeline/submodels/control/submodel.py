@@ -239,19 +239,13 @@ def _loader(matched: MatchedRun) -> Callable[[], MatchedRun]:
 def _parameters(fit: ControlFit) -> dict[str, Parameter]:
     found = {}
     for i, one in enumerate(fit.free):
-        known = bool(fit.determined[i])
-        method = FROM_SPEEDS if fit.from_speeds[i] else FITTED
         others = fit.lenders(i)
         kept = LENT.format(others=" and ".join(others)) if others else NOT_DETERMINED
-        low, high = (float(f"{end[i]:.5g}") for end in (fit.low, fit.high))
-        found[one.name] = Parameter(
-            value=float(f"{fit.values[i]:.5g}") if known else None,
-            unit=one.unit,
-            interval_95=(low, high) if known and np.isfinite(low + high) else None,
-            determined=known,
-            method=method if known else kept,
-            remedy="" if known else one.remedy,
-        )
+        known, method = bool(fit.determined[i]), FROM_SPEEDS if fit.from_speeds[i] else FITTED
+        found[one.name] = Parameter.estimated(
+            float(fit.values[i]), float(fit.low[i]), float(fit.high[i]), one.unit,
+            method=method if known else kept, remedy=one.remedy, determined=known,
+        )  # fmt: skip
     return found
 
 

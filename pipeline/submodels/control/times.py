@@ -55,17 +55,6 @@ def time_bands(
     Runs of a program are left out together, where another program ran on the same machine; else
     they are left out one by one, and the only run of a machine is not.  Empty where fewer than two
     groups can be left out.
-
-    Parameters
-    ----------
-    runs : sequence of MatchedRun
-        Training runs.
-    start : ControlParameters
-        Prior of each identification.
-    settings : ControlFitSettings
-        Of each identification.
-    fit : ControlFit
-        Control of all runs, where each identification begins.
     """
     units = Counter(run.observed[0].unit for run in runs if run.observed)
     whole = [
@@ -240,17 +229,7 @@ def _seen_until(one: Observed) -> tuple[float, int]:
 
 
 def _stops(one: Observed, times: Floats, end: float) -> float:
-    """Time that the machine was held, and time at M0 and M1 beyond the machine's own [s].
-
-    Parameters
-    ----------
-    one : Observed
-        The run.
-    times : ndarray, shape (rows,)
-        Predicted time of each row [s].
-    end : float
-        Until when [s].
-    """
+    """Time that the machine was held, and time at M0 and M1 beyond the machine's own [s]."""
     start = np.array([one.run.start])
     stopped = float(stopped_within(one.operator.stops, start, np.array([end]))[0])
     for first, after, measured in zip(one.first, one.after, one.measured, strict=True):

@@ -27,7 +27,7 @@ from math import ceil, floor, inf, isinf, log, log10
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.drive.entry_fits import (
     APART,
@@ -93,7 +93,7 @@ class Disturbance:
     """Unit of the quantity at the entry."""
     delay: float = 0.0
     delay_half_width: float = inf
-    """Of the entry behind the channel, with half of its 95 % interval [s]."""
+    """Delay of the entry behind the channel, with half of its 95 % interval [s]."""
     share: float = 0.0
     """Share of the squared error of its equation that it explains [1]."""
     words: str = ""
@@ -102,17 +102,7 @@ class Disturbance:
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:
-    """Entry of the disturbance of ``axis`` in a recording; None where it has no such channel.
-
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : IdentifiedDrive
-        As identified, with the gains that the recording was taken with.
-    """
+    """Entry of the disturbance of ``axis`` in a recording; None where it has no such channel."""
     record = recording.axes[axis]
     if record.load is None:
         return None
@@ -230,15 +220,6 @@ def law_fits(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> dict[Difference, dict[Entry, EntryFit]]:
     """Fits of each place in the servo's law, by the differences that may be fed forward.
-
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : IdentifiedDrive
-        As identified.
 
     Returns
     -------

@@ -36,11 +36,11 @@ class EntryFit:
     """SI quantity at the place for one unit of the channel."""
     delay: float
     delay_half_width: float
-    """Of the place behind the channel, with half of its 95 % interval [s]."""
+    """Delay of the place behind the channel, with half of its 95 % interval [s]."""
     share: float
     """Share of the equation's squared error that it explains [1]."""
     gain: float
-    """Of log-likelihood over the equation without the disturbance [1]."""
+    """Gain of log-likelihood over the equation without the disturbance [1]."""
     likelihood: float
     """Logarithm of it, less a constant that all fits of the same recorded signal share [1]."""
 

@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.machine.axis.friction import friction_force
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
 from pipeline.parallel import mapped
 from pipeline.schema.drive import (
     CurvePoint,
@@ -18,9 +16,8 @@ from pipeline.schema.drive import (
     FrictionPoint,
     RecursiveMass,
     Servo,
-    Shaft,
 )
-from pipeline.schema.model import Correlation, LeftOut, Parameter
+from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
 from pipeline.schema.structure import structured
 from pipeline.submodels.drive.comparison import compared_force, constant_level
 from pipeline.submodels.drive.mechanics.estimates import AxisFit
@@ -34,9 +31,6 @@ from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, i
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.twin.drive import identified_drive
 
-if TYPE_CHECKING:
-    from pipeline.submodels.drive.mechanics.recursive import MassTrace
-
 CURVE = 40
 """Number of speeds of the stored friction curve in each direction [1]."""
 MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
@@ -44,37 +38,33 @@ MOTOR_NAMES = {"resistance": "R", "inductance_d": "L_d", "inductance_q": "L_q"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class IdentifiedAxis:
+    """Everything that the recordings determine of one axis."""
+
+    drive: FeedDriveFit
+    servo: ServoFit
+    presliding: PreslidingFit | None = None
+    mass: RecursiveMass | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class DriveIdentification:
-    """Drives of a machine as identified from its recordings.
+    """Drives of a machine as identified from its recordings."""
 
-    Parameters
-    ----------
-    feed_drives, servos, masses, presliding : mapping by the axis' letter
-        Of each axis; axes without are missing.
-    open_axes : mapping of str to str
-        Axes that were not identified, with the reason.
-    motor : MotorFit or None
-        Of the axis ``motor_axis``.
-    motor_axis : str
-        Letter; "" without recordings of a motor.
-    motor_reason : str
-        Why there is no motor.
-    shafts : mapping of str to ShaftFit
-        Of axes whose both ends were recorded.
-    loop_gains : mapping of str to LoopGain
-        Of axes whose commanded and actual position was recorded, with or without a torque.
-    """
-
-    feed_drives: Mapping[str, FeedDriveFit]
-    servos: Mapping[str, ServoFit] = field(default_factory=dict)
-    masses: Mapping[str, "MassTrace"] = field(default_factory=dict)
+    axes: Mapping[str, IdentifiedAxis]
+    """Axes whose mechanics were identified, by letter."""
     open_axes: Mapping[str, str] = field(default_factory=dict)
-    presliding: Mapping[str, PreslidingFit] = field(default_factory=dict)
+    """Reason why an axis was not identified."""
     motor: MotorFit | None = None
     motor_axis: str = ""
+    """Motor and the letter of its axis; "" without recordings of a motor."""
     motor_reason: str = ""
+    """Reason why there is no motor."""
     shafts: Mapping[str, ShaftFit] = field(default_factory=dict)
+    """Shafts of the axes whose both ends were recorded."""
     loop_gains: Mapping[str, loop_gain.LoopGain] = field(default_factory=dict)
+    """Gains of the axes whose commanded and actual position was recorded, with or without a
+    torque."""
 
 
 def identify_drives(
@@ -83,33 +73,22 @@ def identify_drives(
     prior: DrivePrior,
     settings: DriveFitSettings,
 ) -> DriveIdentification:
-    """Everything that the recordings determine of a machine's drives.
-
-    Raises
-    ------
-    ValueError
-        When no axis can be identified.
-    """
+    """Everything that the recordings determine of a machine's drives."""
     training = [one for one in recordings if one.trained]
     each = [(axis, of_axis(training, axis), prior, settings) for axis in records.axes]
     tried = dict(zip(records.axes, mapped(_whole_axis, each), strict=True))
+    axes = {axis: one for axis, one in tried.items() if not isinstance(one, str)}
     missing = {
         axis: _reason(recordings, axis, why) for axis, why in tried.items() if isinstance(why, str)
     }
-    found = [one for one in tried.values() if not isinstance(one, str)]
-    drives = {axis: fit for one in found for axis, fit in one.feed_drives.items()}
     gains = loop_gains(training, records, settings.widest)
-    if not drives and not gains:
+    if not axes and not gains:
         raise ValueError(
             "no drive can be identified: " + "; ".join(f"{a}: {why}" for a, why in missing.items())
         )
     motor, reason = _motor(recordings, records.motor, settings.widest)
     return DriveIdentification(
-        feed_drives=drives,
-        servos={axis: fit for one in found for axis, fit in one.servos.items()},
-        masses={axis: fit for one in found for axis, fit in one.masses.items()},
-        presliding={axis: fit for one in found for axis, fit in one.presliding.items()},
-        open_axes=missing, motor=motor, shafts=_shafts(training, drives, prior, settings),
+        axes=axes, open_axes=missing, motor=motor, shafts=_shafts(training, axes, prior, settings),
         motor_axis=records.motor.axis if records.motor else "", motor_reason=reason,
         loop_gains=gains,
     )  # fmt: skip
@@ -121,7 +100,7 @@ def loop_gains(
     """Loop gains of the axes whose commanded and actual position was recorded."""
     tried = {
         axis: loop_gain.loop_gain(
-            [(one.tracked[axis], one.period) for one in training if axis in one.tracked], widest
+            [one.tracked[axis] for one in training if axis in one.tracked], widest
         )
         for axis in records.axes
     }
@@ -130,7 +109,7 @@ def loop_gains(
 
 def _whole_axis(
     task: tuple[str, Sequence[Recording], DrivePrior, DriveFitSettings],
-) -> DriveIdentification | str:
+) -> IdentifiedAxis | str:
     """Mechanics, loops, presliding and mass over time of an axis, or why there are none."""
     from pipeline.submodels.drive.mechanics.recursive import mass_trace
 
@@ -139,34 +118,24 @@ def _whole_axis(
         found = identified_axis(axis, training, prior, settings)
     except ValueError as error:
         return str(error)
-    drive, servo, spring = found.feed_drives[axis], found.servos[axis].servo, None
+    servo, spring = found.servo.servo, None
     if servo is not None:
-        spring = identify_presliding(training, axis, servo, drive.feed_drive, settings.widest)
-    mass = mass_trace(training, axis, drive)
-    return replace(
-        found, presliding={} if spring is None else {axis: spring},
-        masses={} if mass is None else {axis: mass},
-    )  # fmt: skip
+        screw = found.drive.feed_drive
+        spring = identify_presliding(training, axis, servo, screw, settings.widest)
+    return replace(found, presliding=spring, mass=mass_trace(training, axis, found.drive))
 
 
 def identified_axis(
     axis: str, training: Sequence[Recording], prior: DrivePrior, settings: DriveFitSettings
-) -> DriveIdentification:
-    """Mechanics and loops of one axis from recordings to train on.
-
-    Raises
-    ------
-    ValueError
-        When they do not tell its mechanics.
-    """
+) -> IdentifiedAxis:
+    """Mechanics and loops of one axis from recordings to train on."""
     drive = identify_feed_drive(training, axis, prior, settings)
-    servo = identify_servo(training, axis, settings)
-    return DriveIdentification(feed_drives={axis: drive}, servos={axis: servo})
+    return IdentifiedAxis(drive=drive, servo=identify_servo(training, axis, settings))
 
 
 def axis_again(
-    letter: str, recordings: Sequence[Recording], found: DriveIdentification, prior: DrivePrior,
-    settings: DriveFitSettings,
+    letter: str, recordings: Sequence[Recording], found: Mapping[str, IdentifiedAxis],
+    prior: DrivePrior, settings: DriveFitSettings,
 ) -> DriveAxis | None:  # fmt: skip
     """The axis as some recordings tell it; None where they determine less of it than ``found``.
 
@@ -177,42 +146,33 @@ def axis_again(
         own = identified_axis(letter, recordings, prior, replace(settings, compare=False))
     except ValueError:
         return None
-    if not _determined_of(letter, found) <= _determined_of(letter, own):
+    if not _determined_of(found[letter]) <= _determined_of(own):
         return None
-    return _axis(letter, own)
+    return _axis(own)
 
 
-def _determined_of(letter: str, found: DriveIdentification) -> set[str]:
+def _determined_of(axis: IdentifiedAxis) -> set[str]:
     """Parameters of mechanics and loops that are determined."""
-    own = axis_parameters(letter, replace(found, shafts={}, presliding={}, loop_gains={}))
-    return {name for name, one in own.items() if one.determined}
+    return {name for name, one in _fitted(axis).items() if one.determined}
 
 
 def _shafts(
     training: Sequence[Recording],
-    drives: Mapping[str, FeedDriveFit],
+    axes: Mapping[str, IdentifiedAxis],
     prior: DrivePrior,
     settings: DriveFitSettings,
 ) -> dict[str, ShaftFit]:
     """Shafts of the axes whose both ends were recorded."""
 
     def of(axis: str) -> ShaftFit | None:
-        fit = drives[axis]
+        fit = axes[axis].drive
         return identify_shaft(
             training, axis, force_constant=fit.feed_drive.force_constant,
             force_unit=fit.force_unit, lead=prior.axis(axis).screw_lead, widest=settings.widest,
         )  # fmt: skip
 
-    found = zip(drives, mapped(of, drives), strict=True)
+    found = zip(axes, mapped(of, axes), strict=True)
     return {axis: shaft for axis, shaft in found if shaft is not None}
-
-
-def stored_shaft(fit: ShaftFit, lead: float | None) -> Shaft:
-    """A shaft as it is stored, without its parameters; ``lead`` [m/rev]."""
-    return Shaft(
-        factors=tuple(map(_significant, fit.shared.tolist())), lead=lead, samples=fit.samples,
-        twist_um=_significant(fit.twist_um), left_um=_significant(fit.left_um),
-    )  # fmt: skip
 
 
 def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
@@ -245,40 +205,31 @@ def _motor(
     return motor, ""
 
 
-def stored_axis(
-    letter: str, found: DriveIdentification, recordings: Sequence[Recording]
-) -> DriveAxis:
+def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recording]) -> DriveAxis:
     """One axis as it is stored.
 
-    Parameters
-    ----------
-    letter : str
-        Of an identified axis.
-    found : DriveIdentification
-        Of the machine.
-    recordings : sequence of Recording
-        From which it was identified; the constant level of the force is their mean.
+    The constant level of the force is the mean of the ``recordings`` from which the axis was
+    identified.
     """
-    axis = _axis(letter, found)
+    axis = _axis(found)
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]
     return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)
                                                         for one in shown]))  # fmt: skip
 
 
-def _axis(letter: str, found: DriveIdentification) -> DriveAxis:
+def _axis(axis: IdentifiedAxis) -> DriveAxis:
     """One axis as it is stored, without the constant level of its force."""
-    fit, servo = found.feed_drives[letter], found.servos.get(letter)
-    mass, spring = found.masses.get(letter), found.presliding.get(letter)
+    fit, servo, mass, spring = axis.drive, axis.servo, axis.mass, axis.presliding
     return DriveAxis(
         command_unit=fit.command_unit,
         force_unit=fit.force_unit,
         feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
-        servo=None if servo is None or servo.servo is None else _servo(servo.servo),
-        servo_reason="" if servo is None else servo.reason,
+        servo=None if servo.servo is None else _servo(servo.servo),
+        servo_reason=servo.reason,
         friction_points=tuple(
             FrictionPoint(
-                velocity_mm_s=_significant(1e3 * one.velocity), force=_significant(one.force),
+                velocity_mm_s=significant(1e3 * one.velocity), force=significant(one.force),
                 half_width=_known(one.half_width), seconds=round(one.seconds, 3),
             )
             for one in fit.points
@@ -286,11 +237,11 @@ def _axis(letter: str, found: DriveIdentification) -> DriveAxis:
         friction_curve=_curve(fit),
         methods=tuple(
             replace(one, error=None if one.error is None else _known(one.error))
-            for one in (*fit.methods, *(() if servo is None else servo.methods))
+            for one in (*fit.methods, *servo.methods)
         ),
         fit=replace(_facts(fit), delay_s=_known(fit.delay)),
-        servo_fit=None if servo is None else _facts(servo),
-        recursive_mass=None if mass is None else _recursive_mass(mass),
+        servo_fit=_facts(servo),
+        recursive_mass=mass,
         presliding_stiffness=_determined(None if spring is None else spring.stiffness),
         presliding_time_s=_determined(None if spring is None else spring.time),
     )  # fmt: skip
@@ -310,16 +261,21 @@ def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
 
 def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
     """Parameters of an axis: of its mechanics, of its servo, of its position loop alone."""
-    both: list[AxisFit | None] = [found.feed_drives.get(letter), found.servos.get(letter)]
-    fits = [fit for fit in both if fit is not None]
-    known = {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
+    axis = found.axes.get(letter)
+    known = {} if axis is None else _fitted(axis)
     if letter in found.loop_gains:
         known[loop_gain.NAME] = found.loop_gains[letter].parameter
-    if letter in found.presliding:
-        known |= found.presliding[letter].parameters(found.feed_drives[letter].force_unit)
+    if axis is not None and axis.presliding is not None:
+        known |= axis.presliding.parameters(axis.drive.force_unit)
     if letter in found.shafts:
         known |= found.shafts[letter].parameters
     return known
+
+
+def _fitted(axis: IdentifiedAxis) -> dict[str, Parameter]:
+    """Parameters of mechanics and loops."""
+    fits: tuple[AxisFit, ...] = (axis.drive, axis.servo)
+    return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
 
 
 def motor_parameters(fit: MotorFit, pole_pairs: int) -> dict[str, Parameter]:
@@ -329,9 +285,9 @@ def motor_parameters(fit: MotorFit, pole_pairs: int) -> dict[str, Parameter]:
     ends = None
     if flux.interval_95 is not None:
         low, high = flux.interval_95
-        ends = _significant(factor * low), _significant(factor * high)
+        ends = significant(factor * low), significant(factor * high)
     torque = replace(
-        flux, unit="N m/A", value=None if flux.value is None else _significant(factor * flux.value),
+        flux, unit="N m/A", value=None if flux.value is None else significant(factor * flux.value),
         interval_95=ends,
         method=f"3/2 p flux: {flux.method}" if flux.determined else flux.method,
     )  # fmt: skip
@@ -352,10 +308,10 @@ def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tup
     rows += [
         LeftOut(
             case=name,
-            reason=f"servo of axis {axis}: taken with other gains than the first recording",
+            reason=f"servo of axis {letter}: taken with other gains than the first recording",
         )
-        for axis, servo in found.servos.items()
-        for name in servo.left_out
+        for letter, axis in found.axes.items()
+        for name in axis.servo.left_out
     ]
     if found.motor_reason:
         rows.append(LeftOut(case="the motor's", reason=found.motor_reason))
@@ -368,11 +324,9 @@ def _servo(servo: ServoParameters) -> Servo:
 
 
 def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
-    known = bool(fit.determined[i])
-    return Parameter(
-        value=_known(fit.values[i]) if known else None, unit=fit.units[i],
-        interval_95=(_significant(fit.low[i]), _significant(fit.high[i])) if known else None,
-        determined=known, method=fit.how[i], remedy="" if known else fit.remedy[i],
+    return Parameter.estimated(
+        float(fit.values[i]), float(fit.low[i]), float(fit.high[i]), fit.units[i],
+        method=fit.how[i], remedy=fit.remedy[i], determined=bool(fit.determined[i]),
     )  # fmt: skip
 
 
@@ -397,33 +351,18 @@ def _curve(fit: FeedDriveFit) -> tuple[CurvePoint, ...]:
     velocity = np.r_[-steps[::-1], steps]
     force = friction_force(velocity, fit.feed_drive.friction) + fit.feed_drive.offset
     return tuple(
-        CurvePoint(velocity_mm_s=_significant(1e3 * v), force=_significant(f))
+        CurvePoint(velocity_mm_s=significant(1e3 * v), force=significant(f))
         for v, f in zip(velocity.tolist(), force.tolist(), strict=True)
     )
 
 
-def _recursive_mass(mass: "MassTrace") -> RecursiveMass:
-    return RecursiveMass(
-        recording=mass.recording,
-        unit=mass.unit,
-        time_s=tuple(round(t, 4) for t in mass.time.tolist()),
-        value=tuple(map(_known, mass.value.tolist())),
-        half_width=tuple(map(_known, mass.half_width.tolist())),
-    )
-
-
-def _significant(value: float) -> float:
-    """To five significant digits."""
-    return float(f"{value:.5g}")
-
-
 def _determined(found: Estimate | None) -> float | None:
-    return None if found is None or not found.determined else _significant(found.value)
+    return None if found is None or not found.determined else significant(found.value)
 
 
 def _known(value: float) -> float | None:
     """To five significant digits; None when it is not finite."""
-    return _significant(value) if np.isfinite(value) else None
+    return significant(value) if np.isfinite(value) else None
 
 
 def _rounded(value: float, digits: int) -> float | None:

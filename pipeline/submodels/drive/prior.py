@@ -6,7 +6,7 @@ from math import isfinite
 from string import ascii_uppercase
 from typing import Annotated, Literal
 
-from pipeline.machine.axis.feed_drive import force_constant
+from pipeline.machine.axis.motor import force_constant
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.drive.records import AxisConstants, DriveRecords
@@ -23,38 +23,30 @@ _OF_THE_LOOPS = (
 
 @dataclass(frozen=True, kw_only=True)
 class AxisPrior:
-    """Prior knowledge of one axis; each number may be the name of a constant of the recordings.
-
-    Parameters
-    ----------
-    force_constant : float or str, optional
-        Force on the carriage for one unit of the command [N/A]; without it, and without torque
-        constant and lead, forces are in the command's unit.
-    torque_constant, lead : float or str, optional
-        Of motor [N m/A] and screw [mm/rev], in place of ``force_constant``.
-    position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
-current_limit : float or str, optional
-        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
-    servo_period : float or str, optional
-        Of the velocity loop [s]; the recorder's where it is not listed.
-    coulomb : {"auto", "equal", "unequal"}
-        Motion shows only the sum of Coulomb friction and a constant force.  "equal": Coulomb
-        friction is equal in both directions, and the difference is the force (a vertical axis, an
-        amplifier with an offset); "unequal": no such force; "auto": see
-        :mod:`pipeline.submodels.drive.mechanics.estimates`.
-    """
+    """Prior knowledge of one axis; each number may be the name of a constant of the recordings."""
 
     force_constant: Number = None
+    """Force on the carriage for one unit of the command [N/A]; without it, and without torque
+    constant and lead, forces are in the command's unit."""
     torque_constant: Number = None
     lead: Number = None
+    """Torque constant of the motor [N m/A] and lead of the screw [mm/rev], in place of
+    ``force_constant``."""
     position_gain: Number = None
     velocity_gain: Number = None
     integral_gain: Number = None
     velocity_feedforward: Number = None
     acceleration_feedforward: Number = None
     current_limit: Number = None
+    """Gains, feed-forward and limit as in
+    :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`."""
     servo_period: Number = None
+    """Period of the velocity loop [s]; the recorder's where it is not listed."""
     coulomb: Coulomb = "auto"
+    """Split of Coulomb friction and a constant force, of which motion shows only the sum. "equal":
+    Coulomb friction is equal in both directions, and the difference is the force (a vertical axis,
+    an amplifier with an offset); "unequal": no such force; "auto": see
+    :mod:`pipeline.submodels.drive.mechanics.estimates`."""
 
     def __post_init__(self) -> None:
         if (self.torque_constant is None) != (self.lead is None):
@@ -72,18 +64,7 @@ current_limit : float or str, optional
         return float(self.lead) * 1e-3 if isinstance(self.lead, int | float) else None
 
     def resolved(self, constants: Mapping[str, float]) -> AxisConstants:
-        """Numbers in place of names.
-
-        Parameters
-        ----------
-        constants : mapping of str to float
-            Those that stand beside the channels of a recording.
-
-        Raises
-        ------
-        ValueError
-            When a name is none of ``constants``, or a value is out of its range.
-        """
+        """Numbers in place of names."""
         force = _number("force_constant", self.force_constant, constants)
         torque = _number("torque_constant", self.torque_constant, constants)
         lead = _number("lead", self.lead, constants)
@@ -124,13 +105,7 @@ class DrivePrior:
 
 
 def constants_of(entries: Mapping[str, Mapping[str, object]]) -> dict[str, float]:
-    """Constants on which all recordings that hold them agree, by name.
-
-    Parameters
-    ----------
-    entries : mapping of str to mapping
-        Constants of each recording.
-    """
+    """Constants on which all recordings that hold them agree, by name."""
     seen: dict[str, set[float]] = {}
     for entry in entries.values():
         for name, value in entry.items():
@@ -158,29 +133,23 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     compare: bool = True
     """Whether the other method runs too, for the report."""
     bandwidth_Hz: Annotated[float | None, Range(above=0.0, unit="Hz")] = None
-    """Of the parallel filter on motion and force [Hz]; chosen from the records when None."""
+    """Bandwidth of the parallel filter on motion and force [Hz]; chosen from the records when
+    None."""
     shortest_s: Annotated[float, Range(above=0.0, unit="s")] = 0.2
     """Least duration of a stretch of constant speed [s]."""
     widest: Positive = 0.5
     """Relative half width of the 95 % interval beyond which a parameter is not determined [1]."""
     substeps: Annotated[int, Range(above=0.0, most=FINEST)] = 4
-    """Of the closed-loop simulation in one sample."""
+    """Steps of the closed-loop simulation in one sample."""
     folds: Annotated[int, Range(least=2)] = 5
     """Drives that are identified without some of the recordings for the intervals of an axis, at
     most."""
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
-    """Of the genetic algorithm."""
+    """Settings of the genetic algorithm."""
 
 
 def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
-    """Check that axes are letters, named in both sections.
-
-    Raises
-    ------
-    ValueError
-        When ``records`` names no axis or one that is no letter, or not the axis of a prior or of a
-        recorded motor.
-    """
+    """Check that axes are letters, named in both sections."""
     there = ", ".join(records.axes)
     if not there:
         raise ValueError("drive_records.axes names no axis: name the channels of at least one")
@@ -204,20 +173,7 @@ def check_axes(records: DriveRecords, prior: DrivePrior) -> None:
 
 
 def check_constants(prior: DrivePrior, held: Collection[str]) -> None:
-    """Check that every constant that ``prior`` names stands in some recording.
-
-    Parameters
-    ----------
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    held : collection of str
-        Names of the constants of all recordings.
-
-    Raises
-    ------
-    ValueError
-        When none of the recordings holds one.
-    """
+    """Check that every constant that ``prior`` names stands in some recording."""
     for letter, axis in prior.axes.items():
         for name in names_of(axis):
             if name not in held:

@@ -201,7 +201,9 @@ def _drives(
                 one,
                 axes={letter: record(letter, grids[letter]) for letter in units},
                 tracked={
-                    letter: Tracked(reference=of["reference"], position=of["position"])
+                    letter: Tracked(
+                        reference=of["reference"], position=of["position"], period=one.period
+                    )
                     for letter, of in grids.items()
                     if _both(of)
                 },

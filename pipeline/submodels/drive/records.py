@@ -125,64 +125,45 @@ class DriveRecords:
 
 @dataclass(frozen=True, kw_only=True)
 class AxisConstants:
-    """Prior knowledge of an axis in SI; None of what is not listed.
-
-    Parameters
-    ----------
-    force_constant : float or None
-        Force on the carriage for one unit of the command [N/A].
-    position_gain, velocity_gain, integral_gain, velocity_feedforward, acceleration_feedforward, \
-current_limit : float or None
-        As in :class:`~pipeline.machine.axis.servo.ServoParameters`.
-    servo_period : float or None
-        Of the velocity loop [s].
-    """
+    """Prior knowledge of an axis in SI; None of what is not listed."""
 
     force_constant: float | None = None
+    """Force on the carriage for one unit of the command [N/A]."""
     position_gain: float | None = None
     velocity_gain: float | None = None
     integral_gain: float | None = None
     velocity_feedforward: float | None = None
     acceleration_feedforward: float | None = None
     current_limit: float | None = None
+    """Gains, feed-forward and limit as in
+    :class:`~pipeline.machine.axis.drive_parameters.ServoParameters`."""
     servo_period: float | None = None
+    """Period of the velocity loop [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRecord:
-    """One axis in one recording, T samples; None where a channel is not recorded.
-
-    Parameters
-    ----------
-    command : ndarray, shape (T,)
-        Torque command, in ``command_unit``.
-    position, reference : ndarray, shape (T,), optional
-        [m].
-    velocity, velocity_reference : ndarray, shape (T,), optional
-        [m/s].
-    acceleration, acceleration_reference : ndarray, shape (T,), optional
-        [m/s^2].
-    load : ndarray, shape (T,), optional
-        Disturbance, declared as against positive motion, in ``load_unit``.
-    load_unit : str
-        "N", "m", "m/s", or as the recording has it; "" where it names none.
-    command_unit : str
-        "A", "V", or as the recording has it.
-    constants : AxisConstants
-        Prior knowledge of the axis, with this recording's constants.
-    """
+    """One axis in one recording, shape (T,) each; None where a channel is not recorded."""
 
     command: Floats
+    """Torque command, in ``command_unit``."""
     position: Floats | None = None
     reference: Floats | None = None
+    """Measured and commanded position [m]."""
     velocity: Floats | None = None
     velocity_reference: Floats | None = None
+    """Measured and commanded speed [m/s]."""
     acceleration: Floats | None = None
     acceleration_reference: Floats | None = None
+    """Measured and commanded acceleration [m/s^2]."""
     load: Floats | None = None
+    """Disturbance, declared as against positive motion, in ``load_unit``."""
     load_unit: str = ""
+    """N, m, m/s, or as the recording has it; empty where it names none."""
     command_unit: str = "A"
+    """A, V, or as the recording has it."""
     constants: AxisConstants = field(default_factory=AxisConstants)
+    """Prior knowledge of the axis, with this recording's constants."""
 
     @property
     def force_constant(self) -> float:
@@ -197,10 +178,13 @@ class AxisRecord:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Tracked:
-    """Commanded and actual position of one axis [m]; shape (T,) each."""
+    """Commanded and actual position of one axis in a stretch of T samples."""
 
-    reference: Floats
-    position: Floats
+    reference: Floats = field(repr=False)
+    position: Floats = field(repr=False)
+    """Positions [m]; shape (T,) each."""
+    period: float
+    """Sampling period [s]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -230,7 +214,7 @@ class Recording:
     notes: tuple[str, ...] = ()
     """Changes to its rows."""
     sha256: str = ""
-    """Of the raw file."""
+    """SHA-256 of the raw file."""
 
     @property
     def file(self) -> str:
@@ -305,13 +289,7 @@ MOTION = (
 
 
 def check_channels(records: DriveRecords, recordings: Sequence[Recording]) -> None:
-    """Check that some recording of an axis holds each channel that ``records`` names for it.
-
-    Raises
-    ------
-    ValueError
-        When none does: a misspelt name would be a channel that is derived, or a missing servo.
-    """
+    """Check that some recording of an axis holds each channel that ``records`` names for it."""
     for letter, channels in records.axes.items():
         shown = [one.axes[letter] for one in recordings if letter in one.axes]
         for key in MOTION:

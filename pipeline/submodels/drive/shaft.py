@@ -26,7 +26,8 @@ import numpy as np
 from scipy.special import stdtrit
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.model import Parameter
+from pipeline.schema.drive import Shaft
+from pipeline.schema.model import Parameter, significant
 from pipeline.submodels.drive.mechanics.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft_signals import (
@@ -90,16 +91,9 @@ class Rounds:
 class ShaftFit:
     """Shaft of an axis as fitted."""
 
-    shared: Floats
-    """Factors of the columns that recordings share; shape (7,)."""
+    shaft: Shaft
     parameters: dict[str, Parameter]
     """``shaft_stiffness``, ``shaft_damping``, ``backlash``, ``motor_mass``."""
-    samples: int
-    """That were fitted [1]."""
-    twist_um: float
-    """Root mean square of the twist that the records show [um]."""
-    left_um: float
-    """The same of what the fit leaves over [um]."""
 
 
 def identify_shaft(
@@ -108,20 +102,8 @@ def identify_shaft(
 ) -> ShaftFit | None:  # fmt: skip
     """Shaft of ``axis``; None where no recording shows both of its ends.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training.
-    axis : str
-        Its letter.
-    force_constant : float
-        Force for one unit of the command, and ``force_unit``, its unit.
-    force_unit : str
-        "N", or the command's unit where the constant is 1.
-    lead : float or None
-        Of the screw [m].
-    widest : float
-        Greatest half width of a determined interval, as a share.
+    ``lead`` is that of the screw [m], ``widest`` the greatest half width of a determined interval,
+    as a share.
     """
     shown = [signals_of(one, axis, force_constant, lead) for one in recordings
              if axis in one.shafts]  # fmt: skip
@@ -136,11 +118,12 @@ def identify_shaft(
         # no play that shows: the flank does not matter, and all samples count
         found = _rounds(shown, found.shared, (*found.out, PLAY))
     twist = np.concatenate([one.twist[ok] for one, ok in zip(shown, found.sure, strict=True)])
-    return ShaftFit(
-        shared=found.shared, parameters=_parameters(found, force_unit, widest) | {
-            "backlash": backlash},
-        samples=len(twist), twist_um=1e6 * float(twist.std()), left_um=1e6 * found.left,
+    shaft = Shaft(
+        factors=tuple(map(significant, found.shared.tolist())), lead=lead, samples=len(twist),
+        twist_um=significant(1e6 * float(twist.std())), left_um=significant(1e6 * found.left),
     )  # fmt: skip
+    known = _parameters(found, force_unit, widest) | {"backlash": backlash}
+    return ShaftFit(shaft=shaft, parameters=known)
 
 
 def _fitted(shown: Sequence[Signals]) -> tuple[Rounds, list[Signals]]:
@@ -356,15 +339,11 @@ def _backlash(found: Rounds, why: str) -> Parameter:
 def _parameter(
     value: float, reach: float, unit: str, why: str, remedy: str, least: float | None = None
 ) -> Parameter:
-    known = not why
     value = float(value)
     if least is not None and value < least:
         # beyond what can be: as much as that, at least, the records err
         reach, value = float(np.hypot(reach, least - value)), least
-    low, high = value - reach, value + reach
-    low = low if least is None else max(low, least)
-    return Parameter(
-        value=float(f"{value:.5g}") if known else None, unit=unit,
-        interval_95=(float(f"{low:.5g}"), float(f"{high:.5g}")) if known else None,
-        determined=known, method=HOW if known else why, remedy="" if known else remedy,
-    )  # fmt: skip
+    low = value - reach if least is None else max(value - reach, least)
+    return Parameter.estimated(
+        value, low, value + reach, unit, method=why or HOW, remedy=remedy, determined=not why
+    )

@@ -1,20 +1,25 @@
 """Both ends of a drive, filtered alike: twist, the shaft's force, the flank in contact.
 
+The twist of a shaft is predicted from the motor alone: its force by current and motion, over K.
+
 Columns are those of the equation in :mod:`pipeline.submodels.drive.shaft`.  Waves over the motor's
 turn stand for what repeats in each turn: the eccentricity of an encoder and the screw's pitch once,
 the motor's cogging, a force that the current does not show, at orders that Fisher's test finds in
 what the fit leaves over (R. A. Fisher, Tests of significance in harmonic analysis, 1929).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 from scipy.special import ndtri
 
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.drive import RIGID, TWIST, DriveModel
 from pipeline.submodels.drive.records import Recording
+from pipeline.twin.drive import IdentifiedDrive
 
 WIDTH = 1.5
 """Standard deviation of the filter [samples]."""
@@ -215,3 +220,39 @@ def _with_wave(one: Signals, order: int) -> Signals:
         return one
     waves = np.stack([_filtered(f(order * one.turn)) for f in (np.sin, np.cos)], axis=1)
     return replace(one, nuisance=np.concatenate([one.nuisance, waves], axis=1))
+
+
+def is_known(model: DriveModel, letter: str) -> bool:
+    """Whether the stiffness of the shaft of an axis is determined."""
+    found = model.parameters.get(letter, {}).get("shaft_stiffness")
+    return found is not None and found.determined
+
+
+def twist_frames(
+    recording: Recording, model: DriveModel, drives: Mapping[str, IdentifiedDrive]
+) -> Iterator[pd.DataFrame]:
+    """Twist of each axis whose both ends a recording shows [um], measured and predicted.
+
+    Both encoders have their own zero, screw and scale their errors: a constant and a straight line
+    over position are taken out of the measured twist as of the predicted.
+    """
+    for letter, raw in recording.shafts.items():
+        if letter not in drives or letter not in model.shafts or not is_known(model, letter):
+            continue
+        shaft = model.shafts[letter]
+        one = signals_of(recording, letter, drives[letter].feed_drive.force_constant, shaft.lead)
+        factors = np.array(shaft.factors)
+        side, sure = flanks(one, factors)
+        table = one.columns.copy()
+        # the predicted twist knows nothing of the carriage's scale
+        table[:, DAMPING], table[:, PLAY] = 0.0, side / 2
+        own, _ = np.linalg.qr(one.nuisance[sure][:, :2])
+        measured, predicted = (
+            values[sure] - own @ (own.T @ values[sure]) for values in (one.twist, table @ factors)
+        )
+        yield pd.DataFrame({
+            "quantity": f"{TWIST} {letter}", "unit": "um",
+            "t": np.arange(len(raw["motor"]))[sure] * recording.period,
+            "measured": 1e6 * measured, "predicted": 1e6 * predicted, "scored": True,
+            f"baseline_{RIGID}": 0.0,
+        })  # fmt: skip

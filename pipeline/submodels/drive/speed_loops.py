@@ -14,8 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.drive_train import TransmissionParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
     FuzzyParameters,
@@ -57,15 +57,7 @@ def compared_loops(
     axes: Mapping[str, DriveAxis], parameters: Mapping[str, Mapping[str, Parameter]],
     shafts: Mapping[str, Shaft], records: MotorRecords | None,
 ) -> SpeedLoops | None:  # fmt: skip
-    """Speed loops on the axis whose motor was recorded; None without one.
-
-    Parameters
-    ----------
-    axes, parameters, shafts
-        As in :class:`~pipeline.schema.drive.DriveModel`.
-    records : MotorRecords or None
-        Pole pairs and inverter of the motor.
-    """
+    """Speed loops on the axis whose motor was recorded; None without one."""
     if records is None or records.axis not in axes:
         return None
     letter = records.axis

@@ -9,7 +9,8 @@ from typing import Any, ClassVar
 import numpy as np
 import pandas as pd
 
-from pipeline.machine.axis.feed_drive import drive_row
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import drive_row
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
@@ -37,8 +38,8 @@ from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison
+from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.disturbance import PLACES, Disturbance
-from pipeline.submodels.drive.intervals import with_intervals
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     axis_again,
@@ -48,7 +49,6 @@ from pipeline.submodels.drive.model import (
     motor_parameters,
     stored_axis,
     stored_motor,
-    stored_shaft,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
@@ -60,10 +60,9 @@ from pipeline.submodels.drive.records import (
     blocks_of,
     of_axis,
 )
+from pipeline.submodels.drive.shaft_signals import is_known, twist_frames
 from pipeline.submodels.drive.speed_loops import compared_loops, shaft_figures
-from pipeline.submodels.drive.twist import is_known, twist_frames
 from pipeline.twin.drive import IdentifiedDrive, identified_drive, identified_drives, speed_of
-from pipeline.twin.drive_population import simulate_traces
 from pipeline.twin.program_axes import between
 
 SHOWN = 4000
@@ -181,11 +180,13 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         found = identify_drives(
             recordings, settings.drive_records, settings.drive, settings.drive_fit
         )
-        stored = mapped(lambda axis: stored_axis(axis, found, recordings), found.feed_drives)
+        stored = mapped(lambda axis: stored_axis(axis, found.axes[axis], recordings), found.axes)
         axes = with_intervals(
-            dict(zip(found.feed_drives, stored, strict=True)),
+            dict(zip(found.axes, stored, strict=True)),
             recordings,
-            partial(axis_again, found=found, prior=settings.drive, settings=settings.drive_fit),
+            partial(
+                axis_again, found=found.axes, prior=settings.drive, settings=settings.drive_fit
+            ),
             settings.drive_fit,
         )
         parameters = {
@@ -194,10 +195,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         if found.motor is not None:
             pairs = settings.drive_records.motor.pole_pairs if settings.drive_records.motor else 1
             parameters[MOTOR] = motor_parameters(found.motor, pairs)
-        shafts = {
-            letter: stored_shaft(fit, settings.drive.axis(letter).screw_lead)
-            for letter, fit in found.shafts.items()
-        }
+        shafts = {letter: fit.shaft for letter, fit in found.shafts.items()}
         used = [
             c for c, one in zip(training, recordings, strict=True)
             if one.axes or one.motor or one.shafts or one.tracked
@@ -266,7 +264,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
                 if name not in table.columns or drive.servo is None:
                     continue
                 reference = table[name].to_numpy(float)
-                trace = simulate_traces(
+                trace = simulate(
                     between(reference, model.substeps), period / model.substeps,
                     drive_row(drive.servo, drive.feed_drive)[np.newaxis],
                 )  # fmt: skip
@@ -317,11 +315,11 @@ def _by_rest(
 ) -> dict[str, dict[str, DriveAxis]]:
     """By the name of each block the axes that the other blocks determine as well as all do."""
     tasks = [(block.name, letter) for block in blocks for letter in block.axes]
-    tasks = [one for one in tasks if one[1] in found.feed_drives]
+    tasks = [one for one in tasks if one[1] in found.axes]
 
     def of_rest(task: tuple[str, str]) -> DriveAxis | None:
         rest = of_axis([one for one in blocks if one.name != task[0]], task[1])
-        return axis_again(task[1], rest, found, settings.drive, settings.drive_fit)
+        return axis_again(task[1], rest, found.axes, settings.drive, settings.drive_fit)
 
     axes: dict[str, dict[str, DriveAxis]] = {}
     for (name, letter), axis in zip(tasks, mapped(of_rest, tasks), strict=True):

@@ -15,48 +15,6 @@ def read(path, **said):
     return read_runs(write_log(said, path / "log.parquet"), ITEMS, "log.txt")
 
 
-def test_a_run_lasts_from_active_to_completed(tmp_path):
-    [run] = read(
-        tmp_path,
-        exec=[(0.0, "READY"), (1.0, "ACTIVE"), (4.5, "PROGRAM_COMPLETED"), (6.0, "READY")],
-        ln=LINES,
-        vpath=[(0.0, 0.0), (2.5, 40.0), (5.5, 7.0)],
-    )
-    assert (run.name, run.start, run.end, run.completed) == ("log.txt", 1.0, 4.5, True)
-    assert run.line.value.tolist() == [10, 11, 12, 13]
-    assert list(zip(run.feed.time.tolist(), run.feed.value.tolist(), strict=True)) == [
-        (1.0, 0.0),  # in force when it began
-        (2.5, 40.0),
-    ]
-
-
-@pytest.mark.parametrize("word", ["STOPPED", "READY", "INACTIVE", "A WORD OF NO STANDARD"])
-def test_any_other_word_ends_a_run_that_was_not_completed(tmp_path, word):
-    [run] = read(tmp_path, exec=[(0.0, "ACTIVE"), (4.0, word), (5.0, word)], ln=LINES)
-    assert (run.start, run.end, run.completed) == (0.0, 4.0, False)
-
-
-@pytest.mark.parametrize("word", ["FEED_HOLD", "INTERRUPTED", "OPTIONAL_STOP", "WAIT"])
-def test_holds_are_listed_and_do_not_end_a_run(tmp_path, word):
-    states = [(0.0, "ACTIVE"), (1.5, word), (2.5, "ACTIVE"), (4.0, "PROGRAM_COMPLETED")]
-    [run] = read(tmp_path, exec=states, ln=LINES)
-    assert run.held == ((1.5, 2.5),)
-    assert run.completed
-
-
-def test_one_hold_may_go_over_into_another(tmp_path):
-    states = [(0.0, "ACTIVE"), (1.5, "FEED_HOLD"), (2.0, "INTERRUPTED"), (2.5, "ACTIVE")]
-    [run] = read(tmp_path, exec=[*states, (4.0, "STOPPED")], ln=LINES)
-    assert run.held == ((1.5, 2.5),)
-
-
-def test_a_run_that_is_held_to_its_end_was_held_until_then(tmp_path):
-    states = [(0.0, "ACTIVE"), (2.5, "FEED_HOLD"), (3.5, "STOPPED")]
-    assert read(tmp_path, exec=states, ln=LINES)[0].held == ((2.5, 3.5),)
-    [cut_off] = read(tmp_path, exec=states[:2], ln=LINES)
-    assert (cut_off.held, cut_off.end, cut_off.completed) == (((2.5, 4.0),), 4.0, False)
-
-
 def test_several_runs_of_one_file_are_numbered(tmp_path):
     states = [(1.0, "ACTIVE"), (2.5, "STOPPED"), (3.0, "ACTIVE"), (5.0, "PROGRAM_COMPLETED")]
     first, second = read(tmp_path, exec=states, ln=[*LINES, (5.0, 14.0)])

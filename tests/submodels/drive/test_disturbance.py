@@ -13,9 +13,12 @@ import numpy as np
 import pytest
 from numba import njit
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 from pipeline.submodels.drive.comparison import (
     _added,
     axis_comparison,

@@ -61,7 +61,7 @@ def test_the_twin_gets_what_was_found(rich):
 
 
 def test_points_of_constant_speed_lie_on_the_curve(rich):
-    from pipeline.machine.axis.friction import friction_force
+    from pipeline.machine.axis.drive_parameters import friction_force
 
     points = [one for one in rich.points if abs(one.velocity) > 0.01]
     assert len(points) >= 10

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.schema.drive import FOLLOWING, FORCE
 from pipeline.submodels.drive import comparison
-from pipeline.submodels.drive.intervals import with_intervals
+from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.model import axis_again, identified_axis, stored_axis
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import AxisConstants
@@ -35,7 +35,7 @@ def strokes_at(speeds, seed, *, trained=True):
 def axis_of(recordings):
     found = identified_axis("X", recordings, DrivePrior(), SETTINGS)
     axis = stored_axis("X", found, recordings)
-    again = partial(axis_again, found=found, prior=DrivePrior(), settings=SETTINGS)
+    again = partial(axis_again, found={"X": found}, prior=DrivePrior(), settings=SETTINGS)
     return with_intervals({"X": axis}, recordings, again, SETTINGS)["X"]
 
 

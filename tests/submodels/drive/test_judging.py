@@ -7,16 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+)
 from pipeline.schema.drive import DriveAxis, DriveModel, FeedDrive, FitFacts, Servo
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Correlation, LeftOut
-from pipeline.schema.store import json_text, parsed, read_json, write_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.schema.structure import structured
-from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.comparison import (
@@ -44,7 +46,7 @@ from pipeline.submodels.drive.submodel import (
 )
 from pipeline.submodels.judge import Judged, judge
 from pipeline.twin.drive import IdentifiedDrive, identified_drive
-from tests.machine.plain_drive import simulate_drive
+from tests.machine.steps import simulate_drive
 from tests.submodels.drive.servo_rig import Rig, recording, strokes
 from tests.twin.axes import DriveParameters
 
@@ -198,41 +200,6 @@ def test_a_recording_is_judged_with_the_gains_it_was_taken_with(judged):
     assert following(judged([TRAINED, trace]), "other.csv").relative_percent > 40
 
 
-def test_a_recording_that_shows_nothing_is_named_where_nothing_is_judged(judged):
-    mute = Recording(name="new.csv", trained=False, lacking={"X": "the file is empty"})
-    parts = [replace(TRAINED, name=f"train.csv (part {i})") for i in (1, 2)]
-    reason = judged([*parts, mute]).verdict.reasons[0]
-    assert "train.csv is the only recording of use" in reason
-    assert "new.csv: the file is empty" in reason
-
-
-def test_errors_are_those_of_the_record(judged):
-    found = following(judged([NEW]), "new.csv")
-    error = NEW.axes["X"].reference - NEW.axes["X"].position
-    rms = 1e6 * np.sqrt(np.mean(error**2))
-    assert 100 * found.rmse / found.relative_percent == pytest.approx(rms, rel=1e-3)
-    largest = 1e6 * np.abs(error).max()
-    assert 100 * found.max / found.max_percent == pytest.approx(largest, rel=1e-3)
-
-
-def test_training_is_compared_and_not_judged(judged):
-    found = judged([TRAINED, NEW])
-    assert {(s.role, s.status) for s in found.verdict.of("force X", group="train.csv")} == {
-        ("training", "not judged")
-    }
-    assert following(found, "train.csv").rmse is not None
-
-
-@pytest.mark.parametrize(
-    ("names", "words"),
-    [(["a.csv"], "a.csv is the only recording"), (["a.csv", "b.csv"], "all 2 recordings")],
-)
-def test_nothing_left_out_is_never_judged(judged, names, words):
-    verdict = judged([replace(TRAINED, name=name) for name in names]).verdict
-    assert verdict.status == "not judged" and verdict.judged_role is None
-    assert words in verdict.reasons[0] and "record" in verdict.reasons[0]
-
-
 @pytest.mark.parametrize(
     ("changes", "word"),
     [
@@ -261,12 +228,6 @@ def test_limits_are_those_given(judged):
     one = following(found, "new.csv")
     assert one.limits == {"relative_percent": 0.001, "max_percent": 0.001}
     assert len(one.reasons) == 2 and len(force(found, "new.csv").reasons) == 1
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
-def test_a_limit_that_is_none_is_refused(value):
-    with pytest.raises(ValueError, match=r"drive_limits\.following_percent = "):
-        DriveLimits(following_percent=value)
 
 
 def test_recorded_load_is_carried(judged):
@@ -360,11 +321,6 @@ def test_predictions_hold_what_was_recorded(judged):
         at = np.rint(shown.t / PERIOD).astype(int)
         np.testing.assert_allclose(shown.measured, axis.command[at])
         assert not shown.scored.any()
-
-
-def test_a_verdict_is_read_as_it_was_written(judged):
-    verdict = judged([TRAINED, NEW]).verdict
-    assert parsed(json_text(verdict).encode(), Verdict, "verdict.json") == verdict
 
 
 def test_conditions_beyond_the_training_recordings_are_named(judged):

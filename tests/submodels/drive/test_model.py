@@ -107,8 +107,9 @@ def test_what_was_left_out_is_said(model):
 def test_a_servo_with_other_gains_is_left_out_and_that_is_said():
     recordings = [recording(AXIS, 0, speeds=FAST)]
     found = identify_drives(recordings, RECORDS, DrivePrior(), replace(SETTINGS, compare=False))
-    servo = replace(found.servos["X"], left_out=("other.csv",))
-    rows = left_out(replace(found, servos={"X": servo}), recordings)
+    axis = found.axes["X"]
+    axis = replace(axis, servo=replace(axis.servo, left_out=("other.csv",)))
+    rows = left_out(replace(found, axes={"X": axis}), recordings)
     said = [row.reason for row in rows if row.case == "other.csv"]
     assert len(said) == 1 and "servo of axis X: taken with other gains" in said[0]
 

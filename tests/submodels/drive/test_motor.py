@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.submodels.drive.motor import MotorFit, Windows, identify_motor, split_fit
+from pipeline.submodels.drive.motor import MotorFit, Windows, identify_motor
 
 R, L_D, L_Q, FLUX = TRUE = np.array([0.8, 6e-3, 9e-3, 0.12])
 PERIOD, MANY = 1e-4, 8000
@@ -85,28 +85,6 @@ def test_the_intervals_hold_the_parameters_and_the_values_are_within_2_percent(
     assert np.abs(errors).max() < 0.02
     # halves that did not see each other's noise leave no bias beside it
     assert (np.abs(errors.mean(axis=0)) < 4 * errors.std(axis=0) / np.sqrt(seeds)).all()
-
-
-def test_ordinary_least_squares_would_be_biased_by_the_same_noise(excited: np.ndarray) -> None:
-    """What the split is for: ten times the currents' noise, means over 15 seeds."""
-    ours, ordinary = [], []
-    for seed in range(15):
-        record = excited + 10 * (measured(excited, seed) - excited)
-        ours.append(identified(record).values)
-        cut = Windows(dict(zip("uvdqw", record, strict=True)), PERIOD, held=False)
-        d, q, w = (cut.signals[name] for name in "dqw")
-        rows = [
-            [cut.halves(d), cut.rates(d), -cut.halves(w * q), 0 * cut.halves(w)],
-            [cut.halves(q), cut.halves(w * d), cut.rates(q), cut.halves(w)],
-        ]
-        both = np.concatenate([np.stack(r, -1).mean(axis=0).reshape(-1, 4) for r in rows])
-        y = np.concatenate([cut.driven("u").ravel(), cut.driven("v").ravel()])
-        ordinary.append(np.linalg.lstsq(both, y, rcond=None)[0])
-        # with the same half twice nothing is split: it is ordinary least squares
-        same = split_fit(np.stack([both, both]), y, np.arange(len(y)))
-        np.testing.assert_allclose(same.values, ordinary[-1], rtol=1e-9)
-    bias, theirs = (np.abs(np.mean(one, axis=0) / TRUE - 1) for one in (ours, ordinary))
-    assert theirs.max() > 0.01 and bias.max() < 0.3 * theirs.max()
 
 
 def test_voltages_that_are_held_are_integrated_as_held(excited: np.ndarray) -> None:
@@ -269,12 +247,9 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
 @pytest.mark.parametrize(
     ("current", "speed", "period", "words"),
     [
-        (np.ones(100), np.ones(99), 1e-3, "i_d (100,), i_q (100,), w_e (99,)"),
-        (np.ones((10, 10)), np.ones((10, 10)), 1e-3, "no record"),
         (np.ones(64), np.ones(64), 1e-3, "record of 64 samples has no window of 65"),
         (np.full(100, np.nan), np.ones(100), 1e-3, "no window of 65 finite ones"),
         (np.ones(0), np.ones(0), 1e-3, "record of 0 samples"),
-        (np.ones(100), np.ones(100), -1.0, "period = -1.0 s"),
     ],
 )
 def test_what_is_no_record_is_refused(current, speed, period: float, words: str) -> None:

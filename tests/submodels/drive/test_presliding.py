@@ -5,14 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
-from pipeline.machine.axis.presliding import PLAIN, presliding_trace
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive import NO_RULES, simulate
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+    ServoParameters,
+    drive_row,
+)
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo import presliding
 from pipeline.submodels.drive.servo.presliding import identify_presliding
-from tests.machine.plain_drive import simulate_drive
+from tests.machine.steps import simulate_drive
 from tests.twin.axes import DriveParameters
 
 SIDE = DirectionFriction(coulomb=300.0, static=400.0, stribeck_velocity=0.006, viscous=900.0)
@@ -28,12 +32,9 @@ STEP, STIFFNESS = 2.5e-4, 3e7
 
 def traced(reference, load=None, stiffness: float = STIFFNESS, loss: float = 0.0):
     """Position [m] and command [A] of the axis."""
-    position, command = np.empty(len(reference)), np.empty(len(reference))
-    push = np.zeros(len(reference)) if load is None else load
-    presliding_trace(
-        reference, push, drive_row(SERVO, SCREW), (stiffness, loss), STEP, position, command
-    )
-    return position, command
+    row = drive_row(SERVO, SCREW)[np.newaxis]
+    found = simulate(reference, STEP, row, load=load, spring=(stiffness, loss))
+    return found.position[0], found.command[0]
 
 
 def test_rules_move_the_gains_by_their_spans() -> None:
@@ -41,13 +42,10 @@ def test_rules_move_the_gains_by_their_spans() -> None:
     reference = 0.02 * np.arange(0, 0.2, STEP)
     row, found = drive_row(SERVO, SCREW), []
     stiffer = drive_row(replace(SERVO, velocity_gain=1.6 * SERVO.velocity_gain), SCREW)
-    for one, rules in ((row, PLAIN), (row, (1e9, 0.0, 0.6, 0.0)), (stiffer, PLAIN)):
-        position, command = np.empty(len(reference)), np.empty(len(reference))
-        presliding_trace(
-            reference, np.zeros(len(reference)), one, (STIFFNESS, 0.0), STEP, position, command,
-            rules,
-        )  # fmt: skip
-        found.append(command[1])
+    for one, rules in ((row, NO_RULES), (row, (1e9, 0.0, 0.6, 0.0)), (stiffer, NO_RULES)):
+        spring = (STIFFNESS, 0.0)
+        trace = simulate(reference, STEP, one[np.newaxis], spring=spring, rules=rules)
+        found.append(trace.command[0, 1])
     # E = PB, EC = ZO: K_p by NM, two thirds of the span down
     assert found[1] / found[0] == pytest.approx(1 - 0.6 * 2 / 3, rel=1e-6)
     assert found[2] / found[0] == pytest.approx(1.6, rel=1e-2)

@@ -295,31 +295,3 @@ def test_samples_without_a_number_are_left_out() -> None:
     # of the speed also the change after it; the torque of the last sample drives nothing
     assert found.skipped == 1 + 3 + 1
     assert np.abs(found.inertia[50:] / J - 1).max() < 1e-4
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("forgetting", 0.89), ("forgetting", 1.01), ("inertia", 0.0), ("prior", np.inf),
-        ("excitation", -0.1), ("excitation", 1.0), ("trace_bound", 2e4),
-        ("speed_scale", -1.0), ("torque_scale", np.nan),
-    ],
-)  # fmt: skip
-def test_settings_out_of_range_are_refused_by_name_and_value(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"recursive.{name} = {value}"):
-        RecursiveSettings(**{name: value})
-
-
-@pytest.mark.parametrize(
-    ("speed", "torque", "period", "words"),
-    [
-        ([1.0, 2.0], [1.0], 1e-3, "shape"),
-        ([1.0], [1.0], 1e-3, "shape"),
-        ([[1.0, 2.0]], [[1.0, 2.0]], 1e-3, "shape"),
-        ([1.0, 2.0], [1.0, 2.0], 0.0, "period = 0.0 s"),
-        ([1.0, 2.0], [1.0, 2.0], np.nan, "period = nan s"),
-    ],
-)
-def test_what_is_no_record_is_refused(speed, torque, period: float, words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        recursive_inertia(speed, torque, period, RecursiveSettings())

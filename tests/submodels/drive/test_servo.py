@@ -9,15 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.machine.axis.servo import ServoParameters
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.drive.prior import DriveFitSettings
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
 from pipeline.submodels.drive.servo.equation import TERMS, Nominal
 from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, _at_end, identify_servo
-from pipeline.twin.drive import DriveStart
-from pipeline.twin.drive_population import simulate_traces
 from tests.submodels.drive.servo_rig import PERIOD, Rig, recorded, recording, strokes
 
 ALONE = DriveFitSettings(compare=False)
@@ -122,27 +118,6 @@ def test_interval_is_not_as_wide_as_to_hold_everything():
     # ten thousandths are the clock's, per cents would be no finding
     assert half["position_scale"] < 0.001
     assert max(half["velocity_scale"], half["integral_scale"]) < BIAS
-
-
-def test_the_closed_loop_alone_would_find_another_gain():
-    """Why the servo's equation is fitted: what mechanics leave over bends the closed loop."""
-    rig = KINDS["PI"]
-    position, current = recorded(rig, REFERENCE, 0)
-    gains = ServoParameters(
-        position_gain=rig.position_gain, velocity_gain=rig.velocity_gain,
-        integral_gain=rig.integral_gain, velocity_lag=8e-4, position_lag=8e-4,
-    )  # fmt: skip
-    share = np.linspace(0.5, 1.3, 33)
-    table = np.tile(drive_row(gains, rig.feed_drive), (len(share), 1))
-    table[:, DriveColumn.PROPORTIONAL] *= share
-    places = np.arange(4 * len(REFERENCE)) / 4
-    fine = np.interp(places, np.arange(len(REFERENCE)), REFERENCE)
-    start = DriveStart(position=float(position[0]), command=float(current[0]))
-    traces = simulate_traces(fine, PERIOD / 4, table, start=start)
-    error = (traces.position[:, ::4] - position).std(axis=1) / (REFERENCE - position).std()
-    J = error + (traces.command[:, ::4] - current).std(axis=1) / current.std()
-    assert abs(share[np.argmin(J)] - 1) > 10 * BIAS
-    assert values(plainly(rig, 0))["velocity_scale"] == pytest.approx(1.2, rel=BIAS)
 
 
 def test_lags_are_those_of_the_loop():

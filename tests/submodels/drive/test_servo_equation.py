@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.submodels.drive.mechanics.motion import first_difference
 from pipeline.submodels.drive.records import AxisConstants
 from pipeline.submodels.drive.servo.equation import (
     NODES,
@@ -177,15 +176,6 @@ def test_no_error_at_all_leaves_the_recorders_rate():
     position = waves(2.0)
     record = ServoRecord(reference=position, position=position, command=TIME, period=H)
     assert servo_bandwidth([record]) == pytest.approx(0.08 / H)
-
-
-def test_derivative_is_of_fourth_order():
-    errors = []
-    for h in (2e-3, 1e-3):
-        t = np.arange(0, 1, h)
-        found = first_difference(np.sin(20 * t), h)[4:-4]
-        errors.append(np.abs(found - 20 * np.cos(20 * t[4:-4])).max())
-    assert np.log2(errors[0] / errors[1]) == pytest.approx(4, abs=0.1)
 
 
 def test_filter_keeps_what_is_slow_where_it_is():

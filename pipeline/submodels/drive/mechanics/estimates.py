@@ -146,16 +146,16 @@ class AxisFit(Estimates):
     samples: int = 0
     """Rows that were fitted."""
     relative_error_percent: float = np.nan
-    """Of what is modelled, over what was measured on those rows [%]."""
+    """Error of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
     """Below which model and recording were compared [Hz]; nan where they were taken as they are."""
     condition: float = np.nan
     rank: int = 0
-    """Of the Jacobian with columns scaled to length one."""
+    """Condition number and rank of the Jacobian with columns scaled to length one."""
     correlated: tuple[str, ...] = ()
     """Names of the S parameters that were fitted."""
     correlation: Floats
-    """Of these; shape (S, S)."""
+    """Correlation of these; shape (S, S)."""
 
 
 def compared_methods(
@@ -213,20 +213,9 @@ def estimates(
 ) -> Estimates:
     """Parameters with intervals.
 
-    Parameters
-    ----------
-    found : Dynamics
-        With S parameters that were fitted.
-    half_width, correlation : ndarray, shape (S,) and (S, S)
-        Of these.
-    others : sequence of Dynamics
-        The same fitted at other bandwidths; their differences widen the interval.
-    split : GravitySplit
-        Of the Coulomb levels into Coulomb friction and offset.
-    widest : float
-        Relative half width of the 95 % interval beyond which nothing is determined [1].
-    how : str
-        Where fitted values come from.
+    Half widths, shape (S,), and correlation, shape (S, S), are those of the fitted parameters; what
+    ``others``, fits at other bandwidths, differ by widens the intervals. Beyond ``widest``, a
+    relative half width [1], nothing is determined; ``how`` says where fitted values come from.
     """
     values = physical(found, split)
     slopes = _slopes(lambda one: physical(one, split), found)
@@ -317,16 +306,8 @@ def with_load(
 ) -> Estimates:
     """With a force constant by a load, whose uncertainty every force shares, or a load factor.
 
-    Parameters
-    ----------
-    estimated : Estimates
-        Of the drive.
-    constant : Factor or None
-        Force constant by the load [N/A].
-    factor : Factor or None
-        Of the load's channel, where the force constant was known.
-    widest : float
-        As in :func:`estimates`.
+    ``constant`` is the force constant by the load [N/A]; ``factor`` is that of the channel of the
+    load, where the force constant was known.
     """
     if constant is not None:
         share = constant.half_width / constant.value

@@ -13,8 +13,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
-from pipeline.machine.axis.friction import DirectionFriction, FrictionParameters
+from pipeline.machine.axis.drive_parameters import (
+    DirectionFriction,
+    FeedDriveParameters,
+    FrictionParameters,
+)
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import Method
 from pipeline.search.genetic import GeneticSettings
@@ -59,14 +62,7 @@ NARROWER = 5.0
 def genetic_dynamics(rows: Regressors, like: Dynamics, settings: GeneticSettings) -> Dynamics:
     """Search the parameters that ``like`` fitted, on rows weighted as there.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    like : Dynamics
-        Optimum of least squares: its weights and its choice of parameters are used.
-    settings : GeneticSettings
-        Of the search.
+    Weights and choice of parameters are those of ``like``, the optimum of least squares.
     """
     k, steps = len(rows.names), len(rows.stribeck)
     wide = np.hstack([rows.linear, rows.stribeck_table[0], rows.stribeck_table[1]])
@@ -111,7 +107,8 @@ class FeedDriveFit(AxisFit):
 
     command_unit: str
     force_unit: str
-    """Of the motor's command; of forces, the command's where the force constant is not listed."""
+    """Units of the motor's command and of forces, the command's where the force constant is not
+    listed."""
     feed_drive: FeedDriveParameters
     """With all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()
@@ -124,17 +121,6 @@ def identify_feed_drive(
     recordings: Sequence[Recording], axis: str, prior: DrivePrior, settings: DriveFitSettings
 ) -> FeedDriveFit:
     """Feed drive of ``axis`` from its training recordings.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        Those not for training are ignored.
-    axis : str
-        Its letter.
-    prior : DrivePrior
-        Prior knowledge of the axes.
-    settings : DriveFitSettings
-        Choices of the identification.
 
     Raises
     ------

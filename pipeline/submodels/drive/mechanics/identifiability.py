@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters
+from pipeline.machine.axis.drive_parameters import FeedDriveParameters
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.submodels.drive.mechanics.inverse_dynamics import (
     AMPLITUDES,
@@ -48,13 +48,7 @@ SLOW_END = 5
 def aligned(
     recordings: Sequence[Recording], axis: str, bandwidth: float | None
 ) -> tuple[list[Motion], Regressors, float]:
-    """Motion and its table with the command delayed like the motion, and that delay [s].
-
-    Raises
-    ------
-    ValueError
-        When too few rows move in air.
-    """
+    """Motion and its table with the command delayed like the motion, and that delay [s]."""
     motions = [motion(one, axis, bandwidth) for one in recordings]
     rows = _enough(regressors(motions), axis)
     if "delay" not in rows.names:
@@ -245,18 +239,8 @@ def held_out_load_factor(
     Only the factor and the zero of the load channel are fitted: the motor's force is that of the
     identified drive plus c F_d plus the zero.
 
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    drive : FeedDriveParameters
-        As identified.
-    bandwidth : float or None
-        Of the parallel filter [Hz].
-    delay : float
-        How long the motion is behind the command [s].
+    ``bandwidth`` is that of the parallel filter [Hz], ``delay`` that of the motion behind the
+    command [s].
 
     Returns
     -------

@@ -42,7 +42,7 @@ class Regressors:
     """Regression table: N rows of filtered motion and force."""
 
     names: tuple[str, ...]
-    """Of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
+    """Names of ``linear``: :data:`LINEAR`, then ``delay`` [N s] and ``compliance`` [N s^2], which a
     second-order lag of the motion adds, then ``load`` and ``load_zero``, the reading of the load's
     sensor without load [N], where a recording has it."""
     force: Floats
@@ -93,16 +93,6 @@ def regressors(motions: Sequence[Motion]) -> Regressors:
 
     Filtered ones have columns of the jerk and its derivative too; the first one's factor is mass
     times delay of the motion behind the force.
-
-    Parameters
-    ----------
-    motions : sequence of Motion
-        Of one axis, of one bandwidth.
-
-    Raises
-    ------
-    ValueError
-        When no row is left that moves, or the axis was recorded standing.
     """
     velocities = stribeck_velocities(motions)
     with_load = any(one.load is not None for one in motions)
@@ -129,13 +119,7 @@ def regressors(motions: Sequence[Motion]) -> Regressors:
 
 
 def stribeck_velocities(motions: Sequence[Motion]) -> Floats:
-    """Velocities v_s of the table [m/s], from a third of the slowest to a third of the greatest.
-
-    Raises
-    ------
-    ValueError
-        When nothing moves.
-    """
+    """Velocities v_s of the table [m/s], from a third of the slowest to a third of the greatest."""
     speeds = np.concatenate([np.abs(m.velocity[m.moving & m.known]) for m in motions])
     if len(speeds) < 10:
         raise ValueError(

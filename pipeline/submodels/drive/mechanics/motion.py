@@ -294,14 +294,8 @@ def parallel_bandwidth(
 ) -> float | None:
     """Bandwidth of the parallel filter [Hz] by the rule above; None for no filter.
 
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        The one with the greatest acceleration decides.
-    axis : str
-        Its letter.
-    shortest : float
-        Shortest stretch of constant speed [s].
+    The recording with the greatest acceleration decides; ``shortest`` is the shortest stretch of
+    constant speed [s].
     """
     shown = [one for one in recordings if axis in one.axes]
     found = [_bandwidth(one, axis, 4 * REACH / shortest) for one in shown]

@@ -24,8 +24,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled
-from pipeline.machine.axis.friction import friction_force
+from pipeline.machine.axis.drive_parameters import friction_force
 from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.drive import RecursiveMass
+from pipeline.schema.model import significant
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit
 from pipeline.submodels.drive.mechanics.motion import motion
@@ -34,13 +36,7 @@ from pipeline.submodels.drive.records import Recording
 
 @dataclass(frozen=True, kw_only=True)
 class RecursiveSettings(Ranged, section="recursive"):
-    """Settings of the recursive estimator.
-
-    Raises
-    ------
-    ValueError
-        When a setting is out of its range.
-    """
+    """Settings of the recursive estimator."""
 
     forgetting: Annotated[float, Range(least=0.9, most=1.0)] = 0.99
     """lambda for each update [1], 0.9 to 1: the memory is about 1 / (1 - lambda) updates."""
@@ -56,14 +52,6 @@ class RecursiveSettings(Ranged, section="recursive"):
     speed_scale: Positive | None = None
     torque_scale: Positive | None = None
     """Rated values [rad/s, N m] or [m/s, N]; the record's greatest unless given."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.trace_bound < 3 * self.prior:
-            raise ValueError(
-                f"recursive.trace_bound = {self.trace_bound} must be at least three times "
-                f"recursive.prior = {self.prior}"
-            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,13 +94,9 @@ def recursive_inertia(
         T [s].
     settings : RecursiveSettings
         Of the estimator.
-
-    Raises
-    ------
-    ValueError
-        When the record is no two series of the same length, or the period is not positive.
     """
-    w, m = _record(speed, torque, period)
+    w = np.ascontiguousarray(speed, dtype=np.float64)
+    m = np.ascontiguousarray(torque, dtype=np.float64)
     speed_scale = _scale(w, settings.speed_scale)
     torque_scale = _scale(m, settings.torque_scale)
     many = len(w)
@@ -132,19 +116,6 @@ def recursive_inertia(
     )  # fmt: skip
 
 
-def _record(speed: ArrayLike, torque: ArrayLike, period: float) -> tuple[Floats, Floats]:
-    w = np.ascontiguousarray(speed, dtype=np.float64)
-    m = np.ascontiguousarray(torque, dtype=np.float64)
-    if w.ndim != 1 or w.shape != m.shape or len(w) < 2:
-        raise ValueError(
-            f"speed of shape {w.shape} and torque of shape {m.shape} are no record: "
-            "give two series of the same length, two samples at least"
-        )
-    if not (isfinite(period) and period > 0):
-        raise ValueError(f"period = {period} s must be finite and positive")
-    return w, m
-
-
 def _scale(series: Floats, given: float | None) -> float:
     if given is not None:
         return given
@@ -154,26 +125,15 @@ def _scale(series: Floats, given: float | None) -> float:
     return greatest if greatest > 0 else 1.0
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class MassTrace:
-    """Recursive estimate of the mass of one axis over one recording."""
-
-    recording: str
-    unit: str
-    """Its name, and the unit of ``value``."""
-    time: Floats
-    value: Floats
-    half_width: Floats
-    """[s], and mass with half of its 95 % interval; shape (K,)."""
-
-
 MEMORY = 0.99
 """Forgetting factor of the mass trace [1]: the last hundred samples count."""
 SHOWN = 200
 """Greatest number of samples of a stored mass trace [1]."""
 
 
-def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) -> MassTrace | None:
+def mass_trace(
+    recordings: Sequence[Recording], axis: str, found: FeedDriveFit
+) -> RecursiveMass | None:
     """Recursive mass in the recording of the strongest acceleration, with friction subtracted.
 
     None where the fit determines no mass, the sampling is too slow, or no recording shows one.
@@ -202,9 +162,11 @@ def mass_trace(recordings: Sequence[Recording], axis: str, found: FeedDriveFit) 
     chosen = np.unique(
         defined[np.linspace(0, len(defined) - 1, min(SHOWN, len(defined))).astype(int)]
     )
-    return MassTrace(
-        recording=best.recording, unit=found.units[0], time=best.time[chosen],
-        value=trace.inertia[chosen], half_width=1.96 * trace.deviation[chosen],
+    return RecursiveMass(
+        recording=best.recording, unit=found.units[0],
+        time_s=tuple(round(t, 4) for t in best.time[chosen].tolist()),
+        value=tuple(map(significant, trace.inertia[chosen].tolist())),
+        half_width=tuple(map(significant, (1.96 * trace.deviation[chosen]).tolist())),
     )  # fmt: skip
 
 

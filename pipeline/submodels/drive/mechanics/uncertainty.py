@@ -145,14 +145,7 @@ def scores_covariance(rows: Regressors, slopes: Floats, found: PositionDisturban
     Disturbances at two positions are correlated by exp(-distance / length); a row that the filter
     averages over many lengths shows little of them; the two directions are taken as independent.
 
-    Parameters
-    ----------
-    rows : Regressors
-        N rows.
-    slopes : ndarray, shape (N, D)
-        Weighted derivatives of the modelled force.
-    found : PositionDisturbance
-        Its variance and length.
+    ``slopes``, shape (N, D), are the weighted derivatives of the modelled force.
     """
     averaged = np.abs(rows.velocity) * rows.period / found.length
     averaged_slopes = slopes / np.sqrt(1 + averaged**2)[:, None]

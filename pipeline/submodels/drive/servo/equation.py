@@ -26,10 +26,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.submodels.drive.mechanics.motion import first_difference
-from pipeline.submodels.drive.records import AxisConstants, Recording
+from pipeline.submodels.drive.records import AxisConstants, Recording, Tracked
 
 TERMS = (
     "position_scale", "velocity_scale", "integral_scale", "velocity_feedforward",
@@ -157,16 +157,11 @@ PERIODS = 40.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ServoRecord:
+class ServoRecord(Tracked):
     """Signals of a servo in one stretch of a recording, T samples."""
 
-    reference: Floats = field(repr=False)
-    position: Floats = field(repr=False)
-    """[m]; shape (T,)."""
     command: Floats = field(repr=False)
     """Command [A]; shape (T,)."""
-    period: float
-    """Period [s]."""
 
     def rows(self, first: int, after: int) -> "ServoRecord":
         """Samples ``first`` to before ``after``."""

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Bools
 from pipeline.schema.drive import Method
 from pipeline.submodels.drive.mechanics.estimates import (
@@ -25,7 +25,7 @@ from pipeline.submodels.drive.mechanics.estimates import (
     compared_methods,
 )
 from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, Recording, Tracked
+from pipeline.submodels.drive.records import AxisConstants, Recording
 from pipeline.submodels.drive.servo.equation import (
     FA,
     FV,
@@ -76,37 +76,21 @@ SHOWN = TERMS[:TH]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ServoFit(AxisFit):
-    """Servo identified from records; scale factors are gains in SI where its list names none.
-
-    Parameters
-    ----------
-    servo : ServoParameters or None
-        With all parameters; None where a gain is neither determined nor listed.
-    reason : str
-        Why there is no servo, in one sentence.
-    left_out : tuple of str
-        Recordings of another list of gains than the first's: another servo.
-    """
+    """Servo identified from records; scale factors are gains in SI where its list names none."""
 
     names: tuple[str, ...] = SHOWN
     servo: ServoParameters | None
+    """Servo with all parameters; None where a gain is neither determined nor listed."""
     reason: str = ""
+    """Reason why there is no servo, in one sentence."""
     left_out: tuple[str, ...] = ()
+    """Recordings of another list of gains than the first's: another servo."""
 
 
 def identify_servo(
     recordings: Sequence[Recording], axis: str, settings: DriveFitSettings
 ) -> ServoFit:
     """Servo of ``axis`` from recordings of its commanded and measured position.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training.
-    axis : str
-        Its letter.
-    settings : DriveFitSettings
-        Choices of the identification.
 
     Returns
     -------
@@ -118,10 +102,7 @@ def identify_servo(
     if not records:
         return _without(nominal, unit, f"no training recording of axis {axis} has commanded "
                         "position, measured position and command: record all three")  # fmt: skip
-    alone = loop_gain(
-        [(Tracked(reference=r.reference, position=r.position), r.period) for r in records],
-        settings.widest,
-    )
+    alone = loop_gain(records, settings.widest)
     bandwidth = settings.bandwidth_Hz or servo_bandwidth(records)
     fits: list[ServoFit] = []
     try:
@@ -191,13 +172,7 @@ def _at_bandwidth(
     bandwidth: float,
     settings: DriveFitSettings,
 ) -> ServoFit:
-    """Servo from its equation below ``bandwidth`` [Hz].
-
-    Raises
-    ------
-    ValueError
-        When the records are too short for it.
-    """
+    """Servo from its equation below ``bandwidth`` [Hz]."""
     equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest

@@ -61,26 +61,18 @@ class LoopGain:
 
     @property
     def parameter(self) -> Parameter:
-        """As it is stored, to five digits."""
-        known = self.determined
-        value, low, high = (float(f"{one:.5g}") for one in (self.value, self.low, self.high))
-        remedy = LISTED if self.decays else RECORD.format(self.constant_s)
-        return Parameter(
-            value=value if known else None, unit="1/s", interval_95=(low, high) if known else None,
-            determined=known, remedy="" if known else remedy,
-            method=METHOD if known else DECAYS if self.decays else OPEN,
+        """As it is stored."""
+        return Parameter.estimated(
+            self.value, self.low, self.high, "1/s", determined=self.determined,
+            method=METHOD if self.determined else DECAYS if self.decays else OPEN,
+            remedy=LISTED if self.decays else RECORD.format(self.constant_s),
         )  # fmt: skip
 
 
-def loop_gain(records: Sequence[tuple[Tracked, float]], widest: float) -> LoopGain | None:
+def loop_gain(records: Sequence[Tracked], widest: float) -> LoopGain | None:
     """Loop gain of an axis; None where no recording moves it under command for long enough.
 
-    Parameters
-    ----------
-    records : sequence of (Tracked, float)
-        Commanded and actual position of the axis, and the sampling period [s].
-    widest : float
-        Relative half width of the 95 % interval beyond which nothing is determined [1].
+    Beyond ``widest``, a relative half width of the 95 % interval [1], nothing is determined.
     """
     constant = _time_constant(records)
     found = None if constant is None else _static_gain(records, constant, SPAN)
@@ -98,10 +90,10 @@ def loop_gain(records: Sequence[tuple[Tracked, float]], widest: float) -> LoopGa
 
 
 def _static_gain(
-    records: Sequence[tuple[Tracked, float]], constant: float, span: float
+    records: Sequence[Tracked], constant: float, span: float
 ) -> tuple[float, float, bool] | None:
     """Sum of the weights h_k [s], half of its 95 % interval, and whether the error decays."""
-    parts = [part for one, dt in records if (part := _columns(one, dt, constant, span))]
+    parts = [part for one in records if (part := _columns(one, constant, span))]
     if not parts:
         return None
     columns = np.concatenate([one for one, _ in parts])
@@ -116,20 +108,19 @@ def _static_gain(
     return gain, half, bool(gain * np.std(columns[:, 0]) < STATIC * np.std(error))
 
 
-def _time_constant(records: Sequence[tuple[Tracked, float]]) -> float | None:
+def _time_constant(records: Sequence[Tracked]) -> float | None:
     """Following error over speed, roughly [s]; None where no axis moves."""
     top = bottom = 0.0
-    for one, period in records:
-        v, e = np.gradient(one.reference, period), one.reference - one.position
+    for one in records:
+        v, e = np.gradient(one.reference, one.period), one.reference - one.position
         e = e - np.median(e)
         top, bottom = top + float(np.linalg.norm(e) ** 2), bottom + float(np.linalg.norm(v) ** 2)
     return float(np.sqrt(top / bottom)) if top > 0 and bottom > 0 else None
 
 
-def _columns(
-    one: Tracked, period: float, constant: float, span: float
-) -> tuple[Floats, Floats] | None:
+def _columns(one: Tracked, constant: float, span: float) -> tuple[Floats, Floats] | None:
     """Delayed speeds and signs of the command, shape (N, 2 TAPS), and the following error (N,)."""
+    period = one.period
     step = max(1, round(span * constant / (TAPS - 1) / period))
     reach = step * (TAPS - 1)
     if len(one.reference) < SHORTEST * reach:

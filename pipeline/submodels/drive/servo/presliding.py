@@ -16,9 +16,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.machine.axis.feed_drive import FeedDriveParameters, drive_row
-from pipeline.machine.axis.presliding import presliding_trace
-from pipeline.machine.axis.servo import ServoParameters
+from pipeline.machine.axis.drive import simulate
+from pipeline.machine.axis.drive_parameters import FeedDriveParameters, ServoParameters, drive_row
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Recording
@@ -59,11 +58,9 @@ class Estimate(NamedTuple):
 
     def parameter(self, unit: str, remedy: str) -> Parameter:
         """The value as it is stored."""
-        known = self.determined
-        return Parameter(
-            value=float(f"{self.value:.5g}") if known else None, unit=unit,
-            interval_95=(float(f"{self.low:.5g}"), float(f"{self.high:.5g}")) if known else None,
-            determined=known, method=HOW, remedy="" if known else remedy,
+        return Parameter.estimated(
+            self.value, self.low, self.high, unit, method=HOW, remedy=remedy,
+            determined=self.determined,
         )  # fmt: skip
 
 
@@ -88,19 +85,7 @@ def identify_presliding(
     recordings: Sequence[Recording], axis: str, servo: ServoParameters,
     screw: FeedDriveParameters, widest: float,
 ) -> PreslidingFit | None:  # fmt: skip
-    """Friction of ``axis`` before it slides; None where no recording could show it.
-
-    Parameters
-    ----------
-    recordings : sequence of Recording
-        For training; those with a load are left out.
-    axis : str
-        Its letter.
-    servo, screw : ServoParameters, FeedDriveParameters
-        As identified.
-    widest : float
-        Greatest half width of a determined interval, as a share.
-    """
+    """Friction of ``axis`` before it slides; None where no recording could show it."""
     shown = [
         one for one in recordings
         if axis in one.axes and one.axes[axis].load is None and one.period <= SLOWEST
@@ -216,8 +201,6 @@ def _nearest(
 
 def _squares(loop: _Loop, row: Floats, spring: tuple[float, float]) -> Floats:
     """Sums of squares of the command's error with a spring, by stretch; shape (STRETCHES,)."""
-    fine, many = loop.reference, loop.many
-    position, command = np.empty(len(fine)), np.empty(len(fine))
-    presliding_trace(fine, np.zeros(len(fine)), row, spring, loop.step, position, command)
-    error = (command[::many] - loop.command) ** 2
+    found = simulate(loop.reference, loop.step, row[np.newaxis], spring=spring)
+    error = (found.command[0, :: loop.many] - loop.command) ** 2
     return np.array([part.sum() for part in np.array_split(error, STRETCHES)])

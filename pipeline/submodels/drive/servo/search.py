@@ -225,15 +225,8 @@ def servo_uncertainty(
 
     Half widths are of all D terms, infinite where not fitted; the rest is of the S fitted ones.
 
-    Parameters
-    ----------
-    equation : ServoEquation
-        That it is the optimum of.
-    slower : ServoEquation
-        The same recordings below half the bandwidth; sampling and filters of a servo that the
-        equation leaves out move the optimum from the one to the other.
-    found : ServoOptimum
-        The optimum.
+    ``slower`` has the same recordings below half the bandwidth; sampling and filters of a servo
+    that the equation leaves out move the optimum from the one to the other.
     """
     # parameters at a bound count too: a lag of 0 has an interval like any other
     inside = found.fitted

@@ -1,15 +1,12 @@
-"""Compiled traces and plain Python are one model; shapes and refusals."""
+"""Traces of many variants of an axis: company, starts, rows; shapes and refusals."""
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from pipeline.kernels import compiled
-from pipeline.machine.axis.drive_step import FARTHEST, decay
-from pipeline.machine.axis.feed_drive import DriveColumn, drive_row
-from pipeline.twin.drive import DriveStart
-from pipeline.twin.drive_population import simulate_traces
-from tests.machine.plain_drive import simulate_drive
+from pipeline.machine.axis.drive import FARTHEST, decay, simulate
+from pipeline.machine.axis.drive_parameters import DriveColumn, DriveStart, drive_row
 from tests.twin.axes import AXIS, DriveParameters, T, to_and_fro, with_drive, with_servo
 
 FULL = with_servo(
@@ -18,7 +15,6 @@ FULL = with_servo(
     position_lag=0.002, current_limit=0.9,
 )  # fmt: skip
 STEPS = 4000
-OPTIONS = [{}, {"substeps": 3}, {"substeps": 3, "servo_substeps": True}]
 
 
 def varied(individuals: int) -> list[DriveParameters]:
@@ -47,27 +43,11 @@ def loads(axes: int) -> NDArray[np.float64]:
     return np.outer(30 * np.sin(7 * T * np.arange(STEPS)), np.ones(axes))
 
 
-@pytest.mark.parametrize("options", OPTIONS)
-def test_compiled_trace_is_the_plain_one(options: dict[str, int]) -> None:
-    """1e-9 of what each signal reaches: the polynomial of the dip is within 6e-11 of exp."""
-    for a in range(3):
-        drive, reference, load = varied(3)[a], references(3)[:, a], loads(3)[:, a]
-        plain = simulate_drive(reference, T, drive, load=load, **options)
-        row = drive_row(drive.servo, drive.feed_drive)[np.newaxis]
-        fast = simulate_traces(reference, T, row, load=load, **options)
-        for name in ("position", "velocity", "command"):
-            expected = getattr(plain, name)
-            scale = np.abs(expected).max()
-            assert getattr(fast, name)[0] == pytest.approx(expected, abs=1e-9 * scale, rel=0)
-        # both stand still in the same samples
-        assert ((plain.velocity == 0) == (fast.velocity[0] == 0)).all()
-
-
 def test_variants_do_not_depend_on_their_company() -> None:
     table, reference = rows(5), references(1)[:, 0]
-    whole = simulate_traces(reference, T, table, load=loads(1)[:, 0])
+    whole = simulate(reference, T, table, load=loads(1)[:, 0])
     for i in range(5):
-        alone = simulate_traces(reference, T, table[i : i + 1], load=loads(1)[:, 0])
+        alone = simulate(reference, T, table[i : i + 1], load=loads(1)[:, 0])
         np.testing.assert_array_equal(alone.command[0], whole.command[i])
 
 
@@ -75,8 +55,8 @@ def test_load_factor_multiplies_the_load() -> None:
     half = rows(1)
     half[:, DriveColumn.LOAD_FACTOR] = 0.5
     reference, load = references(1)[:, 0], loads(1)[:, 0]
-    found = simulate_traces(reference, T, half, load=load)
-    expected = simulate_traces(reference, T, rows(1), load=0.5 * load)
+    found = simulate(reference, T, half, load=load)
+    expected = simulate(reference, T, rows(1), load=0.5 * load)
     np.testing.assert_allclose(found.position, expected.position, atol=1e-12)
 
 
@@ -84,11 +64,10 @@ def test_variants_start_where_they_are_told() -> None:
     drive = varied(1)[0]
     start = DriveStart(position=0.001, velocity=0.02, command=0.4, reference_velocity=0.03)
     reference = references(1)[500:1500, 0]
-    plain = simulate_drive(reference, T, drive, start=start)
     row = drive_row(drive.servo, drive.feed_drive)
-    fast = simulate_traces(reference, T, np.stack((row, row)), start=start)
-    assert fast.command[1, 0] == pytest.approx(0.4, rel=1e-12)
-    assert fast.position[1] == pytest.approx(plain.position, abs=1e-11)
+    found = simulate(reference, T, np.stack((row, row)), start=start)
+    assert found.position[1, 0] == 0.001 and found.velocity[1, 0] == 0.02
+    assert found.command[1, 0] == pytest.approx(0.4, rel=1e-12)
 
 
 def test_a_row_holds_the_parameters_in_the_order_of_its_columns() -> None:
@@ -126,36 +105,26 @@ def test_decay_is_the_exponential() -> None:
 def test_an_unstable_variant_leaves_the_others_alone() -> None:
     table, reference = rows(3), references(1)[:, 0]
     table[:, DriveColumn.CURRENT_LIMIT] = np.inf
-    expected = simulate_traces(reference, T, table)
+    expected = simulate(reference, T, table)
     table[1, DriveColumn.PROPORTIONAL] *= 100
-    found = simulate_traces(reference, T, table)
+    found = simulate(reference, T, table)
     assert not np.isfinite(found.position[1, -1])
     for p in (0, 2):
         np.testing.assert_array_equal(found.position[p], expected.position[p])
 
 
-def changed(column: DriveColumn, value: float) -> NDArray[np.float64]:
-    table = rows(2)
-    table[1, column] = value
-    return table
-
-
 @pytest.mark.parametrize(
     "change, said",
     [
-        ({"table": np.ones((2, 3))}, r"table has shape \(2, 3\): give \(P, 21\)"),
-        ({"table": changed(DriveColumn.MASS, 0.0)}, r"row \[1\]: MASS = 0.0 must be finite and"),
-        ({"table": changed(DriveColumn.OFFSET, np.nan)}, r"row \[1\]: OFFSET = nan must be"),
-        ({"table": changed(DriveColumn.STATIC_NEGATIVE, 1.0)}, "STATIC_NEGATIVE = 1.0 must be"),
-        ({"table": changed(DriveColumn.VISCOUS_POSITIVE, -1.0)}, "VISCOUS_POSITIVE = -1.0"),
         ({"reference": np.zeros((10, 2))}, r"reference has shape \(10, 2\): give one row"),
         ({"reference": np.full(10, np.nan)}, r"reference\[0\] = nan"),
         ({"load": np.full(10, np.inf)}, r"load\[0\] = inf"),
         ({"load": np.zeros(9)}, "load has 9 samples, the reference 10"),
+        ({"period": 0.0}, "period = 0.0 s must be finite and positive"),
         ({"substeps": 0}, "substeps = 0 must be at least 1"),
     ],
 )
 def test_inputs_out_of_range_are_refused(change: dict[str, object], said: str) -> None:
     known = {"reference": np.zeros(10), "period": T, "table": rows(2)}
     with pytest.raises(ValueError, match=said):
-        simulate_traces(**{**known, **change})
+        simulate(**{**known, **change})
