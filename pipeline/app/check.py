@@ -38,11 +38,6 @@ def check_programs(
     There are none where the texts differ in more than F and S.  Subprograms of both are searched in
     the folder of ``before``.  With ``splits`` the second may have more points on the path of
     straight cuts.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist or cannot be followed, or there is no such machine or dialect.
     """
     setup = setup_beside(machine_setup(machine, dialect), before)
     for path in (before, after):
@@ -85,11 +80,6 @@ def range_lines(
     no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
     catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
     milling, since there is no cut.  ``moves`` are those of both programs.
-
-    Raises
-    ------
-    ValueError
-        When tool table or material cannot be read.
     """
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))

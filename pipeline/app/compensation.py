@@ -68,24 +68,7 @@ def write_compensation(
 ) -> Written:
     """Write the correction of a machine's spindle growth; what was written.
 
-    Parameters
-    ----------
-    machine : str
-        As in conf/machine/.
-    out : Path
-        File to write, whole or not at all.
-    kind : {"csv", "fanuc", "siemens"}
-        Of the file.
-    model : {"champion", "latest"}
-        Whose model.
-    anyway : bool
-        Even when the model failed or was not judged.
-
-    Raises
-    ------
-    ValueError
-        When the machine, its model or the kind is not known, the model failed or was not judged, or
-        its recordings are not there; always when it is no better than no correction at all.
+    ``anyway``: even when the model failed or was not judged.
     """
     if kind not in FORMATS:
         raise ValueError(f"--format {kind} is not known: name csv, fanuc or siemens")
@@ -221,40 +204,29 @@ def _quoted(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """How a control's text is written.
-
-    Parameters
-    ----------
-    comment, variable, label, jump : str
-        Templates of a comment, a variable by number, a label and a jump to it on a condition.
-    first, last : int
-        Numbers of the variables that may be used [1].
-    brackets : (str, str)
-        Around an expression.
-    less, more : str
-        Comparisons.
-    clock_s : str
-        Expression of a clock [s].
-    head, foot, alarm, offset : tuple of str
-        Lines before and after; where an input is out of range; that write the offset {value} [mm].
-    longest : int
-        Letters of a comment [1].
-    """
+    """How a control's text is written."""
 
     comment: str
     variable: str
     label: str
     jump: str
+    """Templates of a comment, a variable by number, a label and a jump to it on a condition."""
     first: int
     last: int
+    """Numbers of the variables that may be used [1]."""
     brackets: tuple[str, str]
+    """Around an expression."""
     less: str
     more: str
+    """Comparisons."""
     clock_s: str
+    """Expression of a clock [s]."""
     head: tuple[str, ...]
     foot: tuple[str, ...]
     alarm: tuple[str, ...]
     offset: tuple[str, ...]
+    """Lines before and after; where an input is out of range; that write the offset {value}
+    [mm]."""
 
 
 FANUC = Control(
@@ -287,13 +259,7 @@ OWN = 10
 
 
 def control_lines(done: Written, on: Control) -> Iterator[str]:
-    """The correction as text that a control runs: every call works out the offset anew.
-
-    Raises
-    ------
-    ValueError
-        When it needs more variables than the control has.
-    """
+    """The correction as text that a control runs: every call works out the offset anew."""
     text = _Text(found=done.found, on=on, names=_names(done.found, on))
     yield from on.head
     for line in _head(done):

@@ -19,22 +19,7 @@ from pipeline.twin.drive import read_drives
 
 
 def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
-    """Corrected command of a program's axes on a machine.
-
-    Parameters
-    ----------
-    simulated : Simulated
-        The program on the machine's control.
-    program : Path
-        That was planned.
-    machine : str
-        As in conf/machine/.
-
-    Raises
-    ------
-    ValueError
-        When the machine's drives were not identified, or no axis can be corrected.
-    """
+    """Corrected command of a program's axes on a machine."""
     models, plan = simulated.on.models, simulated.plan
     found = needed_drives(models, machine, "--compensate")
     residual, words = residual_of(models)

@@ -57,13 +57,7 @@ OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.
 
 
 def limits_given(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
-    """The limits of a part by the names of their fields, and those of single tools.
-
-    Raises
-    ------
-    ValueError
-        When one is out of its range, or given twice; it names the option.
-    """
+    """The limits of a part by the names of their fields, and those of single tools."""
     of_part, by_tool = dict(given), dict[int, dict[str, Any]]()
     for name, words in given.items():
         if name in BY_TOOL and words is not None:
@@ -127,13 +121,7 @@ class WearOption:
 
     @classmethod
     def of(cls, words: Sequence[str]) -> "WearOption":
-        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``.
-
-        Raises
-        ------
-        ValueError
-            When a word is none of them, or says a thing twice.
-        """
+        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``."""
         rules, given = _by_tool("--wear", words)
         for word in rules:
             if word not in get_args(WearRule):
@@ -188,13 +176,7 @@ def cut_options(
     limits: Mapping[str, Any], resolution: float | None, work_offset: str | None,
     frf: Sequence[str], page: Path | None, wear: Sequence[str] = (),
 ) -> CutOptions | None:  # fmt: skip
-    """The options of a cut, limits by the names of their fields; None where nothing is said of one.
-
-    Raises
-    ------
-    ValueError
-        When only a part of what a cut needs is said, or a value is out of its range.
-    """
+    """The options of a cut, limits by the names of their fields; None where none is given."""
     needed = {"stock": stock, "tool_table": tool_table, "material": material}
     other = {LIMIT_OPTION[name].removeprefix("--"): value for name, value in limits.items()}
     other |= {
@@ -223,13 +205,7 @@ def _option(name: str) -> str:
 
 
 def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> ProgramCut:
-    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``.
-
-    Raises
-    ------
-    ValueError
-        When blank, tools or material are not known, or a cut has no tool.
-    """
+    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``."""
     job, basis = cut_job(simulated.on, machine, options)
     cut = cut_program(simulated.plan, job)
     document = document_of(cut, basis)
@@ -260,13 +236,7 @@ def _force_intervals(
 
 
 def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
-    """The cut, and the prices, coefficients and limits that it is evaluated by.
-
-    Raises
-    ------
-    ValueError
-        When blank, tools or material are not known.
-    """
+    """The cut, and the prices, coefficients and limits that it is evaluated by."""
     part = part_of(options, "time")
     known = machine_models(on.models, on.control).cutting
     return cut_of(part, workshop_of(on, machine, options), known, on.setup)
@@ -287,11 +257,6 @@ def workshop_of(
     """Tools, material, prices and spindle of the options and the machine's file.
 
     ``rule`` holds for the wear of tools where the options say nothing of it.
-
-    Raises
-    ------
-    ValueError
-        When tools or material are not known.
     """
     sections = on.parameters["machine"][machine]
     return Workshop(

@@ -49,13 +49,7 @@ class FileResult:
 
 
 def machine_parameters(machine: str) -> dict[str, Any]:
-    """A machine's sections, whether or not it is in the fleet that is built.
-
-    Raises
-    ------
-    ValueError
-        When conf/machine/ has no such machine.
-    """
+    """A machine's sections, whether or not it is in the fleet that is built."""
     names = {p.stem for p in (CONF / "machine").glob("*.yaml")}
     if machine not in names:  # which no path is
         known = ", ".join(sorted(names)) or "none"
@@ -94,12 +88,6 @@ def ingest_files(
     """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else.
 
     See :func:`pipeline.signals.formats.source_of` for how a file is read.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist, the machine is not known, or ``out`` is a folder that
-        `dvc repro` writes.
     """
     from pipeline.signals.formats import RecordSource, source_of
     from pipeline.signals.ingest import ingest
@@ -195,13 +183,7 @@ def _bring_devices(
 
 
 def use_fleet(name: str) -> Fleet:
-    """Make ``conf/fleet/<name>.yaml`` the active one.
-
-    Raises
-    ------
-    ValueError
-        When there is no such fleet.
-    """
+    """Make ``conf/fleet/<name>.yaml`` the active one."""
     folder = CONF / "fleet"
     known = sorted(p.stem for p in folder.glob("*.yaml") if p.stem != "active")
     if name not in known:
@@ -237,13 +219,7 @@ def _whole(path: Path, written: dict[str, Any]) -> str:
 
 
 def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
-    """Copy each machine's recordings to data/raw/<machine>; yield machine, files new, files in all.
-
-    Raises
-    ------
-    ValueError
-        When a folder or a Devices document is missing, or no record is there.
-    """
+    """Copy recordings to data/raw/<machine>; yield machine, new files, files in all."""
     from pipeline.signals.formats import RecordSource
     from pipeline.signals.store import sha256_of
 
@@ -295,26 +271,10 @@ def freeze_set(
 ) -> FrozenSet:
     """Freeze raw files of ``machine`` as its golden set, or as the sealed set beside it.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    first, last : str, optional
-        Days of the plant that count in logs, ``YYYY-MM-DD``, both included; every file that
-        reaches into them.
-    files : sequence of str
-        Patterns of further files, whole whether they have a clock or not, and of parts of tables,
-        ``<file>#<column>=<value>``.
-    sealed : bool
-        Whether it is the set that promotion alone looks at.
-    again : callable
-        Asked whether another set may take the place of one that is committed.
-
-    Raises
-    ------
-    ValueError
-        When a day is no date, nothing is named, the records were not ingested, a pattern fits no
-        file, a file is in the other set already, or a committed set is to stay.
+    ``first`` and ``last``: days of the plant that count in logs, ``YYYY-MM-DD``, both included;
+    every file that reaches into them; ``files``: patterns of further files, whole whether they have
+    a clock or not, and of parts of tables, ``<file>#<column>=<value>``; ``sealed``: whether it is
+    the set that promotion alone looks at.
     """
     mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
     zone = str(mapping.get("time_zone", UTC))
@@ -490,22 +450,7 @@ def write_report(out: Path) -> Path:
 
 
 def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
-    """Refuse files that cannot be written, or would replace what is read or each other.
-
-    Parameters
-    ----------
-    program : Path or None
-        Part program, where one is read.
-    *outputs : Path or None
-        Files to write.
-    inputs : sequence of Path
-        Other files that are read.
-
-    Raises
-    ------
-    ValueError
-        With the file's name.
-    """
+    """Refuse files that cannot be written, or would replace what is read or each other."""
     for path in outputs:
         if path is None:
             continue

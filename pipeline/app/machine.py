@@ -82,11 +82,6 @@ def propose(
     """What the machine's file may say, from its Devices document, its logs and its tables.
 
     ``devices`` and ``logs`` are copied to ``raw`` where they do not stand there.
-
-    Raises
-    ------
-    ValueError
-        When a file cannot be read, several devices could be meant, or no such zone is known.
     """
     check_zone(time_zone)
     documents = [devices] if devices else []
@@ -162,13 +157,7 @@ def _read(
 
 
 def _meant(every: DeviceModel, names: set[str]) -> str:
-    """The one device that describes most of the items in the logs; never an agent's own.
-
-    Raises
-    ------
-    ValueError
-        When two devices describe as many items, as without a log.
-    """
+    """The one device that describes most of the items in the logs; never an agent's own."""
     machines = [one for one in every.devices if not one.is_agent] or list(every.devices)
     if len(machines) == 1:
         return machines[0].label

@@ -79,12 +79,7 @@ class Found:
 def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]) -> Found:
     """Which of ``items`` (name in observations, declaration) is which signal.
 
-    Parameters
-    ----------
-    items : sequence of (str, DataItem)
-        Of one device.
-    series : mapping of str to ItemSeries
-        What they said; empty where no log is given.
+    ``series``: what they said; empty where no log is given.
     """
     found, log = Found(), Log(series)
     usable = [(n, i) for n, i in items if i.category != "CONDITION" and i.type]

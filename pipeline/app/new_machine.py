@@ -19,11 +19,6 @@ def write_machine(
     """Propose ``conf/machine/<name>.yaml`` and a fleet of it; what was found, in lines.
 
     The schemas by which an editor checks them are written into ``conf/schema/``.
-
-    Raises
-    ------
-    ValueError
-        When one of these files is there already, or an input cannot be read.
     """
     from pipeline.app.json_schema import PLACE, first_line, write_schemas
     from pipeline.submodels.contract import submodel, submodels
@@ -63,13 +58,7 @@ def _files(logs: Sequence[Path], devices: Path | None) -> Iterator[Path]:
 
 
 def records_of(machine: str) -> list[ItemRecord]:
-    """Rows of every item in the machine's ingested records.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine, or its records were not ingested.
-    """
+    """Rows of every item in the machine's ingested records."""
     values = machine_parameters(machine)
     signals = DATA / "signals" / machine
     if not (signals / "manifest.json").exists():

@@ -53,13 +53,7 @@ class SearchOptions:
     compensated: bool = False
 
     def settings(self, parameters: Mapping[str, Any]) -> OptimisationSettings:
-        """The section ``optimisation`` of ``parameters`` with what the options change.
-
-        Raises
-        ------
-        ValueError
-            When a value is out of its range; it names the option.
-        """
+        """The section ``optimisation`` of ``parameters`` with what the options change."""
         own = section(dict(parameters), "optimisation", OptimisationSettings)
         own = own or OptimisationSettings()
         with named_as_options():
@@ -89,13 +83,7 @@ class PartFiles:
 
     @classmethod
     def of(cls, program: Path | None, json: Path | None, page: Path | None) -> "PartFiles":
-        """The files that were named.
-
-        Raises
-        ------
-        ValueError
-            When none is named for the program.
-        """
+        """The files that were named."""
         if program is None:
             raise ValueError(
                 "--out is missing: name a file for the optimised program, as OPTIMISED.nc"
@@ -113,13 +101,7 @@ def part_options(
     resolution: float | None, work_offset: str | None, frf: list[str] | None,
     wear: list[str] | None = None,
 ) -> CutOptions:  # fmt: skip
-    """Blank, tools and material, all three needed; ``limits`` by the names of their fields.
-
-    Raises
-    ------
-    ValueError
-        When one is missing, or a value is out of its range.
-    """
+    """Blank, tools and material, all three needed; ``limits`` by the names of their fields."""
     needed = {"stock": stock, "tool_table": tool_table, "material": material}
     for name, value in needed.items():
         if value is None:
@@ -156,13 +138,7 @@ class PartRequest:
 def optimise_part(request: PartRequest, progress: Progress) -> tuple[Result, OptimisedPart]:
     """The optimised program with its document.
 
-    Raises
-    ------
-    ValueError
-        When something named is not known, the program cannot be followed or cuts nothing, or no
-        feed and speed keep the limits.
-    KeyboardInterrupt
-        When it was ended before anything kept the limits.
+    Raises KeyboardInterrupt when it was ended before anything kept the limits.
     """
     on = machine_control(request.machine, request.unit, request.model)
     settings = request.search.settings(on.parameters)
@@ -202,15 +178,7 @@ def write_optimised(result: Result, part: OptimisedPart, out: PartFiles) -> list
 def interruptible(said: Callable[[], None]) -> Iterator[Callable[[], bool]]:
     """Ctrl-C asks to end with the best so far instead of ending at once; a second one ends.
 
-    Parameters
-    ----------
-    said : callable
-        Called at the first.
-
-    Yields
-    ------
-    callable
-        Whether it was asked.
+    Yields whether it was asked.
     """
     asked = False
 

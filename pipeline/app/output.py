@@ -31,13 +31,7 @@ class Outputs:
     """That file, None where no output is ``-``."""
 
     def file(self, path: Path | None, suffix: str = "") -> Path | None:
-        """The file to write for an output that was named, with an end of its name for ``-``.
-
-        Raises
-        ------
-        ValueError
-            When two outputs are ``-``.
-        """
+        """The file to write for an output that was named, with an end of its name for ``-``."""
         if path != STANDARD:
             return path
         if self.taken is not None:

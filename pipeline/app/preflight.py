@@ -46,11 +46,6 @@ def preflight_program(
 
     ``beside`` is a program whose folder is searched for subprograms too; ``moves`` are those of the
     program, where it was followed with this set-up before.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine, the program cannot be followed, or an option is missing.
     """
     setup = machine_setup(machine, dialect)
     setup = setup if beside is None else setup_beside(setup, beside)

@@ -147,13 +147,7 @@ class Simulated:
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
-    """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine or dialect.
-    """
+    """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``."""
     sections = {} if machine is None else machine_parameters(machine)["machine"][machine]
     setup = _setup(sections)
     return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
@@ -174,13 +168,7 @@ def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
 
 
 def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
-    """The moves of :func:`read_moves` in parts of at least ``rows``.
-
-    Raises
-    ------
-    ValueError
-        As :func:`read_moves`.
-    """
+    """The moves of :func:`read_moves` in parts of at least ``rows``."""
     program = program_at(path)
     lines = max(len(program), 1)
     beside = setup_beside(setup, path)
@@ -188,13 +176,7 @@ def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterato
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
-    """Moves of the program at ``path``; ``share`` is told how much of it is done.
-
-    Raises
-    ------
-    ValueError
-        When the file does not exist, or a word in it cannot be followed.
-    """
+    """Moves of the program at ``path``; ``share`` is told how much of it is done."""
     program = program_at(path)
     lines = max(len(program), 1)
     moves = interpret(
@@ -245,25 +227,13 @@ def units_assumed(program: Program, setup: Setup) -> str:
 
 
 def program_at(path: Path) -> Program:
-    """The program in a file.
-
-    Raises
-    ------
-    ValueError
-        When there is none.
-    """
+    """The program in a file."""
     check_program(path)
     return read_program(path)
 
 
 def check_program(path: Path) -> None:
-    """Refuse a path that is no file.
-
-    Raises
-    ------
-    ValueError
-        With its name.
-    """
+    """Refuse a path that is no file."""
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
@@ -281,13 +251,7 @@ def write_csv(table: "pd.DataFrame", out: Path) -> None:
 
 
 def model_folder(machine: str, model: str = CHAMPION) -> Path:
-    """Folder of the sub-models of a machine that a command uses.
-
-    Raises
-    ------
-    ValueError
-        When ``model`` is neither ``champion`` nor ``latest``, or the latest ones are not there.
-    """
+    """Folder of the sub-models of a machine that a command uses."""
     if model == CHAMPION:
         return DATA / "champion" / machine
     if model != LATEST:
@@ -298,13 +262,7 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
 
 
 def stored_model(machine: str, model: str, one: "SubModel[Any, Any, Any]") -> Path:
-    """Folder of one sub-model's model.
-
-    Raises
-    ------
-    ValueError
-        As :func:`model_folder`, or when it holds no model.
-    """
+    """Folder of one sub-model's model."""
     folder = model_folder(machine, model) / one.name
     if not (folder / "model.json").exists():
         raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
@@ -333,26 +291,8 @@ def simulate_program(
 
     The champion's control (``data/champion/<machine>/control/``) goes before conf/machine/.
 
-    Parameters
-    ----------
-    path : Path
-        Of the program.
-    machine : str
-        As in conf/machine/.
-    unit : str or None
-        Which of several machines of a kind; its default one when None.
-    share : callable
-        Told how much is done.
-    model : {"champion", "latest"}
-        Whose sub-models are used.
-    compensated : bool
-        Whether following errors hold what the compensation network adds to them.
-
-    Raises
-    ------
-    ValueError
-        When machine, control or unit is not known, or the program cannot be followed, or no
-        compensation model passed where one is asked for.
+    ``unit``: which of several machines of a kind; its default one when None; ``compensated``:
+    whether following errors hold what the compensation network adds to them.
     """
     from pipeline.twin.control import planned_program
 
@@ -369,13 +309,7 @@ def simulate_program(
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
-    """The machine with its control, as :func:`simulate_program` takes it.
-
-    Raises
-    ------
-    ValueError
-        When machine, control or unit is not known.
-    """
+    """The machine with its control, as :func:`simulate_program` takes it."""
     parameters = machine_parameters(machine)
     sections = parameters["machine"][machine]
     folder = model_folder(machine, model)
@@ -390,13 +324,7 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
 
 
 def machine_residual(on: Controlled, machine: str) -> "tuple[Residual, str]":
-    """The compensation network of a machine with its name.
-
-    Raises
-    ------
-    ValueError
-        When none passed, or there are no drives that it could add to.
-    """
+    """The compensation network of a machine with its name."""
     from pipeline.stages.correct_programs import residual_of
 
     needed_drives(on.models, machine, "--compensated")
@@ -410,13 +338,7 @@ def machine_residual(on: Controlled, machine: str) -> "tuple[Residual, str]":
 
 
 def needed_drives(models: Path, machine: str, option: str) -> Path:
-    """File of the machine's identified drives, which an option needs.
-
-    Raises
-    ------
-    ValueError
-        When there is none.
-    """
+    """File of the machine's identified drives, which an option needs."""
     found = models / "drive/model.json"
     if not found.exists():
         raise ValueError(
@@ -433,11 +355,6 @@ def axes_table(
 
     Also the greatest half width of the 90 % interval of the error [um], where it is known: of the
     ``residual`` model, else of the drive.
-
-    Raises
-    ------
-    ValueError
-        When a drive is unstable, or the program is too long for a ``residual``.
     """
     from pipeline.submodels.contract import submodel
     from pipeline.twin.drive import read_drives
@@ -603,19 +520,7 @@ def predict_table(
 
     The number of rows, and a sentence on each interval that is not known, whose columns are empty.
 
-    Parameters
-    ----------
-    machine, name : str
-        As in conf/machine/; of the sub-model.
-    table, out : Path
-        CSV or Parquet, by the end of their names.
-    model : {"champion", "latest"}
-        Whose sub-model.
-
-    Raises
-    ------
-    ValueError
-        When something named is not known, the table cannot be read or lacks a column.
+    ``machine`` and ``name``: as in conf/machine/; of the sub-model.
     """
     import pandas as pd
 

@@ -41,13 +41,7 @@ class SimulateRequest:
 
     @property
     def options(self) -> "CutOptions | None":
-        """The options of a cut, None where nothing is said of one.
-
-        Raises
-        ------
-        ValueError
-            When only a part of what a cut needs is said, or a value is out of its range.
-        """
+        """The options of a cut, None where nothing is said of one."""
         given = dict(self.cut)
         limits = given.pop("limits")
         if all(value is None or value == () for value in (*given.values(), *limits.values())):
@@ -60,20 +54,7 @@ class SimulateRequest:
 def simulate_and_write(
     request: SimulateRequest, standard: Path | None
 ) -> tuple[Simulated, dict[str, Any]]:
-    """Simulate a program and write what was asked for; its document.
-
-    Parameters
-    ----------
-    request : SimulateRequest
-        The options.
-    standard : Path or None
-        File that goes to standard output, which no page can name.
-
-    Raises
-    ------
-    ValueError
-        When something named is not known, cannot be followed or cannot be written.
-    """
+    """Simulate a program and write what was asked for; its document."""
     options = request.options
     read = options.files if options else ()
     check_outputs(

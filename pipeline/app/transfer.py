@@ -34,22 +34,9 @@ def transfer_curve(
 
     The files are written together or not at all.
 
-    Parameters
-    ----------
-    machine, golden : str
-        As in conf/machine/: the sibling, and the machine whose parameters are the prior.
-    out : Path
-        JSON file to write.
-    between : float
-        Standard deviation of the logarithm of a parameter between machines of a type [1].
-    page : Path, optional
-        HTML page of the curve to write.
-
-    Raises
-    ------
-    ValueError
-        When a file is missing or cannot be written, one to write is read, the machines do not
-        record the same surrounds, or no day is left to judge by.
+    ``machine`` and ``golden``: as in conf/machine/: the sibling, and the machine whose parameters
+    are the prior; ``between``: standard deviation of the logarithm of a parameter between machines
+    of a type [1].
     """
     if machine == golden:
         raise ValueError(f"{machine} is both sibling and golden machine: name another one")

@@ -78,12 +78,7 @@ def comments_in_force(program: Program, comments: tuple[str, ...], moves: Moves)
     A subprogram is under its own comments and those of the lines that may have called it: of the
     calls between the rows of the main program before and after it.
 
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        Text, and as interpreted; M rows.
-    comments : tuple of str
-        Those of its L lines, L + 1 of them.
+    ``comments``: those of its L lines, L + 1 of them.
     """
     own = moves.file == 0
     lines = program.data.splitlines()

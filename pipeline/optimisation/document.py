@@ -53,16 +53,8 @@ def optimised_text(result: Result) -> bytes:
 def optimised_part(result: Result, *, machine: str, origin: str, control: str) -> OptimisedPart:
     """The answer of an optimisation as it is stored.
 
-    Parameters
-    ----------
-    result : Result
-        Of :func:`~pipeline.optimisation.optimise.optimise`.
-    machine : str
-        Its name.
-    origin : str
-        ``simulated`` or ``recorded``: of the machine's records.
-    control : str
-        ``identified``, or ``conf/machine`` where the control's values are as written there.
+    ``origin``: ``simulated`` or ``recorded``: of the machine's records; ``control``:
+    ``identified``, or ``conf/machine`` where the control's values are as written there.
     """
     job, basis = result.job, result.job.basis
     before, after = _sides(result)

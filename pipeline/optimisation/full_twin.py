@@ -168,23 +168,8 @@ def full_twin(
 ) -> Full:  # fmt: skip
     """Write ``decision`` into the program and judge it by the whole twin.
 
-    Parameters
-    ----------
-    job : Job
-        Program, machine, limits.
-    program, moves : Program, Moves
-        As it was; M rows.
-    problem : Problem
-        Of its cut.
-    decision : Decision
-        F and S.
-    certain_f_z : ndarray, shape (M,), or None
-        Feed for each tooth up to which each row keeps the load limit [m]; None without a limit.
-
-    Raises
-    ------
-    ValueError
-        When the text cannot hold the decision.
+    ``certain_f_z`` (M,): feed for each tooth up to which each row keeps the load limit [m]; None
+    without a limit.
     """
     decision = written_feeds(problem, decision)
     feeds = rounded_feeds(program, moves, decision.row_feeds)
@@ -271,18 +256,7 @@ def verify(
 ) -> Verified:  # fmt: skip
     """The whole twin on the plan of a cut.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of the answer, see :func:`pipeline.twin.cut.recut`; M rows.
-    drives : mapping of str to IdentifiedDrive, optional
-        By the axis' letter.
-    rows : int
-        Rows whose waveforms are computed, those with the greatest loads of the table.
-    limits : CutLimit, optional
-        Of the axes in the cut.
-    residual : Residual, optional
-        What the drives leave over.
+    ``rows``: rows whose waveforms are computed, those with the greatest loads of the table.
     """
     f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
     worst = np.argsort(-peak, kind="stable")[:rows]

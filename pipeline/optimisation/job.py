@@ -41,30 +41,20 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class MachineModels:
-    """Models that were identified of a machine, as far as there are records.
-
-    Parameters
-    ----------
-    control : ControlParameters
-        Whose time counts.
-    drives : mapping of str to IdentifiedDrive
-        By axis.
-    cutting : CuttingModel or None
-        The cut.
-    verdicts : mapping of str to Verdict or None
-        By the name of each sub-model that was identified; None where it was not judged.
-    residual : Residual or None
-        What the drives leave over; None where it is not asked for.
-    residual_name : str
-        Of its model.
-    """
+    """Models that were identified of a machine, as far as there are records."""
 
     control: ControlParameters
+    """Control whose time counts."""
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
+    """Drives by axis."""
     cutting: CuttingModel | None = None
+    """Identified cut."""
     verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
+    """Verdicts by the name of each sub-model that was identified; None where it was not judged."""
     residual: Residual | None = field(default=None, repr=False)
+    """Network for what the drives leave over; None where it is not used."""
     residual_name: str = ""
+    """Name of its model."""
 
     @property
     def judged(self) -> Verdict | None:
@@ -74,43 +64,29 @@ class MachineModels:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One part on one machine.
-
-    Parameters
-    ----------
-    program : Program
-        As written.
-    setup : Setup
-        Of the machine.
-    models : MachineModels
-        Identified of the machine.
-    cut : CutJob
-        Blank, tools and force laws.
-    basis : CutBasis
-        Prices, laws and limits of the cut.
-    limits : CutLimit
-        Of the part.
-    objective : str
-        ``pareto`` is all of the others that are known.
-    settings : OptimisationSettings
-        Reliability, grouping, search.
-    catalogue : CuttingCatalogue, optional
-        Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
-        alone.
-    moves : Moves, optional
-        Of the program with ``setup``, where it was followed before.
-    """
+    """One part on one machine."""
 
     program: Program = field(repr=False)
+    """Program as written."""
     setup: Setup
+    """Set-up of the machine."""
     models: MachineModels = field(repr=False)
+    """Models that were identified of the machine."""
     cut: CutJob
+    """Blank, tools and force laws."""
     basis: CutBasis
+    """Prices, laws and limits of the cut."""
     limits: CutLimit
+    """Limits of the part."""
     objective: Objective
+    """Objective; ``pareto`` is all of the others that are known."""
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
+    """Reliability, grouping, search."""
     catalogue: CuttingCatalogue | None = field(default=None, repr=False)
+    """Cutting data by tool and operation; without it F and S are bounded by ``limits``
+    alone."""
     moves: Moves | None = field(default=None, repr=False)
+    """Moves of the program with ``setup``, where it was followed before."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -119,39 +95,26 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True, kw_only=True)
 class Workshop:
-    """Tools, material, prices and the spindle that a part is cut with.
-
-    Parameters
-    ----------
-    table : ToolTable
-        Tools by number.
-    material : Material
-        Of the blank.
-    rates : CostRates, optional
-        Prices of time and electricity.
-    drive : SpindleDrive, optional
-        Of the spindle.
-    drive_source : str
-        Where its values come from.
-    energy : EnergyParameters, optional
-        Power that the machine draws beside the cut.
-    dynamics : TipDynamics, optional
-        Of the tools' tips.
-    catalogue : CuttingCatalogue
-        Of feeds and speeds by tool and operation.
-    wear : ToolWear
-        That the tools are taken to have.
-    """
+    """Tools, material, prices and the spindle that a part is cut with."""
 
     table: ToolTable
+    """Tools by number."""
     material: Material
+    """Material of the blank."""
     rates: CostRates | None
+    """Prices of time and electricity."""
     drive: SpindleDrive | None
+    """Drive of the spindle."""
     drive_source: str
+    """Where its values come from."""
     energy: EnergyParameters | None
+    """Power that the machine draws beside the cut."""
     dynamics: TipDynamics | None
+    """Dynamics of the tools' tips."""
     catalogue: CuttingCatalogue
+    """Cutting data by tool and operation."""
     wear: ToolWear = field(default_factory=ToolWear)
+    """Wear that the tools are taken to have."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,13 +127,7 @@ class Supplies:
     cutting_data: CuttingCatalogue
 
     def workshop(self, part: Part, parts: Parts, wear: ToolWear) -> Workshop:
-        """The workshop of one of the parts of a machine.
-
-        Raises
-        ------
-        ValueError
-            When its tool table or material does not exist.
-        """
+        """The workshop of one of the parts of a machine."""
         modes = parts.dynamics
         return Workshop(
             table=_named(self.tools, part.tool_table, "tool"),
@@ -186,13 +143,7 @@ class Supplies:
 
 
 def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
-    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are.
-
-    Raises
-    ------
-    StoreError
-        When a file is broken or of another form.
-    """
+    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are."""
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
     return MachineModels(
         control=control,
@@ -210,13 +161,7 @@ def _verdict(path: Path) -> Verdict | None:
 
 
 def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
-    """The program at ``path``, and the set-up that also finds subprograms in its folder.
-
-    Raises
-    ------
-    ValueError
-        When it does not exist.
-    """
+    """The program at ``path``, and the set-up that also finds subprograms in its folder."""
     if not path.is_file():
         raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
     return read_program(path), replace(setup, folders=(*setup.folders, path.resolve().parent))
@@ -226,30 +171,7 @@ def part_job(
     program: Program, part: Part, *, models: MachineModels, workshop: Workshop, setup: Setup,
     settings: OptimisationSettings, moves: Moves | None = None,
 ) -> Job:  # fmt: skip
-    """A program with the limits and the objective of ``part``.
-
-    Parameters
-    ----------
-    program : Program
-        As written.
-    part : Part
-        Blank, objective, limits.
-    models : MachineModels
-        Identified of the machine.
-    workshop : Workshop
-        Tools, material, prices, spindle.
-    setup : Setup
-        Of the machine, with the folder of the program's subprograms.
-    settings : OptimisationSettings
-        Reliability, grouping, search.
-    moves : Moves, optional
-        As the job keeps them.
-
-    Raises
-    ------
-    ValueError
-        When the blank is none.
-    """
+    """A program with the limits and the objective of ``part``."""
     cut, basis = cut_of(part, workshop, models.cutting, setup)
     return Job(
         program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
@@ -260,24 +182,7 @@ def part_job(
 def cut_of(
     part: Part, workshop: Workshop, cutting: CuttingModel | None, setup: Setup
 ) -> tuple[CutJob, CutBasis]:
-    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by.
-
-    Parameters
-    ----------
-    part : Part
-        Blank, resolution, load limit.
-    workshop : Workshop
-        Tools, material, prices, spindle.
-    cutting : CuttingModel or None
-        Identified of the machine.
-    setup : Setup
-        Of the machine.
-
-    Raises
-    ------
-    ValueError
-        When the blank is none.
-    """
+    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by."""
     tools = {
         number: replace(tool, role="thread_mill")
         if not tool.role and named_operation(tool.name) == "thread_milling" else tool
@@ -306,13 +211,7 @@ def cut_of(
 def spindle_drive(
     drive: SpindleDrive | None, source: str, cutting: CuttingModel | None
 ) -> tuple[SpindleDrive | None, str]:
-    """The drive, with the no-load power that was identified of the machine, if any.
-
-    Returns
-    -------
-    SpindleDrive or None, str
-        The drive, and where its values come from.
-    """
+    """The drive with the identified no-load power, if there is any, and its source."""
     idle = identified_no_load(cutting)
     if drive is None or idle is None:
         return drive, source

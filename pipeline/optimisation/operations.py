@@ -79,19 +79,7 @@ class Operations:
 
 
 def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> Operations:
-    """Operation of each row of a program.
-
-    Parameters
-    ----------
-    program : Program
-        Text, for its comments.
-    moves : Moves
-        The program as interpreted, M rows.
-    cut : Cut
-        Of those rows.
-    blocks : CutBlocks
-        Its blocks that cut.
-    """
+    """Operation of each row of a program."""
     code = np.where(_fed(moves), CODE["air"], -1).astype(np.int8)
     slender = fill_from_cut(code, moves, cut, blocks)
     known = dict(zip(cut.numbers, cut.tools, strict=True))
@@ -104,12 +92,7 @@ def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -
     What neither a cycle nor a comment nor the tool tells is roughing, that of a drill drilling; see
     :data:`MAY_BE` for what such a row may be.
 
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        As in :func:`operations`.
-    tools : mapping of int to Tool
-        By their number, those of the program that are known.
+    ``tools``: by their number, those of the program that are known.
     """
     fed = _fed(moves)
     code = np.where(fed, CODE["roughing"], -1).astype(np.int8)

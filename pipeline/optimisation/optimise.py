@@ -91,13 +91,7 @@ class _Found:
 def optimise(job: Job, progress: Progress | None = None) -> Result:
     """The best program that keeps the limits of ``job``.
 
-    Raises
-    ------
-    ValueError
-        When the program cannot be followed, nothing is cut, a tool is not in the table, nothing
-        limits a feed, or no feed and speed keep the limits.
-    Interrupted
-        When the search was ended before anything kept the limits.
+    Raises Interrupted when the search was ended before anything kept the limits.
     """
     return _best(job, progress or _alone, NOTHING)
 
@@ -111,19 +105,7 @@ def optimise_worn(
     criterion is lowered to the greatest of ``SHARES`` that allows one.  A wear that somebody asked
     for is not lowered.
 
-    Parameters
-    ----------
-    workshop : Workshop
-        With the wear that its tools are taken to have.
-    job : callable
-        The job with a ``workshop``.
-    progress : callable, optional
-        As of :func:`~pipeline.optimisation.optimise.optimise`.
-
-    Raises
-    ------
-    ValueError, Interrupted
-        As :func:`~pipeline.optimisation.optimise.optimise`.
+    Raises ValueError, Interrupted as :func:`~pipeline.optimisation.optimise.optimise`.
     """
     wear, found = workshop.wear, progress or _alone
     if wear.rule != "criterion" or wear.asked or wear.given:
@@ -200,10 +182,7 @@ class _Course:
     def result(self) -> Result:
         """The best program; tools that cannot keep their limits stay as programmed.
 
-        Raises
-        ------
-        LimitsError
-            When that is no single tool, or every one that cuts.
+        Raises LimitsError when that is no single tool, or every one that cuts.
         """
         while True:
             try:

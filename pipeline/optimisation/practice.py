@@ -101,29 +101,9 @@ def practice_of(
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        Text, and as interpreted; M rows.
-    cut : Cut
-        Of those rows.
-    limits : CutLimit
-        Of the part; its cutting speed, where given, stands for the range of a tool without one.
-    catalogue : CuttingCatalogue
-        Where the tool table gives no range.
-    material : Material
-        Of the blank.
-    dynamics : TipDynamics, optional
-        Of the tools' tips.
-    whole : ndarray of int8, shape (M,), optional
-        Operations of the blocks that the rows are parts of, where blocks were split.
-    given_up : collection of int, optional
-        Numbers of tools that cannot keep their limits: they stay as programmed.
-
-    Raises
-    ------
-    ValueError
-        When something to be kept is not in the program.
+    ``limits``: of the part; its cutting speed, where given, stands for the range of a tool without
+    one; ``whole`` (M,): operations of the blocks that the rows are parts of, where blocks were
+    split; ``given_up``: numbers of tools that cannot keep their limits: they stay as programmed.
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)

@@ -40,27 +40,7 @@ def correct_programs(
 ) -> None:
     """Write a corrected command, ``<program>.csv``, for each program that the report shows.
 
-    Parameters
-    ----------
-    raw : Path
-        ``data/raw/<machine>``, where the programs are.
-    champion : Path
-        ``data/champion/<machine>``.
-    written : Path
-        Folder of the files; of a program without a corrected command the file says why.
-    identity : MachineIdentity
-        Of the machine.
-    setup : Setup
-        Of the machine before each program.
-    control_records : ControlRecords
-        Which programs, and whose control.
-    correction : CorrectionSettings
-        How long each correction is learnt, and of how much of a program.
-
-    Raises
-    ------
-    StoreError
-        When a model is broken.
+    ``written``: folder of the files; of a program without a corrected command the file says why.
     """
     written.mkdir(parents=True, exist_ok=True)
     control = control_of_unit(
@@ -88,13 +68,7 @@ def correct_programs(
 
 
 def residual_of(models: Path) -> tuple[Residual | None, str]:
-    """The residual network of a machine with its name; none where no such model passed.
-
-    Parameters
-    ----------
-    models : Path
-        ``data/champion/<machine>``.
-    """
+    """The residual network of a machine with its name; none where no such model passed."""
     folder = models / "compensation"
     verdict = folder / "verdict.json"
     if not (folder / "model.json").exists():

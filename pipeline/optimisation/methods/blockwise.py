@@ -46,24 +46,7 @@ Change = tuple[int, int, bool, float]
 def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping) -> Decision:
     """F and S of least time, cost, energy or wear, reckoned row by row.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    grouping : Grouping
-        Which blocks share an F or an S.
-
-    Returns
-    -------
-    Decision
-        Inside all limits; S in whole rev/min or as programmed.
-
-    Raises
-    ------
-    ValueError
-        When the objective is not known for this part, or no F and S keep the limits.
+    It is inside all limits; S in whole rev/min or as programmed.
     """
     which = column(objective)
     whole = _as_programmed(problem, objective)
@@ -191,16 +174,8 @@ def refined(
 
     A stretch that has its S as programmed keeps it: another was not worth its word.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    pieces, stretches : Pieces, Stretches
-        Pieces of the stretches, and their speeds so far.
-    group : ndarray of intp, shape (M,)
-        Rows that share an F, -1 where it is kept.
-    worth : float
-        What another S than that programmed has to save, as a share; without it all are refined.
+    ``group`` (M,): rows that share an F, -1 where it is kept; ``worth``: what another S than that
+    programmed has to save, as a share; without it all are refined.
     """
     speeds = stretches.speeds.copy()
     if not len(speeds):

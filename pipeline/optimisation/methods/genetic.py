@@ -74,26 +74,7 @@ def improve(
     settings: SearchSettings,
     callback: Callback | None = None,
 ) -> Improved:
-    """The best decision from ``start`` on; never worse than it.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    start : Decision
-        Inside all limits; its groups are kept.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    settings : SearchSettings
-        Population, generations, seed.
-    callback : callable, optional
-        Sees each generation and may end the search.
-
-    Raises
-    ------
-    ValueError
-        When the start is not inside the limits or its objective is not known.
-    """
+    """The best decision from ``start`` on; never worse than it."""
     which = column(objective)
     reference = _value(problem, start, which)
     genes = BoundedGenes.of(problem, start)
@@ -196,18 +177,7 @@ def baselines(
 
     Where no F and no S may change, the program as it is is the only one.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    groups : Groups
-        Rows that share an F, and an S, in all but the program as it is.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    settings : SearchSettings
-        Population, generations, evaluations, seed.
-    callback : callable, optional
-        Called after each generation of each search with its number; True ends the search.
+    ``callback``: called after each generation of each search with its number; True ends the search.
     """
     evaluated = problem.as_programmed
     programmed = Method(

@@ -289,12 +289,7 @@ class Editable:
 def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable:
     """Editable rows in which S changes at the program's own S words and at rapids alone.
 
-    Parameters
-    ----------
-    editable : Editable
-        F and S that may change, of M rows.
-    kind : ndarray of uint8, shape (M,)
-        Of the moves.
+    ``kind`` (M,): of the moves.
     """
     fitting = editable.own_start | np.isin(kind, (Kind.RAPID, Kind.SPINDLE))
     return replace(editable, may_start=editable.may_start & fitting)
@@ -303,12 +298,7 @@ def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable
 def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
     """Editable rows in which the rows of a pass are one block, inside which S does not change.
 
-    Parameters
-    ----------
-    editable : Editable
-        F and S that may change, of M rows.
-    passes : ndarray of intp, shape (M,)
-        Pass of each row, -1 for those of none.
+    ``passes`` (M,): pass of each row, -1 for those of none.
     """
     block, line = editable.block, editable.line
     rows = np.flatnonzero((passes >= 0) & (block >= 0))
@@ -332,10 +322,7 @@ def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
 class RowGroups:
     """Rows of each of U groups.
 
-    Parameters
-    ----------
-    group : ndarray of intp, shape (M,)
-        From 0 without gaps; -1 for rows of none.
+    ``group`` (M,): from 0 without gaps; -1 for rows of none.
     """
 
     def __init__(self, group: Rows) -> None:

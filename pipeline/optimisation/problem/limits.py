@@ -50,20 +50,9 @@ def bounds_of(
 ) -> Bounds:  # fmt: skip
     """Bounds of each row of a cut.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    blocks : CutBlocks
-        Its K blocks.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        Rows that share an F: the least of a range gives way to what any of them may take.
-    f_z_load : ndarray, shape (M,), optional
-        Feed for each tooth that the load limit allows [m]; by default that of the load table.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change.
+    ``editable``: rows that share an F: the least of a range gives way to what any of them may take;
+    ``f_z_load`` (M,): feed for each tooth that the load limit allows [m]; by default that of the
+    load table.
     """
     margins = limits.margins
     torque = greatest_torque(cut)
@@ -129,19 +118,9 @@ def least_of_blocks(block: Rows, values: Floats) -> Floats:
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
     """Greatest f_z up to which a load stays within a limit [m].
 
-    Parameters
-    ----------
-    cut : Cut
-        Whose load table has M rows.
-    values : ndarray, shape (M, K + 1)
-        The load at its nodes.
-    limit : ndarray, shape (..., M), or float
-        In the unit of ``values``; infinite where there is none.
-
-    Returns
-    -------
-    ndarray, shape (..., M)
-        0 where any feed passes the limit, infinite where none does.
+    ``values`` (M, K + 1): the load at its nodes; ``limit`` (..., M): in the unit of ``values``;
+    infinite where there is none. Shape (..., M): 0 where any feed passes the limit, infinite
+    where none does.
     """
     from pipeline.optimisation.problem.kernels import first_crossings
 
@@ -275,26 +254,8 @@ def ranges_of(
 ) -> Ranges:  # fmt: skip
     """Ranges of each row.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        What may be changed.
-    drive : SpindleDrive or None
-        Of the machine.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change.
-    f_z_high : ndarray, shape (M,), optional
-        Greatest feed for each tooth by all limits [m]: where that is less than the least change
-        from the program, the change gives way, so that a load is never kept for its sake.
-
-    Raises
-    ------
-    ValueError
-        When a range is empty.
+    ``f_z_high`` (M,): greatest feed for each tooth by all limits [m]: where that is less than the
+    least change from the program, the change gives way, so that a load is never kept for its sake.
     """
     cuts, unknown = cut.tool >= 0, not_computed(cut)
     feed_low, feed_high = _feeds(cut, limits, editable, unknown)

@@ -171,14 +171,7 @@ class SpeedChanges:
 def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
     """Where S can change in a program.
 
-    Parameters
-    ----------
-    plan : Plan
-        M rows as programmed.
-    editable : Editable
-        Which S may change.
-    cuts : ndarray of bool, shape (M,)
-        Rows that cut at feed.
+    ``cuts`` (M,): rows that cut at feed.
     """
     path, free = plan.path, editable.speed
     moves = path.moves
@@ -248,10 +241,7 @@ class Chatter:
     def margins(self, spindle_speed: Floats) -> Floats:
         """Least stability margin of each row [1]; inf in air, NaN without dynamics.
 
-        Parameters
-        ----------
-        spindle_speed : ndarray, shape (M,) or (P, M)
-            [rev/min]; those outside of the table count as their ends.
+        ``spindle_speed`` (M,): [rev/min]; those outside of the table count as their ends.
         """
         return self.table.margins(np.clip(spindle_speed, *(60 * self.table.nodes[[0, -1]])))
 
@@ -266,13 +256,7 @@ class Chatter:
 
 
 class Lobes:
-    """Stability lobes, computed where they are first read and then kept: they take time.
-
-    Parameters
-    ----------
-    cut, blocks, dynamics, ranges, free
-        As :func:`chatter_of` takes them; without dynamics there are none.
-    """
+    """Stability lobes, computed where they are first read and then kept: they take time."""
 
     def __init__(
         self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,

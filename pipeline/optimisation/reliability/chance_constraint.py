@@ -100,26 +100,9 @@ def chance_constrained_feeds(
 ) -> ChanceConstrainedFeeds:  # fmt: skip
     """Greatest feeds at which P(any row's load > limit) <= epsilon for the part.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    limits_N : ndarray, shape (T,)
-        Of the peak across the axis of each tool [N]; infinite where none holds.
-    margin : float
-        Share of it that is kept free [1].
-    uncertain : Uncertainty
-        Of every tool that cuts.
-    settings : ReliabilitySettings
-        Epsilon, draws, seed.
-    greatest : ndarray, shape (M,), optional
-        Feed for each tooth that other limits allow each row [m]; rows that cannot come near to the
-        load limit with it are not drawn.
-
-    Raises
-    ------
-    ValueError
-        When a tool that cuts has no entry in ``uncertain``, or the draws are too few for epsilon.
+    ``limits_N`` (T,): of the peak across the axis of each tool [N]; infinite where none holds;
+    ``margin``: share of it that is kept free [1]; ``greatest`` (M,): feed for each tooth that other
+    limits allow each row [m]; rows that cannot come near to the load limit with it are not drawn.
     """
     limits_N = limits_N * (1.0 - margin)
     allowed = np.full(cut.engagement.blocks, np.inf) if greatest is None else greatest
@@ -191,21 +174,9 @@ def exceedance(
 ) -> Exceedance:  # fmt: skip
     """Probability that any load of a part passes the limit of its tool, in fresh draws.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    f_z : ndarray, shape (M,)
-        Feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count as the
-        last that is tabulated.
-    limits_N : ndarray, shape (T,)
-        Of each tool [N]; infinite where none holds.
-    uncertain : Uncertainty
-        Of every tool that cuts.
-    settings : ReliabilitySettings
-        How many draws the feeds rest on; ``FRESH`` times as many are drawn.
-    seed : int
-        Another one than that of the feeds.
+    ``f_z`` (M,): feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count
+    as the last that is tabulated; ``limits_N`` (T,): of each tool [N]; infinite where none holds;
+    ``seed``: another one than that of the feeds.
     """
     many, at = FRESH * settings.draws, np.asarray(f_z, dtype=np.float64)
     candidates = critical(cut, _judged(cut, at, limits_N))

@@ -14,13 +14,7 @@ FEED_UNITS: tuple[FeedUnit, ...] = get_args(FeedUnit)
 
 
 class FeedWords:
-    """F of each row of a program in the unit in which the program writes it.
-
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        Text, and as interpreted; M rows.
-    """
+    """F of each row of a program in the unit in which the program writes it."""
 
     def __init__(self, program: Program, moves: Moves) -> None:
         by_time = moves.feed_mode == FeedMode.INVERSE_TIME

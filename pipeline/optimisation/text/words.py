@@ -175,15 +175,7 @@ class ProgramWords:
 
 
 def decimals(values: ArrayLike, least: int = 0) -> NDArray[np.intp]:
-    """Decimals with which rounding down costs less than :data:`ROUNDING` of a value.
-
-    Parameters
-    ----------
-    values : array_like
-        Of words, positive.
-    least : int
-        Decimals that a word has at least.
-    """
+    """Decimals with which rounding down costs less than :data:`ROUNDING` of a value."""
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.ceil(-np.log10(ROUNDING * np.asarray(values, dtype=np.float64)) - SLACK)
     needed = np.where(np.isfinite(needed), needed, MOST_DECIMALS)
@@ -193,17 +185,7 @@ def decimals(values: ArrayLike, least: int = 0) -> NDArray[np.intp]:
 def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
     """Values as words hold them: the next one below with as many decimals as are needed.
 
-    Parameters
-    ----------
-    values : array_like
-        Positive.
-    least : int
-        As :func:`decimals` takes it.
-
-    Returns
-    -------
-    ndarray
-        The float64 nearest to each written number.
+    Each is the float64 nearest to the written number.
     """
     given = np.asarray(values, dtype=np.float64)
     power = 10.0 ** decimals(given, least)
@@ -216,14 +198,7 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
 
     Below ten steps the step is a tenth, and so on, so that two digits are left.
 
-    Parameters
-    ----------
-    values : array_like
-        Positive.
-    step : array_like
-        In their unit, above 0, one for all or for each; one 0 leaves all as they are.
-    to : callable
-        ``np.rint``, ``np.floor`` or ``np.ceil``.
+    ``step``: in their unit, above 0, one for all or for each; one 0 leaves all as they are.
 
     Examples
     --------
@@ -285,19 +260,8 @@ def in_place_of(word: bytes, number: bytes) -> bytes:
 def rounded_feeds(program: Program, moves: Moves, feeds: ArrayLike) -> Floats:
     """Feeds as the text will hold them: rounded down, by less than 0.1 %.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted, M rows.
-    feeds : array_like, shape (…, M)
-        In the units of ``Moves`` ([mm/min] or [mm/rev]), positive.
-
-    Returns
-    -------
-    ndarray, shape (…, M)
-        Bit for bit what the interpreter will read.
+    ``feeds`` (…, M): in the units of ``Moves`` ([mm/min] or [mm/rev]), positive. Bit for
+    bit what the interpreter will read.
     """
     return FeedText.of(ProgramWords(program), moves).rounded(feeds)
 
