@@ -145,7 +145,7 @@ def test_a_measured_response_goes_before_the_modes_of_the_machine(project: Path)
         ({"--tool-table": "wrong.yaml"}, "wrong.yaml"),
         ({"--tool-table": "other.yaml"}, "T4 cuts and is not in the tool table"),
         ({"--material": "cheese"}, "conf/material/, which has"),
-        ({"--resolution": "0"}, "--resolution 0 mm is out of its range"),
+        ({"--resolution": "0"}, "--resolution 0.0 mm must lie from 0.001 to 100"),
         ({"--limit-load": "-5"}, "--limit-load -5.0 N must lie above 0"),
         ({"--work-offset": "G59"}, "'G59' is neither in the set-up nor in the program"),
         ({"--frf": "x=none.csv"}, "none.csv does not exist"),

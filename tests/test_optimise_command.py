@@ -233,7 +233,7 @@ def test_the_same_seed_makes_the_same_bytes(made: Path) -> None:
         ({"seed": "-1"}, "--seed -1 must lie from 0"),
         ({"speeds": "all"}, "'all' is not one of 'blocks', 'own'"),
         ({"machine": "lathe9"}, "conf/machine/lathe9.yaml does not exist"),
-        ({"resolution": "0"}, "--resolution 0 mm is out of its range"),
+        ({"resolution": "0"}, "--resolution 0.0 mm must lie from 0.001 to 100"),
         ({"unit": "a"}, "has no units: leave --unit out"),
     ],
 )

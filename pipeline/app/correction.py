@@ -18,18 +18,18 @@ from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
 
 
-def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
+def correct_simulated(simulated: Simulated, program: Path) -> CorrectedProgram:
     """Corrected command of a program's axes on a machine."""
-    models, plan = simulated.on.models, simulated.plan
-    found = needed_drives(models, machine, "--compensate")
-    residual, words = residual_of(models)
+    on, plan = simulated.on, simulated.plan
+    found = needed_drives(on, "--compensate")
+    residual, words = residual_of(on.models)
     axes, cutting = corrected_program(
         plan, read_drives(found), residual,
-        settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
+        settings=structure(on.parameters, "correction", CorrectionSettings),
     )  # fmt: skip
     return CorrectedProgram(
-        machine=machine, origin=simulated.on.origin, program=program.stem,
-        champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
+        machine=on.machine, origin=on.origin, program=program.stem,
+        champion=_champion(on.models, on.machine), residual=words, total=plan.total, axes=axes,
         cutting=cutting,
     )  # fmt: skip
 

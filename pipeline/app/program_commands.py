@@ -18,14 +18,36 @@ from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
 from pipeline.app.output import Outputs, outputs, say_json, step
 from pipeline.schema.limits import BY_TOOL, limit_options
 
+SETTINGS = {
+    "parts.resolution_mm": "--resolution", "certainty.epsilon": "--epsilon",
+    "certainty.seed": "--seed", "search.seed": "--seed", "grouping.speeds": "--speeds",
+} | {
+    f"{section}.{name}": words.option
+    for name, _, words in limit_options()
+    for section in ("limits.margins", "margins", "practice", "limits")
+} | {f"tool.limit_{name}": f"--limit-{name.partition('_')[0]}" for name in BY_TOOL}  # fmt: skip
+"""Option by the path of the setting that it gives."""
+
 
 @contextmanager
 def _working() -> Iterator[Outputs]:
-    """Where a command with compiled loops writes; bad input is a sentence, compilation is said."""
+    """Where a command with compiled loops writes; bad input is a sentence, compilation is said.
+
+    A setting that is refused is named by the option that gave it, but for what stands in a file.
+    """
     from pipeline.app.compiling import announced
+    from pipeline.parameters import ParametersError
 
     with one_sentence(), outputs() as to, announced():
-        yield to
+        try:
+            yield to
+        except ParametersError:
+            raise
+        except ValueError as error:
+            said = str(error)
+            for setting, option in SETTINGS.items():
+                said = said.replace(f"{setting} =", option).replace(setting, option)
+            raise ValueError(said) from error
 
 
 @app.command()
@@ -112,16 +134,21 @@ def simulate(
     """
     from pipeline.app.simulate import SimulateRequest, simulate_and_write, simulate_lines
 
+    given = (stock, tool_table, material, limit_load, resolution, work_offset, frf, wear, page)
     with _working() as to:
+        cut = None
+        if any(value is not None for value in given):
+            from pipeline.app.cut import cut_options  # it takes its time
+
+            cut = cut_options(
+                stock=stock, tool_table=tool_table, material=material, frf=frf,
+                limits={"load_N": limit_load}, resolution=resolution, work_offset=work_offset,
+                wear=wear, page=page,
+            )  # fmt: skip
         request = SimulateRequest(
             program=program, machine=machine, unit=unit, model=model, compensated=compensated,
             out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
-            compensate=to.file(compensate, ".csv"),
-            cut={
-                "stock": stock, "tool_table": tool_table, "material": material,
-                "limits": {"load_N": limit_load}, "resolution": resolution,
-                "work_offset": work_offset, "frf": frf or (), "page": page, "wear": wear or (),
-            },
+            compensate=to.file(compensate, ".csv"), cut=cut,
         )  # fmt: skip
         for line in simulate_lines(*simulate_and_write(request, to.taken), request):
             to.say(line)
@@ -307,52 +334,50 @@ def optimise(
 
     Ctrl-C ends the search and writes the best so far.
     """
+    from pipeline.app.cut import cut_options
     from pipeline.app.fleet import check_outputs
-    from pipeline.app.optimise import (
-        PartFiles,
-        PartRequest,
-        SearchOptions,
-        interruptible,
-        optimise_part,
-        part_options,
-        write_optimised,
-    )
+    from pipeline.app.optimise import SearchOptions, interruptible, optimise_part, write_optimised
     from pipeline.app.optimise_lines import optimise_lines
-    from pipeline.app.preflight import beyond_lines, not_checked_lines, preflight_program
-    from pipeline.app.programs import machine_setup, read_moves
+    from pipeline.app.preflight import beyond_lines, not_checked_lines
+    from pipeline.app.programs import machine_control, read_moves
     from pipeline.twin.preflight import preflight_warnings
 
     with _working() as to:
-        files = PartFiles.of(to.file(out, program.suffix), to.file(json), to.file(page))
-        request = PartRequest(
-            program=program, machine=machine, unit=unit, objective=objective,
-            cut=part_options(
-                stock=stock, tool_table=tool_table, material=material, limits=limits,
-                resolution=resolution, work_offset=work_offset, frf=frf, wear=wear,
-            ),
-            model=model,
-            search=SearchOptions(
-                epsilon=epsilon, seed=seed, split=split, speeds=speeds,
-                proof_comment=proof_comment, compensated=compensated,
-            ),
+        written, *shown = to.file(out, program.suffix), to.file(json), to.file(page)
+        if written is None:
+            raise ValueError(
+                "--out is missing: name a file for the optimised program, as OPTIMISED.nc"
+            )
+        cut = cut_options(
+            stock=stock, tool_table=tool_table, material=material, limits=limits, frf=frf,
+            resolution=resolution, work_offset=work_offset, wear=wear, objective=objective,
+            alone=False,
         )  # fmt: skip
-        check_outputs(program, *files.named, inputs=request.cut.files)
-        moves = read_moves(program, machine_setup(machine, None), lambda done: None)
-        checked = preflight_program(program, machine, moves=moves)
+        search = SearchOptions(
+            epsilon=epsilon, seed=seed, split=split, speeds=speeds, proof_comment=proof_comment,
+            compensated=compensated,
+        )  # fmt: skip
+        check_outputs(program, written, *shown, inputs=cut.files)
+        on = machine_control(machine, unit, model)
+        moves = read_moves(program, on.setup, lambda done: None)
+        checked = on.preflight(moves)
         for line in beyond_lines(checked, program, machine):
             to.say(line)
-        request = replace(request, beyond=preflight_warnings(checked.violations), moves=moves)
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
-                with stages_bar() as shown, step(f"optimised {program}"):
-                    result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
-                written = write_optimised(result, part, files)
+                with stages_bar() as bar, step(f"optimised {program}"):
+                    result, part = optimise_part(
+                        on, program, moves, cut, search, lambda w, s: (bar(w, s), ending())[1]
+                    )
+                beyond = preflight_warnings(checked.violations)
+                part = replace(part, warnings=(*beyond, *part.warnings))
+                write_optimised(result, part, written, *shown)
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
         for line in (*not_checked_lines(checked, machine), *optimise_lines(part)):
             to.say(line)
-        to.say(f"wrote {to.names(*written)}")
+        to.say(f"wrote {to.names(written, *shown)}")
     if part.interrupted:
         raise typer.Exit(130)
 

@@ -17,7 +17,7 @@ from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import read_json, write_json
+from pipeline.schema.store import read_json
 from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight
@@ -25,6 +25,7 @@ from pipeline.twin.preflight import Preflight, limits_of, preflight
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.optimisation.settings import OptimisationSettings
     from pipeline.submodels.contract import SubModel
     from pipeline.twin.program_axes import Residual
 
@@ -60,8 +61,10 @@ WITHOUT_TIME = {
 class Controlled:
     """A machine with its control: identified, or as in conf/machine/."""
 
+    machine: str
+    """Its name."""
     control: ControlParameters
-    """Of the unit."""
+    """Control of the unit."""
     identified: bool
     """Whether it was identified."""
     unit: str = ""
@@ -69,7 +72,7 @@ class Controlled:
     chosen: bool = False
     """Whether the user named it."""
     units: tuple[str, ...] = ()
-    """All of them."""
+    """All units of the machine."""
     origin: str
     """Origin of the machine's records."""
     setup: Setup
@@ -80,20 +83,35 @@ class Controlled:
     """Folder of the sub-models that are used: the champion's, or the latest ones."""
 
     @property
+    def sections(self) -> dict[str, Any]:
+        """Sections of the machine's file."""
+        found: dict[str, Any] = self.parameters["machine"][self.machine]
+        return found
+
+    def preflight(self, moves: Moves) -> Preflight:
+        """Moves held against the machine's travel, speeds, feeds and tool lengths."""
+        return preflight(moves, self.setup, machine_limits(self.sections, self.setup))
+
+    @property
     def source(self) -> str:
         """Where the control is from, as documents say it."""
         return "identified" if self.identified else "conf/machine"
+
+    @property
+    def optimisation(self) -> "OptimisationSettings":
+        """How programs are optimised, and what is uncertain."""
+        from pipeline.optimisation.settings import OptimisationSettings
+
+        return structure(self.parameters, "optimisation", OptimisationSettings)
 
     @property
     def used(self) -> tuple[UsedModel, ...]:
         """Sub-models that figures rest on, with their verdicts, the gravest first."""
         from pipeline.optimisation.job import machine_models
         from pipeline.optimisation.reliability.judged import used_models
-        from pipeline.optimisation.settings import OptimisationSettings
 
-        settings = structure(self.parameters, "optimisation", OptimisationSettings)
         known = machine_models(self.models, self.control)
-        return used_models(known.verdicts, settings.certainty)
+        return used_models(known.verdicts, self.optimisation.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -298,14 +316,12 @@ def simulate_program(
 
     on = machine_control(machine, unit, model)
     moves = read_moves(path, on.setup, share)
-    limits = machine_limits(on.parameters["machine"][machine], on.setup)
-    checked = preflight(moves, on.setup, limits)
-    residual, name = machine_residual(on, machine) if compensated else (None, "")
+    residual, name = machine_residual(on) if compensated else (None, "")
     plan = planned_program(moves, on.control)
-    axes = axes_table(plan, on.models, residual)
     return Simulated(
-        plan=plan, axes=axes, on=on, checked=checked, residual=residual, residual_name=name
-    )
+        plan=plan, axes=axes_table(plan, on.models, residual), on=on, checked=on.preflight(moves),
+        residual=residual, residual_name=name,
+    )  # fmt: skip
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
@@ -317,32 +333,33 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
     records = sections.get("control_records", {})
     units = tuple(records.get("units", ()))
     return Controlled(
-        unit=unit or str(records.get("default_unit", "")), chosen=unit is not None, units=units,
-        control=control, identified=identified, setup=_setup(sections), parameters=parameters,
+        machine=machine, unit=unit or str(records.get("default_unit", "")),
+        chosen=unit is not None, units=units, control=control, identified=identified,
+        setup=_setup(sections), parameters=parameters,
         origin=str(sections["identity"].get("origin", "recorded")), models=folder,
     )  # fmt: skip
 
 
-def machine_residual(on: Controlled, machine: str) -> "tuple[Residual, str]":
+def machine_residual(on: Controlled) -> "tuple[Residual, str]":
     """The compensation network of a machine with its name."""
     from pipeline.stages.correct_programs import residual_of
 
-    needed_drives(on.models, machine, "--compensated")
+    needed_drives(on, "--compensated")
     residual, name = residual_of(on.models)
     if residual is None:
         raise ValueError(
             f"{on.models / 'compensation'} holds no compensation model that passed: leave "
-            f"--compensated out, or record the axes of {machine} and run `dvc repro`"
+            f"--compensated out, or record the axes of {on.machine} and run `dvc repro`"
         )
     return residual, name
 
 
-def needed_drives(models: Path, machine: str, option: str) -> Path:
+def needed_drives(on: Controlled, option: str) -> Path:
     """File of the machine's identified drives, which an option needs."""
-    found = models / "drive/model.json"
+    found = on.models / "drive/model.json"
     if not found.exists():
         raise ValueError(
-            f"{found} does not exist: {option} needs the feed drives of {machine}, record their "
+            f"{found} does not exist: {option} needs the feed drives of {on.machine}, record their "
             "servos and run `dvc repro`"
         )
     return found
@@ -412,7 +429,7 @@ def _control(
     return structure({"control": known}, "control", ControlParameters), False
 
 
-def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
+def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
     """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
     from pipeline.twin.simulation import blocks, summary, without_time
 
@@ -420,7 +437,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
         {"verdicts": simulated.on.used}
         | summary(simulated.plan, name)
         | {
-            "machine": machine,
+            "machine": simulated.on.machine,
             "origin": simulated.on.origin,
             "control": simulated.on.source,
             "unit": simulated.on.unit,
@@ -506,11 +523,6 @@ def _axis_line(axis: dict[str, Any]) -> str:
         f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
         f"{axis['command_unit']}"
     )
-
-
-def write_document(document: dict[str, Any], path: Path) -> None:
-    """Write the JSON of ``kerf simulate``."""
-    write_json(document, path)
 
 
 def predict_table(

@@ -1,6 +1,6 @@
 """The command `kerf simulate`: plan a program, follow its cut and its axes, write, say."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,9 +15,9 @@ from pipeline.app.programs import (
     simulate_program,
     simulated_document,
     simulated_lines,
-    write_document,
 )
 from pipeline.schema.files import together
+from pipeline.schema.store import write_json
 
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateRequest:
-    """All options of ``kerf simulate``; ``cut`` by the names that ``cut_options`` gives them."""
+    """All options of ``kerf simulate``."""
 
     program: Path
     machine: str
@@ -37,25 +37,15 @@ class SimulateRequest:
     json: Path | None
     page: Path | None
     compensate: Path | None
-    cut: Mapping[str, Any]
-
-    @property
-    def options(self) -> "CutOptions | None":
-        """The options of a cut, None where nothing is said of one."""
-        given = dict(self.cut)
-        limits = given.pop("limits")
-        if all(value is None or value == () for value in (*given.values(), *limits.values())):
-            return None
-        from pipeline.app.cut import cut_options
-
-        return cut_options(**self.cut)
+    cut: "CutOptions | None"
+    """Blank, tools and material; None where nothing is said of a cut."""
 
 
 def simulate_and_write(
     request: SimulateRequest, standard: Path | None
 ) -> tuple[Simulated, dict[str, Any]]:
     """Simulate a program and write what was asked for; its document."""
-    options = request.options
+    options = request.cut
     read = options.files if options else ()
     check_outputs(
         request.program, request.json, request.out, request.page, request.compensate, inputs=read
@@ -66,12 +56,12 @@ def simulate_and_write(
             compensated=request.compensated,
         )  # fmt: skip
         found.add(f"{len(simulated.plan.path.moves)} moves, {simulated.plan.total:.1f} s")
-    document = simulated_document(simulated, request.program.stem, request.machine)
+    document = simulated_document(simulated, request.program.stem)
     if options is not None:
         from pipeline.app.cut import cut_document
 
         with step("followed the cut"):
-            document["cut"] = cut_document(simulated, request.machine, options)
+            document["cut"] = cut_document(simulated, options)
     corrected = _corrected(simulated, request, document)
     with together():
         _write(simulated, corrected, document, request, standard)
@@ -86,7 +76,7 @@ def _corrected(
     from pipeline.app.correction import correct_simulated, correction_document
 
     with step("corrected the axes' commands"):
-        corrected = correct_simulated(simulated, request.program, request.machine)
+        corrected = correct_simulated(simulated, request.program)
     document["correction"] = correction_document(corrected, request.compensate)
     return corrected
 
@@ -100,7 +90,7 @@ def _write(
 
         write_corrected(corrected, request.compensate)
     if request.json is not None:
-        write_document(document, request.json)
+        write_json(document, request.json)
     if request.out is not None:
         from pipeline.twin.simulation import write_trace
 

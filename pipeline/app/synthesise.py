@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.app.fleet import check_outputs, machine_parameters
-from pipeline.app.programs import passed_status, stored_model, write_document
+from pipeline.app.programs import passed_status, stored_model
+from pipeline.schema.store import write_json
 from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows
 from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
 from pipeline.submodels.synthesis.samples import (
@@ -55,7 +56,7 @@ def explained(
     given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
     found = explanation(served, read_windows(recording, served), given)
     if out is not None:
-        write_document({**found.document, **_label(served)}, out)
+        write_json({**found.document, **_label(served)}, out)
     return found
 
 

@@ -78,7 +78,7 @@ def _structured(values: Any, where: str, wanted: type[T]) -> T:
     except ParametersError as error:
         said = str(error).removeprefix("params.yaml, ").replace("file.", "").replace("$.", "")
         said = said.removesuffix(" @ file")
-        raise ValueError(f"{where}: {said}") from error
+        raise ParametersError(f"{where}: {said}") from error
 
 
 def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
@@ -17,7 +16,7 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.operation_words import named_operation
-from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
+from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
@@ -36,7 +35,6 @@ from pipeline.twin.program_axes import Residual
 
 Progress = Callable[[str, float], bool]
 """Called with what is under way and the share that is done; True ends with the best so far."""
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,31 +115,6 @@ class Workshop:
     """Wear that the tools are taken to have."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Supplies:
-    """Tool tables and materials by name, prices of time and electricity, cutting data."""
-
-    tools: Mapping[str, ToolTable]
-    materials: Mapping[str, Material]
-    rates: CostRates
-    cutting_data: CuttingCatalogue
-
-    def workshop(self, part: Part, parts: Parts, wear: ToolWear) -> Workshop:
-        """The workshop of one of the parts of a machine."""
-        modes = parts.dynamics
-        return Workshop(
-            table=_named(self.tools, part.tool_table, "tool"),
-            material=_named(self.materials, part.material, "material"),
-            rates=self.rates,
-            drive=parts.drive,
-            drive_source="section parts of the machine",
-            energy=parts.energy,
-            dynamics=None if modes is None else TipDynamics.of_modes(modes),
-            catalogue=self.cutting_data,
-            wear=wear,
-        )
-
-
 def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
     """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are."""
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
@@ -167,15 +140,32 @@ def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
     return read_program(path), replace(setup, folders=(*setup.folders, path.resolve().parent))
 
 
-def part_job(
-    program: Program, part: Part, *, models: MachineModels, workshop: Workshop, setup: Setup,
-    settings: OptimisationSettings, moves: Moves | None = None,
-) -> Job:  # fmt: skip
-    """A program with the limits and the objective of ``part``."""
-    cut, basis = cut_of(part, workshop, models.cutting, setup)
+@dataclass(frozen=True, kw_only=True)
+class JobRequest:
+    """One part of a machine as the stage or a person asks for it."""
+
+    program: Program
+    """Program as written."""
+    part: Part
+    """Blank, tools, material, objective, limits."""
+    models: MachineModels
+    """Models that were identified of the machine."""
+    setup: Setup
+    """Set-up of the machine, with the folder of the program's subprograms."""
+    settings: OptimisationSettings
+    """Reliability, grouping, search."""
+    moves: Moves | None = None
+    """Moves of the program with ``setup``, where it was followed before."""
+
+
+def job_of(request: JobRequest, workshop: Workshop) -> Job:
+    """The job of a request, with what the machine's sections and conf/ say of it."""
+    part = request.part
+    cut, basis = cut_of(part, workshop, request.models.cutting, request.setup)
     return Job(
-        program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
-        objective=part.objective, settings=settings, catalogue=workshop.catalogue, moves=moves,
+        program=request.program, setup=request.setup, models=request.models, cut=cut, basis=basis,
+        limits=part.limits, objective=part.objective, settings=request.settings,
+        catalogue=workshop.catalogue, moves=request.moves,
     )  # fmt: skip
 
 
@@ -216,10 +206,3 @@ def spindle_drive(
     if drive is None or idle is None:
         return drive, source
     return replace(drive, no_load_W=idle), f"{source}; no-load power identified on this machine"
-
-
-def _named(known: Mapping[str, T], name: str, folder: str) -> T:
-    if name not in known:
-        there = ", ".join(sorted(known)) or "none"
-        raise ValueError(f"parts name {name!r}, which conf/{folder}/ does not have: it has {there}")
-    return known[name]

@@ -60,7 +60,7 @@ REMEDY = {
     at.AS_PROGRAMMED: "give the tool's feed_per_tooth_mm",
     at.POWER: "take less depth",
     at.STABILITY: "take less depth, or another speed",
-    at.CUTTING_SPEED: "widen cutting_speed_m_min",
+    at.CUTTING_SPEED: "widen limits.cutting_speed_m_min",
     at.SPINDLE_SPEED: "widen limits.speed_rpm",
     at.FEED_PER_TOOTH: "give the tool's feed_per_tooth_mm",
     at.CHANGE: "widen practice.change",
@@ -269,8 +269,8 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
     held = np.array([tool.stickout is not None for tool in problem.cut.tools])
     free = ~(made | load | torque | (bending & held))
     _refuse(problem, problem.cuts & free[problem.cut.tool], lambda row: (
-        f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or chip_um, or "
-        "its feed_per_tooth_mm in the tool table"
+        f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or "
+        "limits.chip_um, or its feed_per_tooth_mm in the tool table"
     ))  # fmt: skip
 
 
@@ -343,7 +343,7 @@ def _whose(problem: Problem, row: int) -> str:
 
 
 def _wider(problem: Problem, row: int) -> str:
-    return "" if _held(problem, row) else "widen feed_mm_min or speed_rpm, or "
+    return "" if _held(problem, row) else "widen limits.feed_mm_min or limits.speed_rpm, or "
 
 
 def _held(problem: Problem, row: int) -> bool:
