@@ -412,7 +412,7 @@ def test_a_holder_or_shank_that_meets_the_part_is_named_by_every_command(project
     done = kerf(project, "preflight", "part.nc", *blank)
     assert done.exit_code == 1 and SAID in done.stdout
     assert "line 8: the shank of T4 (⌀ 14 mm from 6 mm above the tip) goes 3 mm" in done.stdout
-    found = json.loads(kerf(project, "preflight", "part.nc", *blank, "--json").stdout)
+    found = json.loads(kerf(project, "preflight", "part.nc", *blank, "--json", "-").stdout)
     assert {one["what"] for one in found["violations"]} == {"holder", "shank"}
     assert SAID in kerf(project, "check", "part.nc", "part.nc", *blank).stdout
     done = kerf(project, "simulate", "part.nc", *CUT, "--json", "cut.json")

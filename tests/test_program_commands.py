@@ -369,7 +369,7 @@ def test_a_restart_is_said_without_a_file_of_moves(project: Path) -> None:
     assert done.exit_code == 0
     for words in ("in force before line 8", "T1", "S6000 M3", "G94 F300", "X0 Y0 Z-1"):
         assert words in done.stdout
-    found = json.loads(kerf(project, "interpret", "part.nc", "--at", "8", "--json").stdout)
+    found = json.loads(kerf(project, "interpret", "part.nc", "--at", "8", "--json", "-").stdout)
     assert found["program"][:3] == [0.0, 0.0, -1.0] and found["words"]["plane"] == "G17"
     assert "--out is missing" in refused(project, "interpret", "part.nc")
 
@@ -398,7 +398,7 @@ def test_preflight_ends_with_1_where_the_machine_cannot_do_it(project: Path) -> 
     done = kerf(project, "preflight", "part.nc", "--machine", "mill01")
     assert done.exit_code == 0 and "stays inside" in done.stdout, done.output
     (project / "part.nc").write_text(BEYOND)
-    done = kerf(project, "preflight", "part.nc", "--machine", "mill01", "--json")
+    done = kerf(project, "preflight", "part.nc", "--machine", "mill01", "--json", "-")
     assert done.exit_code == 1
     found = json.loads(done.stdout)
     assert [one["value"] for one in found["violations"]] == [30000.0, 4590.0, 99000.0]

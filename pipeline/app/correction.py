@@ -6,9 +6,9 @@ from typing import Any
 
 from pipeline.app.programs import Simulated, needed_drives
 from pipeline.parameters import structure
-from pipeline.schema.bundle import BUNDLE, Bundle, read_champions
+from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.store import read_json
-from pipeline.stages.correct_programs import bundle_words, residual_of
+from pipeline.submodels.compensation.model import residual_of
 from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,

@@ -5,7 +5,6 @@ import json
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
@@ -22,7 +21,7 @@ from pipeline.fleet import Fleet
 from pipeline.parameters import read_params, structure
 from pipeline.schema.cache import content_key, keep, kept
 from pipeline.schema.days import UTC, day_of_text
-from pipeline.schema.files import NotWrittenError, replacing
+from pipeline.schema.files import replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
 
@@ -447,58 +446,3 @@ def write_report(out: Path) -> Path:
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip
     return out / "index.html"
-
-
-def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
-    """Refuse files that cannot be written, or would replace what is read or each other."""
-    for path in outputs:
-        if path is None:
-            continue
-        if program is not None and _same(path, program):
-            raise ValueError(f"{path} is the program itself: name another file to write")
-        if path.is_dir():
-            raise ValueError(f"{path} is a folder: name a file in it")
-        if not path.parent.is_dir():
-            raise ValueError(f"{path.parent} does not exist: make that folder first")
-        if any(_same(path, read) for read in inputs):
-            raise ValueError(f"{path} is read: name another file to write")
-        if CONF.resolve() in path.resolve().parents:
-            raise ValueError(f"{path} is in {CONF}, which is read: name a file elsewhere")
-    written = [path for path in outputs if path is not None]
-    for i, path in enumerate(written):
-        ordinary = path.is_file() or not path.exists()  # not /dev/null
-        if ordinary and any(_same(path, other) for other in written[:i]):
-            raise ValueError(f"{path} is named for two outputs: name a file for each")
-    for path in written:
-        _check_writable(path)
-
-
-def _same(path: Path, other: Path) -> bool:
-    if path.exists() and other.exists():
-        return path.samefile(other)
-    return path.resolve() == other.resolve()
-
-
-def _check_writable(path: Path) -> None:
-    """Open the file, and one beside it, to write: nothing else says it of every file system.
-
-    What is there is left as it is.
-    """
-    if path.exists() and not path.is_file():
-        return
-    try:
-        if path.exists():
-            path.open("ab").close()
-        with suppress(_TriedError), replacing(path) as part:
-            part.open("xb").close()
-            raise _TriedError
-    except OSError as error:
-        cause = error.__cause__ if isinstance(error, NotWrittenError) else error
-        reason = getattr(cause, "strerror", None) or error
-        raise ValueError(
-            f"{path} cannot be written ({reason}): name a file in a folder that you may write to"
-        ) from error
-
-
-class _TriedError(Exception):
-    """A file beside could be begun; it is removed, as after any error."""

@@ -31,11 +31,19 @@ class _OneSentence(TyperGroup):
                 error.show()
             else:
                 said = error.format_message().replace("Value error, ", "").rstrip(".")
+                if said == "Option '--json' requires an argument":
+                    said += ": name a file, or - for standard output"
                 where = f"; see `{error.ctx.command_path} --help`" if error.ctx else ""
                 typer.echo(f"kerf: {said}{where}", err=True)
             sys.exit(error.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
+
+PROJECT = "Project and fleet, as in: kerf fleet demo"
+RECORDS = "Records, as in: kerf ingest log.txt --machine mill00 --out read"
+MODELS = "Models, as in: kerf promote mill00 --why 'new probe'"
+PROGRAMS = "Part programs, as in: kerf simulate part.nc --machine mill00"
+"""Groups of commands in the help."""
 
 app = typer.Typer(
     cls=_OneSentence,
@@ -153,7 +161,7 @@ Speeds = Annotated[
     SpeedsName | None,
     typer.Option(help="S words at any block, or only the program's own.", rich_help_panel="Limits"),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Say it as JSON on standard output.")]
+Json = Annotated[Path | None, typer.Option("--json", help="JSON to write, - for standard output.")]
 
 
 @contextmanager

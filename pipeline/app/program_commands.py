@@ -15,7 +15,7 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
-from pipeline.app.output import Outputs, outputs, say_json, step
+from pipeline.app.output import Outputs, check_outputs, outputs, step
 from pipeline.schema.limits import BY_TOOL, limit_options
 
 SETTINGS = {
@@ -50,7 +50,7 @@ def _working() -> Iterator[Outputs]:
             raise ValueError(said) from error
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def interpret(
     program: kerf.Program,
     out: Annotated[Path | None, typer.Option(help="CSV to write, a row a move.")] = None,
@@ -59,17 +59,16 @@ def interpret(
     at: Annotated[
         int | None, typer.Option(help="Line to restart at: say what is in force before it.")
     ] = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
     if out is None and at is None:
         with one_sentence():
             raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
     if at is not None:
-        _restart(program, machine, dialect, at, json=json)
+        _restart(program, machine, dialect, at, json)
     if out is None:
         return
-    from pipeline.app.fleet import check_outputs
     from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
     from pipeline.app.programs import machine_setup, moves_in_parts, passed_over
 
@@ -88,23 +87,25 @@ def interpret(
 
 
 def _restart(
-    program: Path, machine: str | None, dialect: kerf.DialectName | None, line: int, *, json: bool
+    program: Path,
+    machine: str | None,
+    dialect: kerf.DialectName | None,
+    line: int,
+    json: Path | None,
 ) -> None:
     from pipeline.app.programs import machine_setup, program_at, setup_beside
     from pipeline.gcode.interpret import restart_at
     from pipeline.gcode.restart import restart_lines
 
-    with _working():
+    with _working() as to:
         setup = setup_beside(machine_setup(machine, dialect), program)
         found = restart_at(program_at(program), setup, line)
-    if json:
-        say_json(asdict(found))
-        return
-    for text in restart_lines(found):
-        typer.echo(text)
+        to.json(asdict(found), json)
+        for text in restart_lines(found):
+            to.say(text)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def simulate(
     program: kerf.Program,
     machine: kerf.Whose,
@@ -112,7 +113,7 @@ def simulate(
     out: Annotated[
         Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+    json: kerf.Json = None,
     stock: kerf.Stock = None,
     tool_table: kerf.ToolTable = None,
     material: kerf.Material = None,
@@ -154,7 +155,7 @@ def simulate(
             to.say(line)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def preflight(
     program: kerf.Program,
     machine: kerf.Whose,
@@ -163,7 +164,7 @@ def preflight(
     tool_table: kerf.ToolTable = None,
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Hold PROGRAM against MACHINE's travel, spindle speeds, feeds and tool lengths; else exit 1.
 
@@ -178,21 +179,19 @@ def preflight(
         preflight_program,
     )
 
-    with _working():
+    with _working() as to:
         clearance = Clearance(stock, tool_table, resolution, work_offset)
         found = preflight_program(program, machine, dialect, clearance=clearance)
-    if json:
-        say_json({"program": program.name, "machine": machine} | asdict(found))
-    else:
+        to.json({"program": program.name, "machine": machine} | asdict(found), json)
         if not found.violations:
-            typer.echo(f"{program.name} stays inside of what {machine} lists")
+            to.say(f"{program.name} stays inside of what {machine} lists")
         for line in (*preflight_lines(found, program, machine), *clearance_lines(found)):
-            typer.echo(line)
+            to.say(line)
     if found.violations:
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def check(
     before: Annotated[Path, typer.Argument(help="A part program.")],
     after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
@@ -206,7 +205,7 @@ def check(
     stock: kerf.Stock = None,
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
 
@@ -226,7 +225,7 @@ def check(
         preflight_program,
     )
 
-    with _working():
+    with _working() as to:
         if material is not None and tool_table is None:
             raise ValueError(
                 "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
@@ -250,11 +249,9 @@ def check(
             warnings += machine_lines(after, moves)
         if proof.same and moves is not None and tool_table is not None:
             warnings += range_lines(after, moves, tool_table, material)
-    if json:
-        say_json(asdict(proof) | {"warnings": [*reach, *warnings]})
-    else:
+        to.json(asdict(proof) | {"warnings": [*reach, *warnings]}, json)
         for line in (*reach, *check_lines(proof, before, after), *warnings):
-            typer.echo(line)
+            to.say(line)
     if not proof.same:
         raise typer.Exit(1)
 
@@ -296,7 +293,7 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
     return optimised
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 @_with_limits
 def optimise(
     *,
@@ -304,7 +301,7 @@ def optimise(
     machine: kerf.Whose,
     objective: kerf.Objective = "time",
     out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
+    json: kerf.Json = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
     unit: kerf.Unit = None,
     stock: kerf.Stock = None,
@@ -335,7 +332,6 @@ def optimise(
     Ctrl-C ends the search and writes the best so far.
     """
     from pipeline.app.cut import cut_options
-    from pipeline.app.fleet import check_outputs
     from pipeline.app.optimise import SearchOptions, interruptible, optimise_part, write_optimised
     from pipeline.app.optimise_lines import optimise_lines
     from pipeline.app.preflight import beyond_lines, not_checked_lines

@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.interpret import interpret, interpret_in_parts
@@ -342,7 +343,7 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
 
 def machine_residual(on: Controlled) -> "tuple[Residual, str]":
     """The compensation network of a machine with its name."""
-    from pipeline.stages.correct_programs import residual_of
+    from pipeline.submodels.compensation.model import residual_of
 
     needed_drives(on, "--compensated")
     residual, name = residual_of(on.models)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.app.fleet import check_outputs
 from pipeline.app.kerf import share_bar
-from pipeline.app.output import step
+from pipeline.app.output import check_outputs, step
 from pipeline.app.preflight import preflight_lines
 from pipeline.app.programs import (
     Simulated,

@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from pipeline.app.fleet import check_outputs, machine_parameters
+from pipeline.app.fleet import machine_parameters
+from pipeline.app.output import check_outputs
 from pipeline.app.programs import passed_status, stored_model
 from pipeline.schema.store import write_json
 from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import check_outputs
 from pipeline.app.transfer_page import write_transfer_page
 from pipeline.parameters import section_path, structure
 from pipeline.report.standalone_page import source_of

@@ -22,8 +22,8 @@ from pipeline.optimisation.part_sheet import (
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
 from pipeline.optimisation.reliability.judged import used_models
-from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together

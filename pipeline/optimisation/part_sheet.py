@@ -20,7 +20,7 @@ from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
 from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
-from pipeline.optimisation.text.feed_words import FeedWords
+from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL
 from pipeline.schema.part_sheet import (
