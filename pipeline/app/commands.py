@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @app.command(rich_help_panel=kerf.PROJECT)
 def init(
-    folder: Annotated[Path, typer.Argument(help="Of the new project, or of one to bring up.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of a project, new or to bring up.")],
 ) -> None:
     """Make a project in FOLDER: conf/, dvc.yaml and DVC, run by the Kerf that is installed."""
     from pipeline.app.project import new_project
@@ -35,7 +35,7 @@ def init(
 @app.command(rich_help_panel=kerf.RECORDS)
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
-    machine: Annotated[str, typer.Option(help="Whose records these are, as in conf/machine/.")],
+    machine: Annotated[str, typer.Option(help="Machine, as in conf/machine/.")],
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
     json: kerf.Json = None,
 ) -> None:
@@ -99,7 +99,7 @@ def report(
 
 @app.command(rich_help_panel=kerf.PROJECT)
 def fleet(
-    name: Annotated[str, typer.Argument(help="As in conf/fleet/.")],
+    name: Annotated[str, typer.Argument(help="Fleet, as in conf/fleet/.")],
     recordings: Annotated[
         Path | None,
         typer.Option(
@@ -176,8 +176,8 @@ def promote(
 @app.command(rich_help_panel=kerf.MODELS)
 def predict(
     machine: kerf.Machine,
-    submodel: Annotated[str, typer.Argument(help="Which, as `kerf status` lists them.")],
-    table: Annotated[Path, typer.Argument(help="Its inputs, CSV or Parquet.")],
+    submodel: Annotated[str, typer.Argument(help="Sub-model, as `kerf status` lists them.")],
+    table: Annotated[Path, typer.Argument(help="Table of its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
     model: kerf.Model = "champion",
 ) -> None:
@@ -195,7 +195,7 @@ def predict(
 @app.command(rich_help_panel=kerf.MODELS)
 def transfer(
     machine: kerf.Machine,
-    golden: Annotated[str, typer.Option(help="Whose spindle parameters are expected here.")],
+    golden: Annotated[str, typer.Option(help="Machine whose spindle parameters are expected.")],
     out: Annotated[Path, typer.Option(help="JSON to write the curve into.")],
     between: Annotated[
         float, typer.Option(help="Relative spread of a parameter between machines of a type.")
@@ -260,14 +260,14 @@ def wear(
 def synthesise(
     machine: kerf.Whose,
     wear: Annotated[
-        str | None, typer.Option(help="Of the tool: VB in um, or 1 worn and 0 not.")
+        str | None, typer.Option(help="Wear of the tool: VB in um, or 1 worn and 0 not.")
     ] = None,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", help="Another condition, name=value; may be repeated."),
     ] = None,
     n: Annotated[int, typer.Option("--n", help="Windows to make.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
     explain: Annotated[
         Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")

@@ -98,23 +98,21 @@ def _machines(incomplete: str) -> list[str]:
     return sorted(path.stem for path in Path("conf/machine").glob(f"{incomplete}*.yaml"))
 
 
-Machine = Annotated[str, typer.Argument(help="As in conf/machine/.", autocompletion=_machines)]
-Program = Annotated[Path, typer.Argument(help="A part program.")]
-Whose = Annotated[
-    str, typer.Option(help="Whose control, as in conf/machine/.", autocompletion=_machines)
+Machine = Annotated[
+    str, typer.Argument(help="Machine, as in conf/machine/.", autocompletion=_machines)
 ]
+Program = Annotated[Path, typer.Argument(help="A part program.")]
+Whose = Annotated[str, typer.Option(help="Machine, as in conf/machine/.", autocompletion=_machines)]
 Setup = Annotated[
     str | None,
-    typer.Option(
-        help="Whose offsets and tools hold, as in conf/machine/.", autocompletion=_machines
-    ),
+    typer.Option(help="Machine whose offsets and tools hold.", autocompletion=_machines),
 ]
 DialectName = Literal["fanuc", "linuxcnc", "siemens"]
 Dialect = Annotated[
     DialectName | None,
-    typer.Option(help="In which the program is written; the machine's by default."),
+    typer.Option(help="Dialect of the program; the machine's by default."),
 ]
-Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
+Unit = Annotated[str | None, typer.Option(help="Unit, of several machines of a kind.")]
 Stock = Annotated[
     str | None,
     typer.Option(
@@ -125,13 +123,13 @@ Stock = Annotated[
 ToolTable = Annotated[
     str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
 ]
-Material = Annotated[str | None, typer.Option(help="Of the blank, as in conf/material/.")]
+Material = Annotated[str | None, typer.Option(help="Material, as in conf/material/.")]
 Load = Annotated[
     list[str] | None, typer.Option(help=limit_words("load_N")[0].help, metavar="N|T5=N")
 ]
-Resolution = Annotated[float | None, typer.Option(help="Of the blank, mm; 0.2 by default.")]
+Resolution = Annotated[float | None, typer.Option(help="Resolution of the blank, mm; 0.2.")]
 WorkOffset = Annotated[
-    str | None, typer.Option(help="That the blank is measured in; that of the first cut.")
+    str | None, typer.Option(help="Work offset of the blank; that of the first cut by default.")
 ]
 Responses = Annotated[
     list[str] | None,
@@ -149,9 +147,9 @@ Compensated = Annotated[
     typer.Option("--compensated", help="Following errors with what the network adds to them."),
 ]
 ModelName = Literal["champion", "latest"]
-Model = Annotated[ModelName, typer.Option(help="Whose sub-models; latest is the exception.")]
+Model = Annotated[ModelName, typer.Option(help="Sub-models that serve, or the latest.")]
 FormatName = Literal["csv", "fanuc", "siemens"]
-Format = Annotated[FormatName, typer.Option(help="Of the file.")]
+Format = Annotated[FormatName, typer.Option(help="Format of the file.")]
 ObjectiveName = Literal["time", "cost", "energy", "wear", "pareto"]
 Objective = Annotated[
     ObjectiveName, typer.Option(help="What is made least; pareto takes the knee of their front.")

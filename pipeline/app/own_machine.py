@@ -20,7 +20,7 @@ def _machine() -> None:
 
 @machine_app.command()
 def new(
-    name: Annotated[str, typer.Argument(help="Of the machine: letters, digits, _.")],
+    name: Annotated[str, typer.Argument(help="Name of the machine: letters, digits, _.")],
     devices: Annotated[
         Path | None, typer.Option(help="The agent's Devices document, if there is one.")
     ] = None,
@@ -28,9 +28,9 @@ def new(
         list[Path] | None,
         typer.Option(help="A log or table, or a folder of them; may be repeated."),
     ] = None,
-    device: Annotated[str | None, typer.Option(help="Which device of that document.")] = None,
+    device: Annotated[str | None, typer.Option(help="Device of that document.")] = None,
     time_zone: Annotated[
-        str, typer.Option(help="Of the plant's days, as America/New_York; records stay in UTC.")
+        str, typer.Option(help="Time zone of the plant's days, as America/New_York.")
     ] = "UTC",
 ) -> None:
     """Propose conf/machine/NAME.yaml and conf/fleet/NAME.yaml, and say why each signal is what."""

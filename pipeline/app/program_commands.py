@@ -320,7 +320,7 @@ def optimise(
         bool, typer.Option("--split", help="Split long blocks where the cut changes.")
     ] = False,
     speeds: kerf.Speeds = None,
-    seed: Annotated[int | None, typer.Option(help="Of all chance.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all chance.")] = None,
     proof_comment: Annotated[
         bool,
         typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),

@@ -25,11 +25,6 @@ COLUMNS = 900
 MM = 1e3
 
 
-def exceeded(of: AssessedCut, limits: CutLimit) -> Bools:
-    """Whether each of the K blocks that cut exceeds a limit; margins are not counted."""
-    return np.logical_or.reduce([*exceeded_limits(of, limits).values()])
-
-
 def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     """By the limit's name, which of the K blocks that cut exceed it; margins are not counted.
 

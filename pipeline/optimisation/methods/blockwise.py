@@ -20,10 +20,9 @@ from pipeline.optimisation.methods.speeds import (
     change_price,
     changes_of,
     own_speeds,
-    spread,
     start_prices,
 )
-from pipeline.optimisation.problem.arrays import Decision, Groups
+from pipeline.optimisation.problem.arrays import Decision, Groups, spread
 from pipeline.optimisation.problem.feasible import LimitsError, passed_limit
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping

@@ -16,6 +16,7 @@ from pipeline.machine.control.path import where
 from pipeline.machine.spindle import spindle_waits
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds
 from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed_pieces
+from pipeline.optimisation.problem.arrays import spread
 from pipeline.optimisation.problem.feasible import LimitsError
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
@@ -41,13 +42,6 @@ class Stretches:
     """Speeds [rev/min]; shape (H,)."""
     of_piece: Rows = field(repr=False)
     """Stretch of each piece; shape (A,)."""
-
-
-def spread(speeds: Floats, stretch: Rows, own: Floats) -> Floats:
-    """S of each row, shape (..., M), of those of stretches, (..., H); ``own`` where it is kept."""
-    if not speeds.shape[-1]:
-        return np.broadcast_to(own, (*speeds.shape[:-1], len(own))).copy()
-    return np.where(stretch >= 0, speeds[..., stretch], own)
 
 
 def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pieces, Stretches]:

@@ -195,11 +195,11 @@ class Groups:
 
     def row_feeds(self, feeds: ArrayLike) -> Floats:
         """F of each row, shape (M,) or (P, M), of those of groups, (G,) or (P, G)."""
-        return _spread(feeds, self.feed, self.own_feed)
+        return spread(feeds, self.feed, self.own_feed)
 
     def row_speeds(self, speeds: ArrayLike) -> Floats:
         """S of each row, shape (M,) or (P, M), of those of stretches, (H,) or (P, H)."""
-        return _spread(speeds, self.speed, self.own_speed)
+        return spread(speeds, self.speed, self.own_speed)
 
 
 def feeds_per_minute(cut: Cut, feeds: Floats, spindle_speed: Floats) -> Floats:
@@ -223,7 +223,8 @@ def first_rows(group: Rows) -> Rows:
     return first[numbers >= 0]
 
 
-def _spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
+def spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
+    """Values of rows, (..., M), of those of their groups, (..., G); ``own`` in rows of none."""
     given = np.asarray(values, dtype=np.float64)
     padded = np.concatenate([given, np.zeros((*given.shape[:-1], 1))], axis=-1)
     return np.where(group >= 0, padded[..., group], own)

@@ -28,6 +28,7 @@ from pipeline.optimisation.problem.arrays import (
     Editable,
     Practice,
     Ranges,
+    RowGroups,
     feeds_per_minute,
 )
 from pipeline.schema.arrays import Bools, Floats, Rows
@@ -79,8 +80,7 @@ def bounds_of(
     if np.isfinite(most_torque).any():
         by_torque[:] = inverse(cut, torque, most_torque * (1 - margins.torque))
     factor = _chip_factor(cut, blocks)
-    chip[:] = _greatest_chip(cut, limits, factor, by_tool=practice is None)
-    least = _least(cut, blocks, limits, factor, by_tool=practice is None)
+    least, chip[:] = _chip_bounds(cut, blocks, limits, factor, by_tool=practice is None)
     if practice is None:
         alone = _only_along(cut) | ~np.isfinite(most).any(axis=0)
         own = cut.commanded_feed_per_tooth()
@@ -91,7 +91,7 @@ def bounds_of(
             practice.f_z_high,
             practice.f_z_change,
         )
-        allowed = least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
+        allowed = _least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
         gives_way = np.minimum(practice.f_z_low, SOFT * allowed)
         least = np.maximum(least, np.where(cuts, gives_way, 0.0))
         free = practice.given_up
@@ -105,14 +105,10 @@ def row_limits(cut: Cut, limits: CutLimit, name: str) -> Floats:
     return np.append(tool_limits(cut.tools, name, getattr(limits, name)), np.inf)[cut.tool]
 
 
-def least_of_blocks(block: Rows, values: Floats) -> Floats:
+def _least_of_blocks(block: Rows, values: Floats) -> Floats:
     """Least value of the rows that share an F, in each of them; shape (M,)."""
-    rows = np.flatnonzero(block >= 0)
-    least = np.full(int(block.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(least, block[rows], values[rows])
-    out = values.copy()
-    out[rows] = least[block[rows]]
-    return out
+    blocks = RowGroups(block)
+    return blocks.spread(-blocks.greatest(-values[None]), values)[0]
 
 
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
@@ -198,37 +194,27 @@ def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
     return out
 
 
-def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats, *, by_tool: bool) -> Floats:
-    """Greatest f_z by the thickest chip that is allowed and by the tools' makers [m]."""
-    share = 1 - limits.margins.chip
-    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
-    most = np.array([np.inf if span is None else span[1] * MM * share for span in made])[cut.tool]
-    if limits.chip_um is not None:
-        thickest = limits.chip_um[1] * UM * share
-        with np.errstate(divide="ignore"):
-            most = np.minimum(most, thickest / factor)
-    return most
-
-
-def _least(
+def _chip_bounds(
     cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats, *, by_tool: bool
-) -> Floats:
-    """Least f_z by the thinnest chip and by the tools' makers [m]; shape (M,).
+) -> tuple[Floats, Floats]:
+    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each.
 
     A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
     """
-    share = 1 + limits.margins.chip
-    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
-    least = np.array([0.0 if span is None else span[0] * MM * share for span in made])[cut.tool]
+    made = [(tool.feed_per_tooth_mm if by_tool else None) or (0.0, np.inf) for tool in cut.tools]
+    shares = np.array([1 + limits.margins.chip, 1 - limits.margins.chip])
+    least, most = (np.array(made) * MM * shares).T[:, cut.tool]
     if limits.chip_um is not None:
+        thinnest, thickest = np.array(limits.chip_um) * UM * shares
         wide = np.zeros(len(least), dtype=np.bool_)
         wide[blocks.row] = blocks.radial_depth >= cut.engagement.resolution
         known = wide & (factor > 0)
-        thinnest = limits.chip_um[0] * UM * share
         least = np.maximum(
             least, np.divide(thinnest, factor, out=np.zeros(len(least)), where=known)
         )
-    return np.where(cut.tool >= 0, least, 0.0)
+        with np.errstate(divide="ignore"):
+            most = np.minimum(most, thickest / factor)
+    return np.where(cut.tool >= 0, least, 0.0), most
 
 
 def _plunges(cut: Cut) -> Bools:
@@ -281,7 +267,7 @@ def ranges_of(
         if f_z_high is not None:
             teeth = np.array([tool.flutes for tool in cut.tools] or [0])[cut.tool]
             allowed = np.minimum(f_z_high, 1.0) * teeth * cut.plan.spindle_speed / MM
-            allowed = least_of_blocks(editable.block, np.where(cuts, allowed, np.inf))
+            allowed = _least_of_blocks(editable.block, np.where(cuts, allowed, np.inf))
             least = np.minimum(least, GIVES_WAY * allowed)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)
