@@ -217,9 +217,7 @@ def compensation(
     out: Annotated[Path, typer.Option(help="File to write.")],
     format: kerf.Format = "csv",
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Write the correction of MACHINE's spindle growth as a file for its control."""
     from pipeline.app.compensation import said, write_compensation
@@ -235,15 +233,10 @@ def compensation(
 def wear(
     files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
     machine: kerf.Whose,
-    conditions: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="A condition that no record tells: name=value, again for more."),
-    ] = None,
+    conditions: kerf.Conditions = None,
     json: kerf.Json = None,
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Tell the wear of the tools in FILES with its 90 % interval."""
     from pipeline.app.wear import document, said, wear_of_files
@@ -262,10 +255,7 @@ def synthesise(
     wear: Annotated[
         str | None, typer.Option(help="Wear of the tool: VB in um, or 1 worn and 0 not.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Another condition, name=value; may be repeated."),
-    ] = None,
+    conditions: kerf.Conditions = None,
     n: Annotated[int, typer.Option("--n", help="Windows to make.")] = 100,
     seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
@@ -274,9 +264,7 @@ def synthesise(
     ] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Make signals of MACHINE at a wear of the tool, or say which wear explains a recording."""
     import pipeline.app.synthesise as work
@@ -286,7 +274,7 @@ def synthesise(
             raise ValueError("give --out for windows to make, or --explain for a recording")
         if json is not None and explain is None:
             raise ValueError("--json holds what --explain finds: give a recording with it")
-        words = work.pairs([*(set_ or ()), *([] if wear is None else [f"wear={wear}"])])
+        words = work.pairs([*(conditions or ()), *([] if wear is None else [f"wear={wear}"])])
         served = work.served_of(machine, model, anyway=anyway)
         if explain is not None:
             lines = work.explained_lines(work.explained(served, explain, words, json), served)

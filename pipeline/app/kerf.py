@@ -159,6 +159,12 @@ Speeds = Annotated[
     SpeedsName | None,
     typer.Option(help="S words at any block, or only the program's own.", rich_help_panel="Limits"),
 ]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+]
+Conditions = Annotated[
+    list[str] | None, typer.Option("--set", help="A condition, name=value; again for more.")
+]
 Json = Annotated[Path | None, typer.Option("--json", help="JSON to write, - for standard output.")]
 
 

@@ -9,11 +9,11 @@ from types import FrameType
 from typing import TypeVar
 
 from pipeline.app.cut import CutOptions, workshop_of
-from pipeline.app.programs import Controlled, machine_residual, program_at, setup_beside
+from pipeline.app.programs import Controlled, machine_residual
 from pipeline.gcode.moves import Moves
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import JobRequest, Progress, machine_models
+from pipeline.optimisation.job import JobRequest, Progress, machine_models, part_program
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
@@ -66,10 +66,10 @@ def optimise_part(
     if settings.compensated:
         residual, name = machine_residual(on)
         models = replace(models, residual=residual, residual_name=name)
+    text, setup = part_program(program, on.setup)
     request = JobRequest(
-        program=program_at(program), part=cut.part, models=models, settings=settings, moves=moves,
-        setup=setup_beside(on.setup, program),
-    )  # fmt: skip
+        program=text, part=cut.part, models=models, setup=setup, settings=settings, moves=moves
+    )
     result = optimise_worn(request, workshop_of(on, cut, settings.wear), progress)
     part = optimised_part(result, machine=on.machine, origin=on.origin, control=on.source)
     return result, replace(part, machine_unit=on.unit or None)

@@ -188,22 +188,23 @@ def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
 
 def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
     """The moves of :func:`read_moves` in parts of at least ``rows``."""
-    program = program_at(path)
-    lines = max(len(program), 1)
-    beside = setup_beside(setup, path)
-    return interpret_in_parts(program, beside, lambda done: share(min(done / lines, 1.0)), rows)
+    return interpret_in_parts(*_followed(path, setup, share), rows)
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
     """Moves of the program at ``path``; ``share`` is told how much of it is done."""
-    program = program_at(path)
-    lines = max(len(program), 1)
-    moves = interpret(
-        program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0))
-    )
+    moves = interpret(*_followed(path, setup, share))
     if len(moves) == 0:
         raise ValueError(NOTHING.format(path.name))
     return moves
+
+
+def _followed(
+    path: Path, setup: Setup, share: Share
+) -> tuple[Program, Setup, Callable[[int], None]]:
+    program = program_at(path)
+    lines = max(len(program), 1)
+    return program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0))
 
 
 def passed_over(path: Path, setup: Setup) -> Iterator[str]:

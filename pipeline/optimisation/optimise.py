@@ -352,7 +352,7 @@ class _Course:
             direct.problem, direct.blockwise, self.objective, self.job.settings.search, self._each
         )
         return replace(
-            direct, answer=self._better(direct, better.decision),
+            direct, answer=self._better(direct, better.decision or direct.blockwise),
             evaluations=1 + better.evaluations,
         )  # fmt: skip
 
@@ -452,7 +452,8 @@ class _Course:
                 nominal, optimum, self.objective, self.job.settings.search, self._compared
             )
             found = self._written(
-                nominal, method_of(nominal, ANSWER, better.decision, 1 + better.evaluations)
+                nominal,
+                method_of(nominal, ANSWER, better.decision or optimum, 1 + better.evaluations),
             )
             best = min(
                 (one for one in (found, *methods) if one.kept),

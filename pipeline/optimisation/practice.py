@@ -394,16 +394,9 @@ class _Rows:
         S is kept as long as the tool is in the spindle: between two of its cuts there may be no
         time for another speed.
         """
-        feed: list[tuple[str, Bools]] = []
-        speed: list[tuple[str, Bools]] = []
-        for text in self.settings.keep:
-            rows = self._named(text)
-            feed.append((f"keep {text}", rows))
-            speed.append((f"keep {text}", rows))
-        for number in self.given_up:
-            reason = f"T{number} cannot keep its limits", self.moves.tool == number
-            feed.append(reason)
-            speed.append(reason)
+        both = [(f"keep {text}", self._named(text)) for text in self.settings.keep]
+        both += [(f"T{n} cannot keep its limits", self.moves.tool == n) for n in self.given_up]
+        feed, speed = [*both], [*both]
         if self.settings.air_feed_mm_min is None:
             feed.append(("moves in air keep their own F", self._air_words()))
         for operation, rule in RULES.items():

@@ -9,7 +9,6 @@ as it is, and searches from random individuals.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,31 +49,14 @@ WEIGHT = 1.0
 """Of a penalty: passing one row's limit once over costs as much as the whole program."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Improved:
-    """Where a search from a start ended."""
-
-    decision: Decision = field(repr=False)
-    """The best that keeps all limits; the start itself where nothing better was found."""
-    value: float
-    """Its objective."""
-    evaluations: int
-    """Decisions that were evaluated, the start among them."""
-    history: Floats = field(repr=False)
-    """The best value up to each; shape (evaluations,)."""
-    stopped: str
-    """Why it ended: ``generations`` or ``callback``; ``nothing free`` where no F and no S may
-    change."""
-
-
 def improve(
     problem: Problem,
     start: Decision,
     objective: Objective,
     settings: SearchSettings,
     callback: Callback | None = None,
-) -> Improved:
-    """The best decision from ``start`` on; never worse than it."""
+) -> Fitness:
+    """The best decision from ``start`` on, never worse than it, with the way there."""
     which = column(objective)
     reference = _value(problem, start, which)
     genes = BoundedGenes.of(problem, start)
@@ -82,11 +64,8 @@ def improve(
         problem=problem, genes=genes, column=which, reference=reference or 1.0,
         best=reference, decision=start, evaluations=1, history=[reference],
     )  # fmt: skip
-    stopped = _search(genes, fitness, settings, callback)
-    return Improved(
-        decision=fitness.decision or start, value=fitness.best, evaluations=fitness.evaluations,
-        history=np.array(fitness.history), stopped=stopped,
-    )  # fmt: skip
+    _search(genes, fitness, settings, callback)
+    return fitness
 
 
 def _value(problem: Problem, start: Decision, which: int) -> float:
@@ -107,10 +86,10 @@ def _value(problem: Problem, start: Decision, which: int) -> float:
 
 def _search(
     genes: BoundedGenes, fitness: Fitness, settings: SearchSettings, callback: Callback | None
-) -> str:
-    """Reason for the end of the search; its best is in ``fitness``."""
+) -> None:
+    """Search on until the callback or the generations end it; the best is in ``fitness``."""
     if not len(genes.low):
-        return "nothing free"
+        return
     start = genes.encoded(genes.start.feeds[None], genes.start.speeds[None])[0]
 
     def ends(generation: int, best: Floats, _: float) -> bool:
@@ -118,15 +97,12 @@ def _search(
 
     near, ended = _around(genes, fitness, start, ends)
     if ended:
-        return "callback"
+        return
     settled = GeneticSettings(
         population=settings.population, generations=settings.generations, seed=settings.seed
     )
     first = _population(genes, np.unique([start, near], axis=0), settings)
-    evolved = minimise(
-        fitness, genes.low, genes.high, settled, log=genes.log, start=first, callback=ends
-    )
-    return evolved.stopped
+    minimise(fitness, genes.low, genes.high, settled, log=genes.log, start=first, callback=ends)
 
 
 def _around(
