@@ -13,7 +13,7 @@ from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
 from pipeline.app.json_schema import machine_sections, schema_files
-from pipeline.app.new_machine import write_machine
+from pipeline.app.machine import write_machine
 from pipeline.app.own_machine import app
 from pipeline.app.settings_fields import classes_below, settings
 from pipeline.app.settings_page import page

@@ -43,14 +43,6 @@ def _champion(models: Path, machine: str) -> str:
     return f"version {entry.version}, {bundle_words(models)}"
 
 
-def correction_document(done: CorrectedProgram, out: Path) -> dict[str, Any]:
-    """What the JSON of ``kerf simulate`` says of a corrected command."""
-    return {
-        "file": out.as_posix(), "champion": done.champion, "residual": done.residual,
-        "axes": done.figures,
-    }  # fmt: skip
-
-
 def correction_lines(document: dict[str, Any]) -> Iterator[str]:
     """What ``kerf simulate`` says of it: following error as predicted, before and after."""
     yield f"corrected command in {document['file']}, residual network: {document['residual']}"

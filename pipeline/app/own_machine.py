@@ -34,7 +34,7 @@ def new(
     ] = "UTC",
 ) -> None:
     """Propose conf/machine/NAME.yaml and conf/fleet/NAME.yaml, and say why each signal is what."""
-    from pipeline.app.new_machine import write_machine
+    from pipeline.app.machine import write_machine
 
     with one_sentence():
         lines = write_machine(name, devices, logs or (), device, time_zone)
@@ -69,7 +69,7 @@ def records(
     json: kerf.Json = None,
 ) -> None:
     """Show what MACHINE's records hold, item by item, as the last `dvc repro` read them."""
-    from pipeline.app.new_machine import records_of
+    from pipeline.app.machine import records_of
     from pipeline.app.records import document, lines
 
     with one_sentence(), outputs() as to:

@@ -394,7 +394,9 @@ def axes_table(
             "rms_following_um": round(one.rms_error * 1e6, 3),
             "max_command": round(one.max_command, 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": None if why[letter] else _micrometres(one.half_width),
+            "half_width_90_um": None
+            if why[letter] or one.half_width is None
+            else round(1e6 * one.half_width, 3),
             "interval_unknown": why[letter],
         }
         for letter, one in program_figures(plan, drives, residual).items()
@@ -507,10 +509,6 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
     """One line a sub-model that figures rest on; what failed or was not judged is marked."""
     for one in models:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
-
-
-def _micrometres(metres: float | None) -> float | None:
-    return None if metres is None else round(1e6 * metres, 3)
 
 
 def _axis_line(axis: dict[str, Any]) -> str:

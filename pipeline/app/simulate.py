@@ -72,11 +72,14 @@ def _corrected(
 ) -> "CorrectedProgram | None":
     if request.compensate is None:
         return None
-    from pipeline.app.correction import correct_simulated, correction_document
+    from pipeline.app.correction import correct_simulated
 
     with step("corrected the axes' commands"):
         corrected = correct_simulated(simulated, request.program)
-    document["correction"] = correction_document(corrected, request.compensate)
+    document["correction"] = {
+        "file": request.compensate.as_posix(), "champion": corrected.champion,
+        "residual": corrected.residual, "axes": corrected.figures,
+    }  # fmt: skip
     return corrected
 
 

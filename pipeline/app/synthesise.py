@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.output import check_outputs
@@ -57,12 +56,9 @@ def explained(
     given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
     found = explanation(served, read_windows(recording, served), given)
     if out is not None:
-        write_json({**found.document, **_label(served)}, out)
+        label = {"machine": served.file.machine, "trained_on": served.file.origin}
+        write_json({**found.document, **label}, out)
     return found
-
-
-def _label(served: Synthesis) -> dict[str, Any]:
-    return {"machine": served.file.machine, "trained_on": served.file.origin}
 
 
 def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:

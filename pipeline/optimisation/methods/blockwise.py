@@ -7,6 +7,7 @@ answer.  The speeds of stretches are refined between the values of the grid, in 
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -56,7 +57,8 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
         if evaluated.violation[0] > 0.0:
             passed.append((float(evaluated.violation[0]), decision))
             continue
-        value, best = float(evaluated.objectives[0, which]), _least(kept)
+        value = float(evaluated.objectives[0, which])
+        best = min((found for found, _ in kept), default=np.inf)
         kept.append((value, decision))
         if value > best * (1 - WORTH):
             break
@@ -64,10 +66,6 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
         least, nearest = min(passed, key=lambda one: one[0])
         raise _passed(problem, least, nearest)
     return min(kept, key=lambda one: one[0])[1]
-
-
-def _least(kept: list[tuple[float, Decision]]) -> float:
-    return min((value for value, _ in kept), default=np.inf)
 
 
 def _rounds(
@@ -231,7 +229,8 @@ def _values(
     for one, total in zip(values, out, strict=True):
         total += np.bincount(stretch, one[rows], minlength=len(total))
     grid = speeds.T[np.maximum(stretches.of_piece, 0)]
-    out += _of_stretches(start_prices(model, _alone(pieces), grid), stretches, speeds)
+    alone = replace(pieces, tool_run=np.arange(len(pieces)))  # each with speeds of its own
+    out += _of_stretches(start_prices(model, alone, grid), stretches, speeds)
     for before, after, rest, lead in changes:
         price = change_price(
             model, speeds[:, before], speeds[:, after], rest=rest, lead=lead
@@ -239,14 +238,6 @@ def _values(
         out[:, before] += price
         out[:, after] += price
     return out
-
-
-def _alone(pieces: Pieces) -> Pieces:
-    """The same pieces, each with speeds of its own."""
-    return Pieces(
-        piece=pieces.piece, tool_run=np.arange(len(pieces)), word=pieces.word, rest=pieces.rest,
-        lead=pieces.lead, key=pieces.key,
-    )  # fmt: skip
 
 
 def _of_stretches(values: Floats, stretches: Stretches, speeds: Floats) -> Floats:
