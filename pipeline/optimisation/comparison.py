@@ -17,7 +17,7 @@ from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
 from pipeline.twin.cut_tables import stations_of_columns
 
-OVER = 1e-3
+ROUNDING = 1e-3
 """Excess over a limit, as a share, up to which it is rounding."""
 UM = 1e6
 COLUMNS = 900
@@ -55,7 +55,7 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     for name, (values, limit) in checks.items():
         if limit is not None:
             low, high = limit if isinstance(limit, tuple) else (0.0, limit)
-            out[name] = (values > high * (1 + OVER)) | (values < low * (1 - OVER))
+            out[name] = (values > high * (1 + ROUNDING)) | (values < low * (1 - ROUNDING))
     return out
 
 

@@ -91,7 +91,7 @@ class Verified:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Full:
+class TwinAnswer:
     """A decision as the whole twin sees it."""
 
     decision: Decision = field(repr=False)
@@ -136,7 +136,7 @@ class Result:
     """Its last form, after tightening."""
     blockwise: Decision = field(repr=False)
     """The blockwise optimum."""
-    answer: Full = field(repr=False)
+    answer: TwinAnswer = field(repr=False)
     """The answer with its text, as the whole twin sees it."""
     proof: Proof
     """That only F and S changed."""
@@ -165,7 +165,7 @@ class Result:
 def full_twin(
     job: Job, program: Program, moves: Moves, problem: Problem, decision: Decision,
     certain_f_z: Floats | None,
-) -> Full:  # fmt: skip
+) -> TwinAnswer:  # fmt: skip
     """Write ``decision`` into the program and judge it by the whole twin.
 
     ``certain_f_z`` (M,): feed for each tooth up to which each row keeps the load limit [m]; None
@@ -192,7 +192,7 @@ def full_twin(
         cut.plan.v_peak[rows] / METRE_PER_SECOND,
     )
     violation = float(evaluated.violation[0])
-    return Full(
+    return TwinAnswer(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
         objectives=evaluated.objectives[0], verified=verified, f_z_cap=f_z_cap,
         feed_cap=np.where(factor < 1.0, factor * reached, np.inf),

@@ -19,7 +19,7 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.axis_limits import check_axes_known
-from pipeline.optimisation.full_twin import Full, Result, full_twin
+from pipeline.optimisation.full_twin import Result, TwinAnswer, full_twin
 from pipeline.optimisation.job import (
     Interrupted,
     Job,
@@ -90,7 +90,7 @@ class _Outcome:
 
     problem: Problem
     blockwise: Decision
-    answer: Full
+    answer: TwinAnswer
     front: Front | None
     evaluations: int
 
@@ -302,7 +302,7 @@ class _Course:
             problem=problem, blockwise=decision, answer=full, front=front, evaluations=1
         )
 
-    def _tightened(self, problem: Problem, answer: Full) -> Problem:
+    def _tightened(self, problem: Problem, answer: TwinAnswer) -> Problem:
         """The problem with less feed where loads or axes pass their limit by the whole twin."""
         if self.f_z is not None:
             self.f_z = np.minimum(self.f_z, answer.f_z_cap)
@@ -365,7 +365,7 @@ class _Course:
         front = self._front(problem, self._blockwise(problem))
         return front.decisions[front.knee], front
 
-    def _better(self, direct: _Outcome, decision: Decision) -> Full:
+    def _better(self, direct: _Outcome, decision: Decision) -> TwinAnswer:
         """The better of the blockwise optimum and another decision that the whole twin accepts."""
         if decision is direct.blockwise:
             return direct.answer
@@ -389,12 +389,12 @@ class _Course:
         share = generation / self.job.settings.search.generations
         return self.ends("searching", 0.3 + 0.3 * min(share, 1.0))
 
-    def _full(self, problem: Problem, decision: Decision) -> Full:
+    def _full(self, problem: Problem, decision: Decision) -> TwinAnswer:
         self.evaluated += 1
         certain = None if self.certain is None else self.certain.f_z
         return full_twin(self.job, self.program, self.moves, problem, decision, certain)
 
-    def _proof(self, answer: Full) -> Proof:
+    def _proof(self, answer: TwinAnswer) -> Proof:
         name, split = self.job.program.name, self.text.points > 0
         proof = prove(self.job.program.data, answer.text, name, name, self.job.setup, splits=split)
         if not proof.same:
@@ -404,7 +404,7 @@ class _Course:
             )
         return proof
 
-    def _risk(self, answer: Full) -> Exceedance | None:
+    def _risk(self, answer: TwinAnswer) -> Exceedance | None:
         settings = self.job.settings.certainty
         if self.uncertain is None:
             return None
@@ -413,7 +413,9 @@ class _Course:
             seed=settings.seed + 1,
         )  # fmt: skip
 
-    def _methods(self, problem: Problem, outcome: _Outcome) -> tuple[Full, tuple[Method, ...]]:
+    def _methods(
+        self, problem: Problem, outcome: _Outcome
+    ) -> tuple[TwinAnswer, tuple[Method, ...]]:
         """The answer, and beside it the blockwise optimum and the baselines, all as written.
 
         A method that passes the same test, the whole twin included, and is better, is the answer.

@@ -36,7 +36,7 @@ COARSE = 0.012
 """Greatest step between two speeds whose limits are computed, over the speed."""
 FINE = 0.35
 """Speed above which that holds, over the fastest; below it steps are up to 2.5 times as wide."""
-OVER, SURE = 1.1, 0.05
+MARGIN_FACTOR, MARGIN_ABOVE = 1.1, 0.05
 """Greatest margin told apart in a search: this share of the least that is allowed, and more."""
 
 
@@ -291,7 +291,7 @@ def chatter_of(
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
     nodes = nodes[np.diff(nodes, prepend=0.0) > NEAR * nodes]  # the same speed, but for rounding
-    found = table_of(cut, blocks, dynamics, nodes, OVER * least + SURE)
+    found = table_of(cut, blocks, dynamics, nodes, MARGIN_FACTOR * least + MARGIN_ABOVE)
     return None if found is None else Chatter(table=_deepest(found[0]))
 
 

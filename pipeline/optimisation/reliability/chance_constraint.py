@@ -43,9 +43,9 @@ HIGHEST = 6.0
 """Level at most [standard deviations]."""
 STEPS = 12
 """Halvings of the level."""
-ROUGHLY = 4
+PILOT_DIVISOR = 4
 """One of so many draws is taken to find the range of feeds."""
-RISE = 1.5
+LEVEL_SPAN_SD = 1.5
 """Rise of the level that the range covers [standard deviations]."""
 BESIDE = 1.1
 """Factor by which feeds may lie outside of that range."""
@@ -60,7 +60,7 @@ SETTLED = 4
 """Draws above a quantile that settle it; beyond, the tail goes on."""
 TAIL = 0.9
 """Level from which on a load's tail is lognormal."""
-SURE = 1.6448536269514722
+Z_95 = 1.6448536269514722
 """Standard deviations below which 95 % of a normal distribution lies."""
 TAIL_ALONE = 1.6
 """By how much more a level of the tail alone errs: of Sobol draws of parts 1.4 to 2 times."""
@@ -155,12 +155,12 @@ def _feed_nodes(
     """Feeds at which to compute each class for levels from ``level`` on, of few draws."""
     greatest = np.full(candidates.classes, LEAST)
     np.maximum.at(greatest, candidates.group, reach)
-    few = draws.first(max(len(draws) // ROUGHLY, min(len(draws), 64)))
+    few = draws.first(max(len(draws) // PILOT_DIVISOR, min(len(draws), 64)))
     drawn = responses(cut, candidates, greatest[:, None] * NODES, few).over(candidates, limits_N)
     part = PartLoads(candidates=candidates, limit=1.0, most=reach, responses=drawn)
     ordered = np.sort(drawn.values, axis=2)
     most = BESIDE * part.feeds(quantiles(ordered, level))
-    least = part.feeds(quantiles(ordered, level + RISE)) / BESIDE
+    least = part.feeds(quantiles(ordered, level + LEVEL_SPAN_SD)) / BESIDE
     high, low = np.zeros(candidates.classes), np.full(candidates.classes, np.inf)
     np.maximum.at(high, candidates.group, np.minimum(most, reach))
     np.minimum.at(low, candidates.group, least)
@@ -322,7 +322,7 @@ def aimed_share(share: float, many: int) -> float:
     """
     level = normal_level(1.0 - share)
     error = TAIL_ALONE * np.sqrt((1.0 + level**2 / 2) / many)
-    return 1.0 - normal_share(float(level + SURE * error))
+    return 1.0 - normal_share(float(level + Z_95 * error))
 
 
 def clopper_pearson(passed: int, many: int) -> tuple[float, float]:
