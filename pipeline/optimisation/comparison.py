@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.cutting.tool import tool_limits
 from pipeline.optimisation.problem.limits import feed_for_marks
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
@@ -33,8 +33,7 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0
     load, bending, torque = (
-        tool_limits(tools, name, getattr(limits, name))[blocks.tool]
-        for name in ("load_N", "deflection_um", "torque_Nm")
+        tool_limits(tools, name, getattr(limits, name))[blocks.tool] for name in BY_TOOL
     )
     surface = (
         np.pi * np.array([tool.diameter for tool in tools])[blocks.tool] * blocks.spindle_speed

@@ -32,7 +32,7 @@ from pipeline.optimisation.problem.arrays import (
     feeds_per_minute,
 )
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP, CutBlocks
 
@@ -60,9 +60,7 @@ def bounds_of(
     most = np.full((len(F_Z_CONSTRAINTS), cut.engagement.blocks), np.inf)
     load, deflection, roughness, chip, by_torque, programmed, tooth, change = most
     cuts = cut.tool >= 0
-    most_load, give, most_torque = (
-        row_limits(cut, limits, name) for name in ("load_N", "deflection_um", "torque_Nm")
-    )
+    most_load, give, most_torque = (row_limits(cut, limits, name) for name in BY_TOOL)
     if f_z_load is not None:
         load[cuts] = f_z_load[cuts]
     elif np.isfinite(most_load).any():
