@@ -14,7 +14,7 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.axis_limits import check_axes
-from pipeline.optimisation.job import Workshop, cut_of, machine_models
+from pipeline.optimisation.job import Workshop, cut_of
 from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import Part
@@ -166,7 +166,7 @@ def _option(name: str) -> str:
 def cut_document(simulated: Simulated, options: CutOptions) -> ProgramCut:
     """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``."""
     on = simulated.on
-    models = machine_models(on.models, on.control)
+    models = on.identified_models
     job, basis = cut_of(options.part, workshop_of(on, options), models.cutting, on.setup)
     cut = cut_program(simulated.plan, job)
     document = document_of(cut, basis)

@@ -13,7 +13,7 @@ from pipeline.app.programs import Controlled, machine_residual
 from pipeline.gcode.moves import Moves
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import JobRequest, Progress, machine_models, part_program
+from pipeline.optimisation.job import JobRequest, Progress, part_program
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
 from pipeline.report.optimised_page import write_optimised_page
@@ -62,7 +62,7 @@ def optimise_part(
     Raises KeyboardInterrupt when it was ended before anything kept the limits.
     """
     settings = search.settings(on.optimisation)
-    models = machine_models(on.models, on.control)
+    models = on.identified_models
     if settings.compensated:
         residual, name = machine_residual(on)
         models = replace(models, residual=residual, residual_name=name)

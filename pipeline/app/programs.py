@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -26,6 +27,7 @@ from pipeline.twin.preflight import Preflight, limits_of, preflight
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.optimisation.job import MachineModels
     from pipeline.optimisation.settings import OptimisationSettings
     from pipeline.submodels.contract import SubModel
     from pipeline.twin.program_axes import Residual
@@ -105,14 +107,19 @@ class Controlled:
 
         return structure(self.parameters, "optimisation", OptimisationSettings)
 
+    @cached_property
+    def identified_models(self) -> "MachineModels":
+        """Models that were identified of the machine, read once."""
+        from pipeline.optimisation.job import machine_models
+
+        return machine_models(self.models, self.control)
+
     @property
     def used(self) -> tuple[UsedModel, ...]:
         """Sub-models that figures rest on, with their verdicts, the gravest first."""
-        from pipeline.optimisation.job import machine_models
         from pipeline.optimisation.reliability.judged import used_models
 
-        known = machine_models(self.models, self.control)
-        return used_models(known.verdicts, self.optimisation.certainty)
+        return used_models(self.identified_models.verdicts, self.optimisation.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)
