@@ -615,7 +615,7 @@ def test_the_version_is_that_of_the_installed_package(project: Path) -> None:
 
 
 def test_status_is_told_as_json_too(project: Path) -> None:
-    rows = json.loads(kerf(project, "status", "--json").output)
+    rows = json.loads(kerf(project, "status", "--json", "-").stdout)
     table = kerf(project, "status").output.splitlines()
     assert len(rows) == len(table) - 1 > 0
     assert list(rows[0]) == re.split(r"  +", table[0].strip())
@@ -709,18 +709,18 @@ def test_verbose_says_a_line_a_step_and_nothing_else_changes(part: Path) -> None
 
 def test_check_ingest_and_golden_speak_json(part: Path, tmp_path: Path) -> None:
     (part / "faster.nc").write_text(PART.replace("F500", "F700"))
-    found = json.loads(kerf(part, "check", "part.nc", "faster.nc", "--json").stdout)
+    found = json.loads(kerf(part, "check", "part.nc", "faster.nc", "--json", "-").stdout)
     assert found["same"] is True and found["moves"] == 3
     assert found["differences"] == [{"line": 3, "letter": "F", "before": "F500", "after": "F700"}]
     log = tmp_path / "log.txt"
     log.write_bytes(LOGS[6])
-    words = ("ingest", log, "--machine", MACHINE, "--out", tmp_path / "out", "--json")
+    words = ("ingest", log, "--machine", MACHINE, "--out", tmp_path / "out", "--json", "-")
     (row,) = json.loads(kerf(part, *words).stdout)
     assert (row["path"], row["read"], row["kept"], row["rejected"]) == (str(log), 40, 40, 0)
 
 
 def test_a_frozen_set_is_told_as_json(ingested: Path) -> None:
-    words = ("golden", MACHINE, "--first", MONDAY, "--last", "2026-01-11", "--json")
+    words = ("golden", MACHINE, "--first", MONDAY, "--last", "2026-01-11", "--json", "-")
     told = json.loads(kerf(ingested, *words).stdout)
     frozen_set = sets_of(ingested).golden
     assert frozen_set is not None and told["sha256"] == frozen_set.sha256

@@ -14,8 +14,9 @@ from pipeline.schema.bundle import bundle_of
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
-from pipeline.stages import correct_programs as stage
-from pipeline.stages.correct_programs import correct_programs, residual_of
+from pipeline.stages.correct_programs import correct_programs
+from pipeline.submodels.compensation import model as compensation
+from pipeline.submodels.compensation.model import residual_of
 from pipeline.twin.control import ControlRecords
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.program_axes import commanded_positions
@@ -144,7 +145,7 @@ def test_a_residual_is_used_where_its_model_passed(project, monkeypatch) -> None
         return np.full(len(reference), 7e-6), np.full(len(reference), 3e-6)
 
     loaded = SimpleNamespace(residual=residual)
-    monkeypatch.setattr(stage, "load_compensation", lambda found: loaded)
+    monkeypatch.setattr(compensation, "load_compensation", lambda found: loaded)
     write_json({}, folder / "compensation/model.json")
     for status in ("failed", "not judged"):
         write_json(judged("compensation", status), folder / "compensation/verdict.json")
@@ -175,7 +176,7 @@ def test_simulate_adds_the_residual_of_a_model_that_passed(project, monkeypatch)
         return 0.5 * modelled_error * (letter != "Z"), np.full(len(reference), width)
 
     loaded = SimpleNamespace(residual=residual)
-    monkeypatch.setattr(stage, "load_compensation", lambda found: loaded)
+    monkeypatch.setattr(compensation, "load_compensation", lambda found: loaded)
     write_json({}, folder / "compensation/model.json")
     write_json(judged("compensation", "failed"), folder / "compensation/verdict.json")
     assert "that passed" in refused(project, *words, "--compensated")

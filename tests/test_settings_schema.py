@@ -13,10 +13,9 @@ from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
 from pipeline.app.json_schema import machine_sections, schema_files
-from pipeline.app.new_machine import write_machine
+from pipeline.app.machine import write_machine
 from pipeline.app.own_machine import app
 from pipeline.app.settings_fields import classes_below, settings
-from pipeline.app.settings_page import page
 from pipeline.schema.structure import structured
 from tests.test_own_machine import DEVICE
 
@@ -51,10 +50,6 @@ def faults(kind: str, value: Any) -> list[str]:
 def test_a_schema_is_one_and_is_current(name: str) -> None:
     Draft202012Validator.check_schema(json.loads(FILES[name]))
     assert (ROOT / "docs/schema" / name).read_text() == FILES[name], REMEDY
-
-
-def test_the_page_is_current() -> None:
-    assert (ROOT / "docs/settings.md").read_text() == page(ROOT / "conf"), REMEDY
 
 
 @pytest.mark.parametrize("path", CONF, ids=lambda path: f"{path.parent.name}/{path.stem}")

@@ -19,8 +19,8 @@ from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import parse_program
 from pipeline.optimisation.operations import MAY_BE, told_operations
 from pipeline.optimisation.proof.prove import Proof, proved
-from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
+from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Rows
 from pipeline.schema.limits import MachiningPractice
 
@@ -38,11 +38,6 @@ def check_programs(
     There are none where the texts differ in more than F and S.  Subprograms of both are searched in
     the folder of ``before``.  With ``splits`` the second may have more points on the path of
     straight cuts.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist or cannot be followed, or there is no such machine or dialect.
     """
     setup = setup_beside(machine_setup(machine, dialect), before)
     for path in (before, after):
@@ -85,11 +80,6 @@ def range_lines(
     no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
     catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
     milling, since there is no cut.  ``moves`` are those of both programs.
-
-    Raises
-    ------
-    ValueError
-        When tool table or material cannot be read.
     """
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))

@@ -4,6 +4,7 @@ Each imports its work when it runs, so that `kerf --help` starts at once.
 """
 
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,15 +14,15 @@ import typer
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, steps_bar
 from pipeline.app.lines import aligned, many
-from pipeline.app.output import outputs, say_json, step
+from pipeline.app.output import check_outputs, outputs, step
 
 if TYPE_CHECKING:
     from pipeline.app.fleet import FileResult
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROJECT)
 def init(
-    folder: Annotated[Path, typer.Argument(help="Of the new project, or of one to bring up.")],
+    folder: Annotated[Path, typer.Argument(help="Folder of a project, new or to bring up.")],
 ) -> None:
     """Make a project in FOLDER: conf/, dvc.yaml and DVC, run by the Kerf that is installed."""
     from pipeline.app.project import new_project
@@ -31,26 +32,27 @@ def init(
     typer.echo(f"{made} {folder}: `cd {folder}` and `dvc repro`")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.RECORDS)
 def ingest(
     files: Annotated[list[Path], typer.Argument(help="Logs, documents, tables.")],
-    machine: Annotated[str, typer.Option(help="Whose records these are, as in conf/machine/.")],
+    machine: Annotated[str, typer.Option(help="Machine, as in conf/machine/.")],
     out: Annotated[Path, typer.Option(help="Folder to write Parquet into.")],
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Read FILES into Parquet; say how many records were read, kept and rejected."""
     from pipeline.app.compiling import announced
     from pipeline.app.fleet import ingest_files
     from pipeline.signals.store import strangers_said
 
-    with one_sentence(), announced(), step(f"read {len(files)} files") as found:
-        with steps_bar("reading", len(files)) as advance:
+    with one_sentence(), announced(), outputs() as to:
+        check_outputs(None, json, inputs=files)
+        with step(f"read {len(files)} files") as found, steps_bar("reading", len(files)) as advance:
             results = ingest_files(files, machine, out, advance)
-        found.add(f"{sum(r.kept for r in results)} of {sum(r.read for r in results)} records kept")
-    if json:
-        say_json([asdict(r) | {"path": str(r.path)} for r in results])
-    else:
-        _say_ingested(results, out)
+            kept, read = sum(r.kept for r in results), sum(r.read for r in results)
+            found.add(f"{kept} of {read} records kept")
+        to.json([asdict(r) | {"path": str(r.path)} for r in results], json)
+        for line in _ingested(results, out):
+            to.say(line)
     for r in results:
         for said in filter(None, (r.reason, r.note)):
             typer.echo(f"kerf: {typer.format_filename(r.path)}: {said}", err=True)
@@ -60,35 +62,30 @@ def ingest(
         raise typer.Exit(2)
 
 
-def _say_ingested(results: "list[FileResult]", out: Path) -> None:
-    names = [typer.format_filename(r.path) for r in results]
-    width = max(map(len, names))
-    typer.echo(f"{'file':<{width}}  {'read':>10}  {'kept':>10}  {'rejected':>10}")
-    for name, r in zip(names, results, strict=True):
-        typer.echo(f"{name:<{width}}  {r.read:>10}  {r.kept:>10}  {r.rejected:>10}")
+def _ingested(results: "list[FileResult]", out: Path) -> Iterator[str]:
+    rows = [
+        (typer.format_filename(r.path), *map(str, (r.read, r.kept, r.rejected))) for r in results
+    ]
+    yield from aligned([("file", "read", "kept", "rejected"), *rows], words=1)
     rejected = sum(r.rejected for r in results)
     if rejected:
-        typer.echo(f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}")
+        yield f"{rejected} rejected, each with its reason in {out / 'rejected.parquet'}"
 
 
-@app.command()
-def status(
-    json: Annotated[bool, typer.Option("--json", help="Say it as JSON, a row a machine.")] = False,
-) -> None:
+@app.command(rich_help_panel=kerf.PROJECT)
+def status(json: kerf.Json = None) -> None:
     """Show the machines of the fleet, their champions and what the golden week said."""
     from pipeline.app.fleet import fleet_status
 
-    with one_sentence():
+    with one_sentence(), outputs() as to:
         rows = fleet_status()
-    if json:
-        say_json(rows)
-        return
-    heads = list(rows[0]) if rows else []
-    for line in aligned([heads, *([*row.values()] for row in rows)], words=len(heads)):
-        typer.echo(line)
+        to.json(rows, json)
+        heads = list(rows[0]) if rows else []
+        for line in aligned([heads, *([*row.values()] for row in rows)], words=len(heads)):
+            to.say(line)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROJECT)
 def report(
     out: Annotated[Path, typer.Option(help="Folder to write the pages into.")] = Path("reports"),
 ) -> None:
@@ -100,9 +97,9 @@ def report(
     typer.echo(f"wrote {index}")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROJECT)
 def fleet(
-    name: Annotated[str, typer.Argument(help="As in conf/fleet/.")],
+    name: Annotated[str, typer.Argument(help="Fleet, as in conf/fleet/.")],
     recordings: Annotated[
         Path | None,
         typer.Option(
@@ -121,7 +118,7 @@ def fleet(
                 typer.echo(f"{machine}: {files} files, {new} new")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.RECORDS)
 def golden(
     machine: kerf.Machine,
     first: Annotated[str | None, typer.Option(help="First day of logs, YYYY-MM-DD.")] = None,
@@ -136,7 +133,7 @@ def golden(
     again: Annotated[
         bool, typer.Option("--again", help="In the place of a committed set, without a question.")
     ] = False,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Freeze MACHINE's golden set: no model is fitted on it, every sub-model is judged on it."""
     from pipeline.app.fleet import freeze_set, learnt_and_frozen
@@ -144,21 +141,18 @@ def golden(
     def asked(question: str) -> bool:
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
 
-    with one_sentence():
+    with one_sentence(), outputs() as to:
         frozen = freeze_set(
             machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
         )
-        warning = learnt_and_frozen(machine, frozen)
-    if warning:
-        typer.echo(f"kerf: {warning}", err=True)
-    if json:
-        which = "sealed" if sealed else "golden"
-        say_json({"machine": machine, "set": which, "sha256": frozen.sha256} | asdict(frozen))
-        return
-    typer.echo(f"froze {many(len(frozen.files), 'file')}, sha256 {frozen.sha256[:12]}")
+        if warning := learnt_and_frozen(machine, frozen):
+            typer.echo(f"kerf: {warning}", err=True)
+        about = {"machine": machine, "set": "sealed" if sealed else "golden"}
+        to.json(about | {"sha256": frozen.sha256} | asdict(frozen), json)
+        to.say(f"froze {many(len(frozen.files), 'file')}, sha256 {frozen.sha256[:12]}")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def promote(
     machine: kerf.Machine,
     why: Annotated[str, typer.Option(help="The reason, for champions.json.")],
@@ -168,24 +162,22 @@ def promote(
     anyway: Annotated[
         bool, typer.Option("--anyway", help="Even when it is not shown to be better.")
     ] = False,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Make MACHINE's newest bundle its champion, if it is better on the golden set."""
     from pipeline.champions import promote as promote_bundle
 
-    with one_sentence():
+    with one_sentence(), outputs() as written:
         champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
-    if json:
-        say_json({"machine": machine} | asdict(champion))
-        return
-    typer.echo(f"{machine}: version {champion.version} is champion; commit champions.json")
+        written.json({"machine": machine} | asdict(champion), json)
+        written.say(f"{machine}: version {champion.version} is champion; commit champions.json")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def predict(
     machine: kerf.Machine,
-    submodel: Annotated[str, typer.Argument(help="Which, as `kerf status` lists them.")],
-    table: Annotated[Path, typer.Argument(help="Its inputs, CSV or Parquet.")],
+    submodel: Annotated[str, typer.Argument(help="Sub-model, as `kerf status` lists them.")],
+    table: Annotated[Path, typer.Argument(help="Table of its inputs, CSV or Parquet.")],
     out: Annotated[Path, typer.Option(help="CSV or Parquet to write.")],
     model: kerf.Model = "champion",
 ) -> None:
@@ -200,10 +192,10 @@ def predict(
             to.say(why)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def transfer(
     machine: kerf.Machine,
-    golden: Annotated[str, typer.Option(help="Whose spindle parameters are expected here.")],
+    golden: Annotated[str, typer.Option(help="Machine whose spindle parameters are expected.")],
     out: Annotated[Path, typer.Option(help="JSON to write the curve into.")],
     between: Annotated[
         float, typer.Option(help="Relative spread of a parameter between machines of a type.")
@@ -219,15 +211,13 @@ def transfer(
     typer.echo(f"wrote {', '.join(str(path) for path in (out, page) if path is not None)}")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def compensation(
     machine: kerf.Whose,
     out: Annotated[Path, typer.Option(help="File to write.")],
     format: kerf.Format = "csv",
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Write the correction of MACHINE's spindle growth as a file for its control."""
     from pipeline.app.compensation import said, write_compensation
@@ -239,56 +229,42 @@ def compensation(
             to.say(line)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def wear(
     files: Annotated[list[Path], typer.Argument(help="Recordings of the cut.")],
     machine: kerf.Whose,
-    conditions: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="A condition that no record tells: name=value, again for more."),
-    ] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of every reading.")] = None,
+    conditions: kerf.Conditions = None,
+    json: kerf.Json = None,
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Tell the wear of the tools in FILES with its 90 % interval."""
-    from pipeline.app.fleet import check_outputs
     from pipeline.app.wear import document, said, wear_of_files
-    from pipeline.schema.store import write_json
 
     with one_sentence(), outputs() as to:
-        file = to.file(json)
-        check_outputs(None, file, inputs=files)
+        check_outputs(None, json, inputs=files)
         told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
-        if file is not None:
-            write_json(document(told), file)
+        to.json(document(told), json)
         for line in said(told):
             to.say(line)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.MODELS)
 def synthesise(
     machine: kerf.Whose,
     wear: Annotated[
-        str | None, typer.Option(help="Of the tool: VB in um, or 1 worn and 0 not.")
+        str | None, typer.Option(help="Wear of the tool: VB in um, or 1 worn and 0 not.")
     ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", help="Another condition, name=value; may be repeated."),
-    ] = None,
+    conditions: kerf.Conditions = None,
     n: Annotated[int, typer.Option("--n", help="Windows to make.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of the noise.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the noise.")] = 0,
     out: Annotated[Path | None, typer.Option(help="Parquet or CSV of the windows.")] = None,
     explain: Annotated[
         Path | None, typer.Option(help="Recording whose wear is sought, CSV or Parquet.")
     ] = None,
     json: Annotated[Path | None, typer.Option(help="JSON of what --explain found.")] = None,
     model: kerf.Model = "champion",
-    anyway: Annotated[
-        bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
-    ] = False,
+    anyway: kerf.Anyway = False,
 ) -> None:
     """Make signals of MACHINE at a wear of the tool, or say which wear explains a recording."""
     import pipeline.app.synthesise as work
@@ -298,7 +274,7 @@ def synthesise(
             raise ValueError("give --out for windows to make, or --explain for a recording")
         if json is not None and explain is None:
             raise ValueError("--json holds what --explain finds: give a recording with it")
-        words = work.pairs([*(set_ or ()), *([] if wear is None else [f"wear={wear}"])])
+        words = work.pairs([*(conditions or ()), *([] if wear is None else [f"wear={wear}"])])
         served = work.served_of(machine, model, anyway=anyway)
         if explain is not None:
             lines = work.explained_lines(work.explained(served, explain, words, json), served)

@@ -6,9 +6,9 @@ from typing import Any
 
 from pipeline.app.programs import Simulated, needed_drives
 from pipeline.parameters import structure
-from pipeline.schema.bundle import BUNDLE, Bundle, read_champions
+from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.store import read_json
-from pipeline.stages.correct_programs import bundle_words, residual_of
+from pipeline.submodels.compensation.model import residual_of
 from pipeline.twin.corrected_program import (
     CorrectedProgram,
     corrected_program,
@@ -18,33 +18,18 @@ from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
 
 
-def correct_simulated(simulated: Simulated, program: Path, machine: str) -> CorrectedProgram:
-    """Corrected command of a program's axes on a machine.
-
-    Parameters
-    ----------
-    simulated : Simulated
-        The program on the machine's control.
-    program : Path
-        That was planned.
-    machine : str
-        As in conf/machine/.
-
-    Raises
-    ------
-    ValueError
-        When the machine's drives were not identified, or no axis can be corrected.
-    """
-    models, plan = simulated.on.models, simulated.plan
-    found = needed_drives(models, machine, "--compensate")
-    residual, words = residual_of(models)
+def correct_simulated(simulated: Simulated, program: Path) -> CorrectedProgram:
+    """Corrected command of a program's axes on a machine."""
+    on, plan = simulated.on, simulated.plan
+    found = needed_drives(on, "--compensate")
+    residual, words = residual_of(on.models)
     axes, cutting = corrected_program(
         plan, read_drives(found), residual,
-        settings=structure(simulated.on.parameters, "correction", CorrectionSettings),
+        settings=structure(on.parameters, "correction", CorrectionSettings),
     )  # fmt: skip
     return CorrectedProgram(
-        machine=machine, origin=simulated.on.origin, program=program.stem,
-        champion=_champion(models, machine), residual=words, total=plan.total, axes=axes,
+        machine=on.machine, origin=on.origin, program=program.stem,
+        champion=_champion(on.models, on.machine), residual=words, total=plan.total, axes=axes,
         cutting=cutting,
     )  # fmt: skip
 
@@ -56,14 +41,6 @@ def _champion(models: Path, machine: str) -> str:
     if entry is None or not stored.exists() or read_json(stored, Bundle).sha256 != entry.bundle:
         return bundle_words(models)
     return f"version {entry.version}, {bundle_words(models)}"
-
-
-def correction_document(done: CorrectedProgram, out: Path) -> dict[str, Any]:
-    """What the JSON of ``kerf simulate`` says of a corrected command."""
-    return {
-        "file": out.as_posix(), "champion": done.champion, "residual": done.residual,
-        "axes": done.figures,
-    }  # fmt: skip
 
 
 def correction_lines(document: dict[str, Any]) -> Iterator[str]:

@@ -1,8 +1,7 @@
 """The cut of a program by hand: from options to loads, stability and cost."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast, get_args
@@ -15,22 +14,20 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
 from pipeline.optimisation.axis_limits import check_axes
-from pipeline.optimisation.job import Workshop, cut_of, machine_models
+from pipeline.optimisation.job import Workshop, cut_of
 from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
 from pipeline.optimisation.reliability.uncertainty import uncertainty
-from pipeline.optimisation.settings import OptimisationSettings, Part
+from pipeline.optimisation.settings import Part
 from pipeline.parameters import structure
 from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import ForceInterval, NotKnown, ProgramCut
+from pipeline.schema.program_cut import NotKnown, ProgramCut
 from pipeline.submodels.wear.machine_wear import machine_wear
-from pipeline.twin.cut import Cut, CutJob, cut_program
-from pipeline.twin.cut_document import CutBasis, document_of
+from pipeline.twin.cut import cut_program
+from pipeline.twin.cut_document import document_of
 from pipeline.twin.cut_wear import ToolWear, WearRule
 from pipeline.twin.preflight import preflight_warnings
 
-RESOLUTION = 0.2
-"""Of the blank where none is said [mm]."""
 AXES = "following error and motor command in the cut"
 REMEDY = {
     "stock": "give the blank, box:X0,X1,Y0,Y1,Z0,Z1 in mm, cylinder:X,Y,DIAMETER,Z0,Z1 or an .stl",
@@ -45,34 +42,18 @@ ToolLimits = Mapping[int, Mapping[str, Any]]
 """Fields of tools that options give, by the tool's number."""
 LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 """Option of the command line by the limit that it gives."""
-OPTION = {"certainty.epsilon": "--epsilon", "certainty.seed": "--seed", "search.seed": "--seed"} | {
-    known: option
-    for name, option in LIMIT_OPTION.items()
-    for known in (
-        f"margins.{name}", f"practice.{name}", f"limits.{name}", f"tool.limit_{name}",
-        *([name] if "_" in name else []),
-    )
-}  # fmt: skip
-"""Option of the command line by the setting that it gives."""
 
 
-def limits_given(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
-    """The limits of a part by the names of their fields, and those of single tools.
-
-    Raises
-    ------
-    ValueError
-        When one is out of its range, or given twice; it names the option.
-    """
+def _limits(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
+    """The limits of a part by the names of their fields, and those of single tools."""
     of_part, by_tool = dict(given), dict[int, dict[str, Any]]()
-    for name, words in given.items():
-        if name in BY_TOOL and words is not None:
-            others, own = _by_tool(LIMIT_OPTION[name], words)
+    for name in BY_TOOL:
+        if given.get(name) is not None:
+            others, own = _by_tool(LIMIT_OPTION[name], given[name])
             of_part[name] = _of_all(LIMIT_OPTION[name], others)
             for number, value in own.items():
                 by_tool.setdefault(number, {})[f"limit_{name}"] = value
-    with named_as_options():
-        return CutLimit.of_options(of_part), by_tool
+    return CutLimit.of_options(of_part), by_tool
 
 
 def _by_tool(option: str, words: Sequence[str]) -> tuple[list[str], dict[int, float]]:
@@ -103,21 +84,6 @@ def _of_all(option: str, words: Sequence[str]) -> float | None:
     return values[0] if values else None
 
 
-@contextmanager
-def named_as_options() -> Iterator[None]:
-    """A setting that is refused is named by the option that gave it."""
-    try:
-        yield
-    except ValueError as error:
-        named = re.sub(r"\b(?:\w+\.)?\w+( =)?", _option_of, str(error))
-        raise ValueError(named) from error
-
-
-def _option_of(found: re.Match[str]) -> str:
-    name = found[0].removesuffix(" =")
-    return OPTION.get(name, found[0])
-
-
 @dataclass(frozen=True, kw_only=True)
 class WearOption:
     """What ``--wear`` says: a rule for all tools, None without one, and wear by tool [um]."""
@@ -127,13 +93,7 @@ class WearOption:
 
     @classmethod
     def of(cls, words: Sequence[str]) -> "WearOption":
-        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``.
-
-        Raises
-        ------
-        ValueError
-            When a word is none of them, or says a thing twice.
-        """
+        """The option as it was given, ``sharp``, ``criterion``, ``known`` or ``T26=120``."""
         rules, given = _by_tool("--wear", words)
         for word in rules:
             if word not in get_args(WearRule):
@@ -148,94 +108,76 @@ class WearOption:
 
 @dataclass(frozen=True, kw_only=True)
 class CutOptions:
-    """Options that describe a cut, of ``kerf simulate`` and ``kerf optimise``."""
+    """Cut as the options of ``kerf simulate`` and ``kerf optimise`` describe it."""
 
-    stock: str
-    """Blank, see :func:`pipeline.cutting.engagement.stock.stock_of`."""
-    tool_table: str
-    """Name of a table of conf/tool/, or a YAML file."""
-    material: str
-    """Name of a material of conf/material/."""
-    limits: CutLimit = field(default_factory=CutLimit)
-    tool_limits: ToolLimits = field(default_factory=dict)
-    """That the cut is held against, and those of single tools in place of the tool table's."""
-    resolution: float = RESOLUTION
-    """Resolution of the blank [mm]."""
-    work_offset: str | None = None
-    """That the blank is measured in."""
-    frf: tuple[str, ...] = ()
+    part: Part
+    """Blank, tool table, material, limits and objective."""
+    tool_limits: ToolLimits
+    """Limits of single tools in place of the tool table's."""
+    frf: tuple[str, ...]
     """Files of the frequency response at the tools' tips, ``x=TIP.csv`` or ``TIP.uff``."""
-    wear: "WearOption" = field(default_factory=lambda: WearOption())
+    wear: WearOption
     """Wear of the tools."""
-
-    def __post_init__(self) -> None:
-        if not 0.001 <= self.resolution <= 100.0:
-            raise ValueError(
-                f"--resolution {self.resolution:g} mm is out of its range, 0.001 to 100: give the "
-                "size of what counts on the part"
-            )
 
     @property
     def files(self) -> tuple[Path, ...]:
         """What is read for the cut; no output may replace it."""
-        named = [word for word in (self.stock, self.tool_table, self.material)
+        named = [word for word in (self.part.stock, self.part.tool_table, self.part.material)
                  if word.lower().endswith((".stl", ".yaml", ".yml"))]  # fmt: skip
         return tuple(Path(word) for word in (*named, *(w.rpartition("=")[2] for w in self.frf)))
 
 
 def cut_options(
-    *, stock: str | None, tool_table: str | None, material: str | None,
-    limits: Mapping[str, Any], resolution: float | None, work_offset: str | None,
-    frf: Sequence[str], page: Path | None, wear: Sequence[str] = (),
-) -> CutOptions | None:  # fmt: skip
-    """The options of a cut, limits by the names of their fields; None where nothing is said of one.
+    *, limits: Mapping[str, Any], frf: Sequence[str] | None, wear: Sequence[str] | None,
+    resolution: float | None, page: Path | None = None, objective: Objective = "time",
+    alone: bool = True, **words: str | None,
+) -> CutOptions:  # fmt: skip
+    """The options of a cut, limits by the names of their fields.
 
-    Raises
-    ------
-    ValueError
-        When only a part of what a cut needs is said, or a value is out of its range.
+    ``words`` are stock, tool_table, material and work_offset; with ``alone`` the first three are
+    needed for another of the options that is given.
     """
-    needed = {"stock": stock, "tool_table": tool_table, "material": material}
-    other = {LIMIT_OPTION[name].removeprefix("--"): value for name, value in limits.items()}
-    other |= {
-        "resolution": resolution,
-        "work_offset": work_offset,
-        "frf": frf or None,
-        "wear": wear or None,
-        "page": page,
-    }
-    said = [name for name, value in (needed | other | {"page": page}).items() if value is not None]
-    if not said:
-        return None
-    for name, value in needed.items():
-        if value is None:
-            raise ValueError(f"{_option(said[0])} is given without {_option(name)}: {REMEDY[name]}")
-    of_part, by_tool = limits_given(limits)
+    other = {LIMIT_OPTION[name]: value for name, value in limits.items()} | {
+        "--resolution": resolution, "--work-offset": words["work_offset"], "--frf": frf or None,
+        "--wear": wear or None, "--page": page,
+    }  # fmt: skip
+    given = {_option(name): words[name] for name in REMEDY} | other
+    said = next((option for option, value in given.items() if value is not None), "")
+    for name, remedy in REMEDY.items():
+        if words[name] is None:
+            why = (
+                f"{said} is given without {_option(name)}"
+                if alone
+                else f"{_option(name)} is missing"
+            )
+            raise ValueError(f"{why}: {remedy}")
+    of_part, by_tool = _limits(limits)
+    cell = {} if resolution is None else {"resolution_mm": resolution}
+    part = Part(program="part.nc", objective=objective, limits=of_part, **words, **cell)  # type: ignore[arg-type]
     return CutOptions(
-        stock=str(stock), tool_table=str(tool_table), material=str(material),
-        limits=of_part, tool_limits=by_tool, work_offset=work_offset, frf=tuple(frf),
-        resolution=RESOLUTION if resolution is None else resolution, wear=WearOption.of(wear),
-    )  # fmt: skip
+        part=part, tool_limits=by_tool, frf=tuple(frf or ()), wear=WearOption.of(wear or ())
+    )
 
 
 def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> ProgramCut:
-    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``.
-
-    Raises
-    ------
-    ValueError
-        When blank, tools or material are not known, or a cut has no tool.
-    """
-    job, basis = cut_job(simulated.on, machine, options)
+def cut_document(simulated: Simulated, options: CutOptions) -> ProgramCut:
+    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``."""
+    on = simulated.on
+    models = on.identified_models
+    job, basis = cut_of(options.part, workshop_of(on, options), models.cutting, on.setup)
     cut = cut_program(simulated.plan, job)
     document = document_of(cut, basis)
-    drives = machine_models(simulated.on.models, simulated.on.control).drives
-    axes = check_axes(cut, drives, residual=simulated.residual)
-    forces = _force_intervals(cut, job, basis, simulated.on)
+    axes = check_axes(cut, models.drives, residual=simulated.residual)
+    certainty = on.optimisation.certainty
+    ranges = cut_ranges(cut)
+    used = {number: basis.coefficients[number] for number in ranges}
+    uncertain = uncertainty(
+        used, job.tools, models.cutting, models.judged, certainty, ranges=ranges
+    )  # fmt: skip
+    forces = force_intervals(cut, uncertain, basis.coefficients, models.cutting, certainty.seed)
     unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
     warnings = (*preflight_warnings(simulated.checked.violations), *document.warnings)
     return replace(
@@ -244,64 +186,19 @@ def cut_document(simulated: Simulated, machine: str, options: CutOptions) -> Pro
     )  # fmt: skip
 
 
-def _force_intervals(
-    cut: Cut, job: CutJob, basis: CutBasis, on: Controlled
-) -> tuple[ForceInterval, ...]:
-    """Forces of each tool with 90 % intervals, by the draws of an optimisation's load limit."""
-    models = machine_models(on.models, on.control)
-    settings = section(dict(on.parameters), "optimisation", OptimisationSettings)
-    certainty = (settings or OptimisationSettings()).certainty
-    ranges = cut_ranges(cut)
-    used = {number: basis.coefficients[number] for number in ranges}
-    uncertain = uncertainty(
-        used, job.tools, models.cutting, models.judged, certainty, ranges=ranges
-    )  # fmt: skip
-    return force_intervals(cut, uncertain, basis.coefficients, models.cutting, certainty.seed)
-
-
-def cut_job(on: Controlled, machine: str, options: CutOptions) -> tuple[CutJob, CutBasis]:
-    """The cut, and the prices, coefficients and limits that it is evaluated by.
-
-    Raises
-    ------
-    ValueError
-        When blank, tools or material are not known.
-    """
-    part = part_of(options, "time")
-    known = machine_models(on.models, on.control).cutting
-    return cut_of(part, workshop_of(on, machine, options), known, on.setup)
-
-
-def part_of(options: CutOptions, objective: Objective, program: str = "part.nc") -> Part:
-    """Blank, tools, material and limits of the options as a part with an objective."""
-    return Part(
-        program=program, name="part", stock=options.stock, tool_table=options.tool_table,
-        material=options.material, objective=objective, limits=options.limits,
-        resolution_mm=options.resolution, work_offset=options.work_offset,
-    )  # fmt: skip
-
-
-def workshop_of(
-    on: Controlled, machine: str, options: CutOptions, rule: WearRule = "known"
-) -> Workshop:
+def workshop_of(on: Controlled, options: CutOptions, rule: WearRule = "known") -> Workshop:
     """Tools, material, prices and spindle of the options and the machine's file.
 
     ``rule`` holds for the wear of tools where the options say nothing of it.
-
-    Raises
-    ------
-    ValueError
-        When tools or material are not known.
     """
-    sections = on.parameters["machine"][machine]
     return Workshop(
-        table=_limited(read_tools(options.tool_table), options.tool_limits),
-        material=read_material(options.material),
+        table=_limited(read_tools(options.part.tool_table), options.tool_limits),
+        material=read_material(options.part.material),
         rates=section(on.parameters, "cost", CostRates),
-        drive=section(sections, "spindle_drive", SpindleDrive),
-        drive_source=f"conf/machine/{machine}.yaml",
-        energy=section(sections, "energy", EnergyParameters),
-        dynamics=_dynamics(sections, options.frf),
+        drive=section(on.sections, "spindle_drive", SpindleDrive),
+        drive_source=f"conf/machine/{on.machine}.yaml",
+        energy=section(on.sections, "energy", EnergyParameters),
+        dynamics=_dynamics(on.sections, options.frf),
         catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
         wear=ToolWear(
             machine=machine_wear(on.models), rule=options.wear.rule or rule,
@@ -319,8 +216,7 @@ def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
             f"a limit is given for T{missing[0]}, which the tool table does not have: it has "
             f"{there}"
         )
-    with named_as_options():
-        own = {number: replace(table.tools[number], **of) for number, of in given.items()}
+    own = {number: replace(table.tools[number], **of) for number, of in given.items()}
     return replace(table, tools={**table.tools, **own})
 
 

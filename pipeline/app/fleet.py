@@ -5,7 +5,6 @@ import json
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import date
 from fnmatch import fnmatchcase
@@ -22,7 +21,7 @@ from pipeline.fleet import Fleet
 from pipeline.parameters import ParametersError, read_params, read_yaml, structure
 from pipeline.schema.cache import content_key, keep, kept
 from pipeline.schema.days import UTC, day_of_text
-from pipeline.schema.files import NotWrittenError, replacing
+from pipeline.schema.files import replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
 
@@ -52,13 +51,7 @@ class FileResult:
 
 
 def machine_parameters(machine: str) -> dict[str, Any]:
-    """A machine's sections, whether or not it is in the fleet that is built.
-
-    Raises
-    ------
-    ValueError
-        When conf/machine/ has no such machine.
-    """
+    """A machine's sections, whether or not it is in the fleet that is built."""
     names = {p.stem for p in (CONF / "machine").glob("*.yaml")}
     if machine not in names:  # which no path is
         known = ", ".join(sorted(names)) or "none"
@@ -97,12 +90,6 @@ def ingest_files(
     """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else.
 
     See :func:`pipeline.signals.formats.source_of` for how a file is read.
-
-    Raises
-    ------
-    ValueError
-        When a file does not exist, the machine is not known, or ``out`` is a folder that
-        `dvc repro` writes.
     """
     from pipeline.signals.formats import RecordSource, source_of
     from pipeline.signals.ingest import ingest
@@ -198,13 +185,7 @@ def _bring_devices(
 
 
 def use_fleet(name: str) -> Fleet:
-    """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build.
-
-    Raises
-    ------
-    ValueError
-        When there is no such fleet.
-    """
+    """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build."""
     folder = CONF / "fleet"
     known = sorted(p.stem for p in folder.glob("*.yaml") if p.stem != "active")
     if name not in known:
@@ -254,13 +235,7 @@ def _whole(path: Path, written: dict[str, Any]) -> str:
 
 
 def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
-    """Copy each machine's recordings to data/raw/<machine>; yield machine, files new, files in all.
-
-    Raises
-    ------
-    ValueError
-        When a folder or a Devices document is missing, or no record is there.
-    """
+    """Copy recordings to data/raw/<machine>; yield machine, new files, files in all."""
     from pipeline.signals.formats import RecordSource
     from pipeline.signals.store import sha256_of
 
@@ -312,26 +287,10 @@ def freeze_set(
 ) -> FrozenSet:
     """Freeze raw files of ``machine`` as its golden set, or as the sealed set beside it.
 
-    Parameters
-    ----------
-    machine : str
-        Whose.
-    first, last : str, optional
-        Days of the plant that count in logs, ``YYYY-MM-DD``, both included; every file that
-        reaches into them.
-    files : sequence of str
-        Patterns of further files, whole whether they have a clock or not, and of parts of tables,
-        ``<file>#<column>=<value>``.
-    sealed : bool
-        Whether it is the set that promotion alone looks at.
-    again : callable
-        Asked whether another set may take the place of one that is committed.
-
-    Raises
-    ------
-    ValueError
-        When a day is no date, nothing is named, the records were not ingested, a pattern fits no
-        file, a file is in the other set already, or a committed set is to stay.
+    ``first`` and ``last``: days of the plant that count in logs, ``YYYY-MM-DD``, both included;
+    every file that reaches into them; ``files``: patterns of further files, whole whether they have
+    a clock or not, and of parts of tables, ``<file>#<column>=<value>``; ``sealed``: whether it is
+    the set that promotion alone looks at.
     """
     mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
     zone = str(mapping.get("time_zone", UTC))
@@ -504,73 +463,3 @@ def write_report(out: Path) -> Path:
         budget=structure(values, "budget", str), pages=structure(values, "pages", ReportSettings),
     )  # fmt: skip
     return out / "index.html"
-
-
-def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
-    """Refuse files that cannot be written, or would replace what is read or each other.
-
-    Parameters
-    ----------
-    program : Path or None
-        Part program, where one is read.
-    *outputs : Path or None
-        Files to write.
-    inputs : sequence of Path
-        Other files that are read.
-
-    Raises
-    ------
-    ValueError
-        With the file's name.
-    """
-    for path in outputs:
-        if path is None:
-            continue
-        if program is not None and _same(path, program):
-            raise ValueError(f"{path} is the program itself: name another file to write")
-        if path.is_dir():
-            raise ValueError(f"{path} is a folder: name a file in it")
-        if not path.parent.is_dir():
-            raise ValueError(f"{path.parent} does not exist: make that folder first")
-        if any(_same(path, read) for read in inputs):
-            raise ValueError(f"{path} is read: name another file to write")
-        if CONF.resolve() in path.resolve().parents:
-            raise ValueError(f"{path} is in {CONF}, which is read: name a file elsewhere")
-    written = [path for path in outputs if path is not None]
-    for i, path in enumerate(written):
-        ordinary = path.is_file() or not path.exists()  # not /dev/null
-        if ordinary and any(_same(path, other) for other in written[:i]):
-            raise ValueError(f"{path} is named for two outputs: name a file for each")
-    for path in written:
-        _check_writable(path)
-
-
-def _same(path: Path, other: Path) -> bool:
-    if path.exists() and other.exists():
-        return path.samefile(other)
-    return path.resolve() == other.resolve()
-
-
-def _check_writable(path: Path) -> None:
-    """Open the file, and one beside it, to write: nothing else says it of every file system.
-
-    What is there is left as it is.
-    """
-    if path.exists() and not path.is_file():
-        return
-    try:
-        if path.exists():
-            path.open("ab").close()
-        with suppress(_TriedError), replacing(path) as part:
-            part.open("xb").close()
-            raise _TriedError
-    except OSError as error:
-        cause = error.__cause__ if isinstance(error, NotWrittenError) else error
-        reason = getattr(cause, "strerror", None) or error
-        raise ValueError(
-            f"{path} cannot be written ({reason}): name a file in a folder that you may write to"
-        ) from error
-
-
-class _TriedError(Exception):
-    """A file beside could be begun; it is removed, as after any error."""

@@ -31,11 +31,19 @@ class _OneSentence(TyperGroup):
                 error.show()
             else:
                 said = error.format_message().replace("Value error, ", "").rstrip(".")
+                if said == "Option '--json' requires an argument":
+                    said += ": name a file, or - for standard output"
                 where = f"; see `{error.ctx.command_path} --help`" if error.ctx else ""
                 typer.echo(f"kerf: {said}{where}", err=True)
             sys.exit(error.exit_code)
         sys.exit(code if isinstance(code, int) else 0)
 
+
+PROJECT = "Project and fleet, as in: kerf fleet demo"
+RECORDS = "Records, as in: kerf ingest log.txt --machine mill00 --out read"
+MODELS = "Models, as in: kerf promote mill00 --why 'new probe'"
+PROGRAMS = "Part programs, as in: kerf simulate part.nc --machine mill00"
+"""Groups of commands in the help."""
 
 app = typer.Typer(
     cls=_OneSentence,
@@ -90,23 +98,21 @@ def _machines(incomplete: str) -> list[str]:
     return sorted(path.stem for path in Path("conf/machine").glob(f"{incomplete}*.yaml"))
 
 
-Machine = Annotated[str, typer.Argument(help="As in conf/machine/.", autocompletion=_machines)]
-Program = Annotated[Path, typer.Argument(help="A part program.")]
-Whose = Annotated[
-    str, typer.Option(help="Whose control, as in conf/machine/.", autocompletion=_machines)
+Machine = Annotated[
+    str, typer.Argument(help="Machine, as in conf/machine/.", autocompletion=_machines)
 ]
+Program = Annotated[Path, typer.Argument(help="A part program.")]
+Whose = Annotated[str, typer.Option(help="Machine, as in conf/machine/.", autocompletion=_machines)]
 Setup = Annotated[
     str | None,
-    typer.Option(
-        help="Whose offsets and tools hold, as in conf/machine/.", autocompletion=_machines
-    ),
+    typer.Option(help="Machine whose offsets and tools hold.", autocompletion=_machines),
 ]
 DialectName = Literal["fanuc", "linuxcnc", "siemens"]
 Dialect = Annotated[
     DialectName | None,
-    typer.Option(help="In which the program is written; the machine's by default."),
+    typer.Option(help="Dialect of the program; the machine's by default."),
 ]
-Unit = Annotated[str | None, typer.Option(help="Which of several machines of a kind.")]
+Unit = Annotated[str | None, typer.Option(help="Unit, of several machines of a kind.")]
 Stock = Annotated[
     str | None,
     typer.Option(
@@ -117,13 +123,13 @@ Stock = Annotated[
 ToolTable = Annotated[
     str | None, typer.Option(help="Tools by number: a table of conf/tool/, or a YAML file.")
 ]
-Material = Annotated[str | None, typer.Option(help="Of the blank, as in conf/material/.")]
+Material = Annotated[str | None, typer.Option(help="Material, as in conf/material/.")]
 Load = Annotated[
     list[str] | None, typer.Option(help=limit_words("load_N")[0].help, metavar="N|T5=N")
 ]
-Resolution = Annotated[float | None, typer.Option(help="Of the blank, mm; 0.2 by default.")]
+Resolution = Annotated[float | None, typer.Option(help="Resolution of the blank, mm; 0.2.")]
 WorkOffset = Annotated[
-    str | None, typer.Option(help="That the blank is measured in; that of the first cut.")
+    str | None, typer.Option(help="Work offset of the blank; that of the first cut by default.")
 ]
 Responses = Annotated[
     list[str] | None,
@@ -141,9 +147,9 @@ Compensated = Annotated[
     typer.Option("--compensated", help="Following errors with what the network adds to them."),
 ]
 ModelName = Literal["champion", "latest"]
-Model = Annotated[ModelName, typer.Option(help="Whose sub-models; latest is the exception.")]
+Model = Annotated[ModelName, typer.Option(help="Sub-models that serve, or the latest.")]
 FormatName = Literal["csv", "fanuc", "siemens"]
-Format = Annotated[FormatName, typer.Option(help="Of the file.")]
+Format = Annotated[FormatName, typer.Option(help="Format of the file.")]
 ObjectiveName = Literal["time", "cost", "energy", "wear", "pareto"]
 Objective = Annotated[
     ObjectiveName, typer.Option(help="What is made least; pareto takes the knee of their front.")
@@ -153,7 +159,13 @@ Speeds = Annotated[
     SpeedsName | None,
     typer.Option(help="S words at any block, or only the program's own.", rich_help_panel="Limits"),
 ]
-Json = Annotated[bool, typer.Option("--json", help="Say it as JSON on standard output.")]
+Anyway = Annotated[
+    bool, typer.Option("--anyway", help="Even when the model failed or was not judged.")
+]
+Conditions = Annotated[
+    list[str] | None, typer.Option("--set", help="A condition, name=value; again for more.")
+]
+Json = Annotated[Path | None, typer.Option("--json", help="JSON to write, - for standard output.")]
 
 
 @contextmanager

@@ -19,7 +19,7 @@ GRID = 20_000
 """Points of time at which series are compared, as many reports of the log apart."""
 TURNS_RPM = 5.0
 """A spindle turns above this speed [rev/min]."""
-SURE = 0.95
+STANDING_SHARE = 0.95
 """Share of the C axis' motions during which its spindle stands [1]."""
 APART = 0.1
 """Difference of two correlations that decides between two candidates [1]."""
@@ -79,12 +79,7 @@ class Found:
 def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]) -> Found:
     """Which of ``items`` (name in observations, declaration) is which signal.
 
-    Parameters
-    ----------
-    items : sequence of (str, DataItem)
-        Of one device.
-    series : mapping of str to ItemSeries
-        What they said; empty where no log is given.
+    ``series``: what they said; empty where no log is given.
     """
     found, log = Found(), Log(series)
     usable = [(n, i) for n, i in items if i.category != "CONDITION" and i.type]
@@ -262,7 +257,9 @@ def _c_axis(found: Found, log: "Log") -> None:
         return
     mode, rate = signals.get("spindle_rotary_mode"), signals.get("c_angular_velocity")
     stands = [log.standing_while(one["speed"], angle) for one in found.spindles]
-    alone = stands and stands[0] >= SURE and not any(s >= SURE for s in stands[1:])
+    alone = (
+        stands and stands[0] >= STANDING_SHARE and not any(s >= STANDING_SHARE for s in stands[1:])
+    )
     if mode is None and not alone:
         return
     found.position_control = {"angle": angle, "speed": speed}

@@ -39,13 +39,7 @@ _KINDS = (
 
 
 def table_lines(path: Path, form: str, files: str) -> list[str]:
-    """Lines of YAML for the records like ``path``: its columns, times, units and what they may be.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read as a table.
-    """
+    """Lines of YAML for records like ``path``: columns, times, units and what they may be."""
     layout, table = _read(path, form)
     columns = {name.removeprefix("raw_"): table.column(name) for name in table.column_names[1:]}
     units = {f.name.removeprefix("raw_"): f.metadata[b"unit"].decode() for f in table.schema}

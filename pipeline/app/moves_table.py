@@ -80,22 +80,8 @@ def _column(values: NDArray[np.generic]) -> pa.Array:
 def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[str, ...]]:
     """Write moves as CSV, a row a move, packed where the end of the file's name says so (``.gz``).
 
-    Parameters
-    ----------
-    parts : iterable of Moves
-        Consecutive moves of one program; each is written before the next one is made.
-    out : Path
-        File to write.
-
-    Returns
-    -------
-    int, float, tuple of str
-        Number of moves, length of their path [mm], and notices to the user.
-
-    Raises
-    ------
-    ValueError
-        When there is no move at all.
+    ``parts`` are consecutive moves of one program; each is written before the next one is made.
+    Returned are the number of moves, the length of their path [mm], and notices to the user.
     """
     count, length = 0, 0.0
     notices: tuple[str, ...] = ()

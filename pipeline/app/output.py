@@ -5,14 +5,16 @@ import logging
 import shutil
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 import typer
+
+from pipeline.schema.files import NotWrittenError, replacing
 
 LOG = logging.getLogger("pipeline")
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
@@ -31,19 +33,21 @@ class Outputs:
     """That file, None where no output is ``-``."""
 
     def file(self, path: Path | None, suffix: str = "") -> Path | None:
-        """The file to write for an output that was named, with an end of its name for ``-``.
-
-        Raises
-        ------
-        ValueError
-            When two outputs are ``-``.
-        """
+        """The file to write for an output that was named, with an end of its name for ``-``."""
         if path != STANDARD:
             return path
         if self.taken is not None:
             raise ValueError("- is named for two outputs: standard output takes one document")
         self.taken = self.folder / f"standard output{suffix}"
         return self.taken
+
+    def json(self, document: Any, path: Path | None) -> None:
+        """Write a document as JSON where it was asked for."""
+        if (file := self.file(path)) is not None:
+            check_outputs(None, file)
+            with replacing(file) as part:
+                text = json.dumps(document, indent=1, ensure_ascii=False)
+                part.write_text(f"{text}\n", encoding="utf-8")
 
     def say(self, line: str) -> None:
         """Say a line, on standard error where standard output holds a document."""
@@ -69,11 +73,6 @@ def outputs() -> Iterator[Outputs]:
             with found.taken.open("rb") as file:
                 shutil.copyfileobj(file, sys.stdout.buffer)
             sys.stdout.buffer.flush()
-
-
-def say_json(document: Any) -> None:
-    """Say a document as JSON on standard output."""
-    typer.echo(json.dumps(document, indent=1, ensure_ascii=False))
 
 
 class _Standard(logging.Handler):
@@ -110,3 +109,58 @@ def step(what: str) -> Iterator[Step]:
     yield one
     took = time.perf_counter() - started
     LOG.info("%s", "; ".join([what, *one.found, f"took {took:.2f} s"]))
+
+
+def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:
+    """Refuse files that cannot be written, or would replace what is read or each other."""
+    for path in outputs:
+        if path is None:
+            continue
+        if program is not None and _same(path, program):
+            raise ValueError(f"{path} is the program itself: name another file to write")
+        if path.is_dir():
+            raise ValueError(f"{path} is a folder: name a file in it")
+        if not path.parent.is_dir():
+            raise ValueError(f"{path.parent} does not exist: make that folder first")
+        if any(_same(path, read) for read in inputs):
+            raise ValueError(f"{path} is read: name another file to write")
+        if Path("conf").resolve() in path.resolve().parents:
+            raise ValueError(f"{path} is in conf, which is read: name a file elsewhere")
+    written = [path for path in outputs if path is not None]
+    for i, path in enumerate(written):
+        ordinary = path.is_file() or not path.exists()  # not /dev/null
+        if ordinary and any(_same(path, other) for other in written[:i]):
+            raise ValueError(f"{path} is named for two outputs: name a file for each")
+    for path in written:
+        _check_writable(path)
+
+
+def _same(path: Path, other: Path) -> bool:
+    if path.exists() and other.exists():
+        return path.samefile(other)
+    return path.resolve() == other.resolve()
+
+
+def _check_writable(path: Path) -> None:
+    """Open the file, and one beside it, to write: nothing else says it of every file system.
+
+    What is there is left as it is.
+    """
+    if path.exists() and not path.is_file():
+        return
+    try:
+        if path.exists():
+            path.open("ab").close()
+        with suppress(_TriedError), replacing(path) as part:
+            part.open("xb").close()
+            raise _TriedError
+    except OSError as error:
+        cause = error.__cause__ if isinstance(error, NotWrittenError) else error
+        reason = getattr(cause, "strerror", None) or error
+        raise ValueError(
+            f"{path} cannot be written ({reason}): name a file in a folder that you may write to"
+        ) from error
+
+
+class _TriedError(Exception):
+    """A file beside could be begun; it is removed, as after any error."""

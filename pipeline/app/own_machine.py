@@ -1,6 +1,5 @@
 """The commands for a machine of one's own: its file proposed, its records looked at."""
 
-from json import dumps
 from pathlib import Path
 from typing import Annotated
 
@@ -8,9 +7,10 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence
+from pipeline.app.output import outputs
 
 machine_app = typer.Typer(no_args_is_help=True, help="Machines of one's own.")
-app.add_typer(machine_app, name="machine")
+app.add_typer(machine_app, name="machine", rich_help_panel=kerf.RECORDS)
 
 
 @machine_app.callback()
@@ -20,7 +20,7 @@ def _machine() -> None:
 
 @machine_app.command()
 def new(
-    name: Annotated[str, typer.Argument(help="Of the machine: letters, digits, _.")],
+    name: Annotated[str, typer.Argument(help="Name of the machine: letters, digits, _.")],
     devices: Annotated[
         Path | None, typer.Option(help="The agent's Devices document, if there is one.")
     ] = None,
@@ -28,13 +28,13 @@ def new(
         list[Path] | None,
         typer.Option(help="A log or table, or a folder of them; may be repeated."),
     ] = None,
-    device: Annotated[str | None, typer.Option(help="Which device of that document.")] = None,
+    device: Annotated[str | None, typer.Option(help="Device of that document.")] = None,
     time_zone: Annotated[
-        str, typer.Option(help="Of the plant's days, as America/New_York; records stay in UTC.")
+        str, typer.Option(help="Time zone of the plant's days, as America/New_York.")
     ] = "UTC",
 ) -> None:
     """Propose conf/machine/NAME.yaml and conf/fleet/NAME.yaml, and say why each signal is what."""
-    from pipeline.app.new_machine import write_machine
+    from pipeline.app.machine import write_machine
 
     with one_sentence():
         lines = write_machine(name, devices, logs or (), device, time_zone)
@@ -63,19 +63,17 @@ def schema(
         typer.echo(f"wrote {path}")
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.RECORDS)
 def records(
     machine: kerf.Machine,
-    json: Annotated[bool, typer.Option("--json", help="Say it as JSON, a row an item.")] = False,
+    json: kerf.Json = None,
 ) -> None:
     """Show what MACHINE's records hold, item by item, as the last `dvc repro` read them."""
-    from pipeline.app.new_machine import records_of
+    from pipeline.app.machine import records_of
     from pipeline.app.records import document, lines
 
-    with one_sentence():
+    with one_sentence(), outputs() as to:
         rows = records_of(machine)
-    if json:
-        typer.echo(dumps(document(rows), indent=1, ensure_ascii=False))
-        return
-    for line in lines(rows):
-        typer.echo(line)
+        to.json(document(rows), json)
+        for line in lines(rows):
+            to.say(line)

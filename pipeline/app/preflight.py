@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from pipeline.app.cut import REMEDY, RESOLUTION
+from pipeline.app.cut import REMEDY
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.programs import machine_limits, machine_setup, read_moves, setup_beside
 from pipeline.app.tables import read_tools, section
@@ -14,6 +14,7 @@ from pipeline.cutting.engagement.stock import stock_of
 from pipeline.gcode.moves import METRE, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
+from pipeline.optimisation.settings import Part
 from pipeline.twin.cut import CHORD, rapid_speeds
 from pipeline.twin.cutting_path import cutting_path
 from pipeline.twin.preflight import (
@@ -37,6 +38,11 @@ class Clearance(NamedTuple):
     resolution: float | None
     work_offset: str | None
 
+    @property
+    def wanted(self) -> bool:
+        """Whether more is given than tools, whose ranges `kerf check` looks at alone."""
+        return any((self.stock, self.resolution, self.work_offset))
+
 
 def preflight_program(
     path: Path, machine: str, dialect: str | None = None, *, beside: Path | None = None,
@@ -46,18 +52,13 @@ def preflight_program(
 
     ``beside`` is a program whose folder is searched for subprograms too; ``moves`` are those of the
     program, where it was followed with this set-up before.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine, the program cannot be followed, or an option is missing.
     """
     setup = machine_setup(machine, dialect)
     setup = setup if beside is None else setup_beside(setup, beside)
     sections = machine_parameters(machine)["machine"][machine]
     moves = read_moves(path, setup, lambda done: None) if moves is None else moves
     found = preflight(moves, setup, machine_limits(sections, setup))
-    if clearance is None or not any(clearance[:1] + clearance[2:]):
+    if clearance is None or not clearance.wanted:
         return found
     control = section(dict(sections), "control", ControlParameters)
     return _with_contacts(found, moves, setup, clearance, control)
@@ -72,7 +73,7 @@ def _with_contacts(
         missing = "stock" if clearance.stock is None else "tool_table"
         raise ValueError(f"--{missing.replace('_', '-')} is missing: {REMEDY[missing]}")
     tools = read_tools(clearance.tool_table).tools
-    resolution = (clearance.resolution or RESOLUTION) * METRE
+    resolution = (clearance.resolution or Part.resolution_mm) * METRE
     path = cutting_path(
         moves, sorted(tools), chord=CHORD * resolution, offsets=setup.work_offsets,
         offset=clearance.work_offset,

@@ -15,20 +15,42 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
-from pipeline.app.output import Outputs, outputs, say_json, step
+from pipeline.app.output import Outputs, check_outputs, outputs, step
 from pipeline.schema.limits import BY_TOOL, limit_options
+
+SETTINGS = {
+    "parts.resolution_mm": "--resolution", "certainty.epsilon": "--epsilon",
+    "certainty.seed": "--seed", "search.seed": "--seed", "grouping.speeds": "--speeds",
+} | {
+    f"{section}.{name}": words.option
+    for name, _, words in limit_options()
+    for section in ("limits.margins", "margins", "practice", "limits")
+} | {f"tool.limit_{name}": f"--limit-{name.partition('_')[0]}" for name in BY_TOOL}  # fmt: skip
+"""Option by the path of the setting that it gives."""
 
 
 @contextmanager
 def _working() -> Iterator[Outputs]:
-    """Where a command with compiled loops writes; bad input is a sentence, compilation is said."""
+    """Where a command with compiled loops writes; bad input is a sentence, compilation is said.
+
+    A setting that is refused is named by the option that gave it, but for what stands in a file.
+    """
     from pipeline.app.compiling import announced
+    from pipeline.parameters import ParametersError
 
     with one_sentence(), outputs() as to, announced():
-        yield to
+        try:
+            yield to
+        except ParametersError:
+            raise
+        except ValueError as error:
+            said = str(error)
+            for setting, option in SETTINGS.items():
+                said = said.replace(f"{setting} =", option).replace(setting, option)
+            raise ValueError(said) from error
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def interpret(
     program: kerf.Program,
     out: Annotated[Path | None, typer.Option(help="CSV to write, a row a move.")] = None,
@@ -37,17 +59,16 @@ def interpret(
     at: Annotated[
         int | None, typer.Option(help="Line to restart at: say what is in force before it.")
     ] = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Follow PROGRAM block by block and write its moves, or say what a restart at a line needs."""
     if out is None and at is None:
         with one_sentence():
             raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
     if at is not None:
-        _restart(program, machine, dialect, at, json=json)
+        _restart(program, machine, dialect, at, json)
     if out is None:
         return
-    from pipeline.app.fleet import check_outputs
     from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
     from pipeline.app.programs import machine_setup, moves_in_parts, passed_over
 
@@ -66,23 +87,25 @@ def interpret(
 
 
 def _restart(
-    program: Path, machine: str | None, dialect: kerf.DialectName | None, line: int, *, json: bool
+    program: Path,
+    machine: str | None,
+    dialect: kerf.DialectName | None,
+    line: int,
+    json: Path | None,
 ) -> None:
     from pipeline.app.programs import machine_setup, program_at, setup_beside
     from pipeline.gcode.interpret import restart_at
     from pipeline.gcode.restart import restart_lines
 
-    with _working():
+    with _working() as to:
         setup = setup_beside(machine_setup(machine, dialect), program)
         found = restart_at(program_at(program), setup, line)
-    if json:
-        say_json(asdict(found))
-        return
-    for text in restart_lines(found):
-        typer.echo(text)
+        to.json(asdict(found), json)
+        for text in restart_lines(found):
+            to.say(text)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def simulate(
     program: kerf.Program,
     machine: kerf.Whose,
@@ -90,7 +113,7 @@ def simulate(
     out: Annotated[
         Path | None, typer.Option(help="Parquet of positions at the interpolation period.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of the times, block by block.")] = None,
+    json: kerf.Json = None,
     stock: kerf.Stock = None,
     tool_table: kerf.ToolTable = None,
     material: kerf.Material = None,
@@ -112,22 +135,27 @@ def simulate(
     """
     from pipeline.app.simulate import SimulateRequest, simulate_and_write, simulate_lines
 
+    given = (stock, tool_table, material, limit_load, resolution, work_offset, frf, wear, page)
     with _working() as to:
+        cut = None
+        if any(value is not None for value in given):
+            from pipeline.app.cut import cut_options  # it takes its time
+
+            cut = cut_options(
+                stock=stock, tool_table=tool_table, material=material, frf=frf,
+                limits={"load_N": limit_load}, resolution=resolution, work_offset=work_offset,
+                wear=wear, page=page,
+            )  # fmt: skip
         request = SimulateRequest(
             program=program, machine=machine, unit=unit, model=model, compensated=compensated,
             out=to.file(out, ".parquet"), json=to.file(json), page=to.file(page),
-            compensate=to.file(compensate, ".csv"),
-            cut={
-                "stock": stock, "tool_table": tool_table, "material": material,
-                "limits": {"load_N": limit_load}, "resolution": resolution,
-                "work_offset": work_offset, "frf": frf or (), "page": page, "wear": wear or (),
-            },
+            compensate=to.file(compensate, ".csv"), cut=cut,
         )  # fmt: skip
         for line in simulate_lines(*simulate_and_write(request, to.taken), request):
             to.say(line)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def preflight(
     program: kerf.Program,
     machine: kerf.Whose,
@@ -136,7 +164,7 @@ def preflight(
     tool_table: kerf.ToolTable = None,
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Hold PROGRAM against MACHINE's travel, spindle speeds, feeds and tool lengths; else exit 1.
 
@@ -151,21 +179,19 @@ def preflight(
         preflight_program,
     )
 
-    with _working():
+    with _working() as to:
         clearance = Clearance(stock, tool_table, resolution, work_offset)
         found = preflight_program(program, machine, dialect, clearance=clearance)
-    if json:
-        say_json({"program": program.name, "machine": machine} | asdict(found))
-    else:
+        to.json({"program": program.name, "machine": machine} | asdict(found), json)
         if not found.violations:
-            typer.echo(f"{program.name} stays inside of what {machine} lists")
+            to.say(f"{program.name} stays inside of what {machine} lists")
         for line in (*preflight_lines(found, program, machine), *clearance_lines(found)):
-            typer.echo(line)
+            to.say(line)
     if found.violations:
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 def check(
     before: Annotated[Path, typer.Argument(help="A part program.")],
     after: Annotated[Path, typer.Argument(help="The same with other feeds and speeds.")],
@@ -179,7 +205,7 @@ def check(
     stock: kerf.Stock = None,
     resolution: kerf.Resolution = None,
     work_offset: kerf.WorkOffset = None,
-    json: kerf.Json = False,
+    json: kerf.Json = None,
 ) -> None:
     """Prove that AFTER differs from BEFORE in F and S words only, and in no move; else exit 1.
 
@@ -199,7 +225,7 @@ def check(
         preflight_program,
     )
 
-    with _working():
+    with _working() as to:
         if material is not None and tool_table is None:
             raise ValueError(
                 "--material is given without --tool-table: name a table of conf/tool/ or a YAML "
@@ -223,11 +249,9 @@ def check(
             warnings += machine_lines(after, moves)
         if proof.same and moves is not None and tool_table is not None:
             warnings += range_lines(after, moves, tool_table, material)
-    if json:
-        say_json(asdict(proof) | {"warnings": [*reach, *warnings]})
-    else:
+        to.json(asdict(proof) | {"warnings": [*reach, *warnings]}, json)
         for line in (*reach, *check_lines(proof, before, after), *warnings):
-            typer.echo(line)
+            to.say(line)
     if not proof.same:
         raise typer.Exit(1)
 
@@ -269,7 +293,7 @@ def _with_limits(command: Callable[..., None]) -> Callable[..., None]:
     return optimised
 
 
-@app.command()
+@app.command(rich_help_panel=kerf.PROGRAMS)
 @_with_limits
 def optimise(
     *,
@@ -277,7 +301,7 @@ def optimise(
     machine: kerf.Whose,
     objective: kerf.Objective = "time",
     out: Annotated[Path | None, typer.Option(help="Program to write.")] = None,
-    json: Annotated[Path | None, typer.Option(help="JSON of what was found.")] = None,
+    json: kerf.Json = None,
     page: Annotated[Path | None, typer.Option(help="HTML page of what was found.")] = None,
     unit: kerf.Unit = None,
     stock: kerf.Stock = None,
@@ -296,7 +320,7 @@ def optimise(
         bool, typer.Option("--split", help="Split long blocks where the cut changes.")
     ] = False,
     speeds: kerf.Speeds = None,
-    seed: Annotated[int | None, typer.Option(help="Of all chance.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of all chance.")] = None,
     proof_comment: Annotated[
         bool,
         typer.Option("--proof-comment", help="The proof's hash in a comment at the program's end."),
@@ -307,52 +331,49 @@ def optimise(
 
     Ctrl-C ends the search and writes the best so far.
     """
-    from pipeline.app.fleet import check_outputs
-    from pipeline.app.optimise import (
-        PartFiles,
-        PartRequest,
-        SearchOptions,
-        interruptible,
-        optimise_part,
-        part_options,
-        write_optimised,
-    )
+    from pipeline.app.cut import cut_options
+    from pipeline.app.optimise import SearchOptions, interruptible, optimise_part, write_optimised
     from pipeline.app.optimise_lines import optimise_lines
-    from pipeline.app.preflight import beyond_lines, not_checked_lines, preflight_program
-    from pipeline.app.programs import machine_setup, read_moves
+    from pipeline.app.preflight import beyond_lines, not_checked_lines
+    from pipeline.app.programs import machine_control, read_moves
     from pipeline.twin.preflight import preflight_warnings
 
     with _working() as to:
-        files = PartFiles.of(to.file(out, program.suffix), to.file(json), to.file(page))
-        request = PartRequest(
-            program=program, machine=machine, unit=unit, objective=objective,
-            cut=part_options(
-                stock=stock, tool_table=tool_table, material=material, limits=limits,
-                resolution=resolution, work_offset=work_offset, frf=frf, wear=wear,
-            ),
-            model=model,
-            search=SearchOptions(
-                epsilon=epsilon, seed=seed, split=split, speeds=speeds,
-                proof_comment=proof_comment, compensated=compensated,
-            ),
+        written, *shown = to.file(out, program.suffix), to.file(json), to.file(page)
+        if written is None:
+            raise ValueError(
+                "--out is missing: name a file for the optimised program, as OPTIMISED.nc"
+            )
+        cut = cut_options(
+            stock=stock, tool_table=tool_table, material=material, limits=limits, frf=frf,
+            resolution=resolution, work_offset=work_offset, wear=wear, objective=objective,
+            alone=False,
         )  # fmt: skip
-        check_outputs(program, *files.named, inputs=request.cut.files)
-        moves = read_moves(program, machine_setup(machine, None), lambda done: None)
-        checked = preflight_program(program, machine, moves=moves)
+        search = SearchOptions(
+            epsilon=epsilon, seed=seed, split=split, speeds=speeds, proof_comment=proof_comment,
+            compensated=compensated,
+        )  # fmt: skip
+        check_outputs(program, written, *shown, inputs=cut.files)
+        on = machine_control(machine, unit, model)
+        moves = read_moves(program, on.setup, lambda done: None)
+        checked = on.preflight(moves)
         for line in beyond_lines(checked, program, machine):
             to.say(line)
-        request = replace(request, beyond=preflight_warnings(checked.violations), moves=moves)
         try:
             with interruptible(_ending) as ending:  # the best so far is written whole too
-                with stages_bar() as shown, step(f"optimised {program}"):
-                    result, part = optimise_part(request, lambda w, s: (shown(w, s), ending())[1])
-                written = write_optimised(result, part, files)
+                with stages_bar() as bar, step(f"optimised {program}"):
+                    result, part = optimise_part(
+                        on, program, moves, cut, search, lambda w, s: (bar(w, s), ending())[1]
+                    )
+                beyond = preflight_warnings(checked.violations)
+                part = replace(part, warnings=(*beyond, *part.warnings))
+                write_optimised(result, part, written, *shown)
         except KeyboardInterrupt as error:
             typer.echo("kerf: interrupted, nothing is written", err=True)
             raise typer.Exit(130) from error
         for line in (*not_checked_lines(checked, machine), *optimise_lines(part)):
             to.say(line)
-        to.say(f"wrote {to.names(*written)}")
+        to.say(f"wrote {to.names(written, *shown)}")
     if part.interrupted:
         raise typer.Exit(130)
 

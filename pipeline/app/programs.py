@@ -3,10 +3,12 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.interpret import interpret, interpret_in_parts
@@ -17,7 +19,7 @@ from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import read_json, write_json
+from pipeline.schema.store import read_json
 from pipeline.schema.structure import unstructured
 from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight
@@ -25,6 +27,8 @@ from pipeline.twin.preflight import Preflight, limits_of, preflight
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.optimisation.job import MachineModels
+    from pipeline.optimisation.settings import OptimisationSettings
     from pipeline.submodels.contract import SubModel
     from pipeline.twin.program_axes import Residual
 
@@ -60,8 +64,10 @@ WITHOUT_TIME = {
 class Controlled:
     """A machine with its control: identified, or as in conf/machine/."""
 
+    machine: str
+    """Its name."""
     control: ControlParameters
-    """Of the unit."""
+    """Control of the unit."""
     identified: bool
     """Whether it was identified."""
     unit: str = ""
@@ -69,7 +75,7 @@ class Controlled:
     chosen: bool = False
     """Whether the user named it."""
     units: tuple[str, ...] = ()
-    """All of them."""
+    """All units of the machine."""
     origin: str
     """Origin of the machine's records."""
     setup: Setup
@@ -80,20 +86,40 @@ class Controlled:
     """Folder of the sub-models that are used: the champion's, or the latest ones."""
 
     @property
+    def sections(self) -> dict[str, Any]:
+        """Sections of the machine's file."""
+        found: dict[str, Any] = self.parameters["machine"][self.machine]
+        return found
+
+    def preflight(self, moves: Moves) -> Preflight:
+        """Moves held against the machine's travel, speeds, feeds and tool lengths."""
+        return preflight(moves, self.setup, machine_limits(self.sections, self.setup))
+
+    @property
     def source(self) -> str:
         """Where the control is from, as documents say it."""
         return "identified" if self.identified else "conf/machine"
 
     @property
-    def used(self) -> tuple[UsedModel, ...]:
-        """Sub-models that figures rest on, with their verdicts, the gravest first."""
-        from pipeline.optimisation.job import machine_models
-        from pipeline.optimisation.reliability.judged import used_models
+    def optimisation(self) -> "OptimisationSettings":
+        """How programs are optimised, and what is uncertain."""
         from pipeline.optimisation.settings import OptimisationSettings
 
-        settings = structure(self.parameters, "optimisation", OptimisationSettings)
-        known = machine_models(self.models, self.control)
-        return used_models(known.verdicts, settings.certainty)
+        return structure(self.parameters, "optimisation", OptimisationSettings)
+
+    @cached_property
+    def identified_models(self) -> "MachineModels":
+        """Models that were identified of the machine, read once."""
+        from pipeline.optimisation.job import machine_models
+
+        return machine_models(self.models, self.control)
+
+    @property
+    def used(self) -> tuple[UsedModel, ...]:
+        """Sub-models that figures rest on, with their verdicts, the gravest first."""
+        from pipeline.optimisation.reliability.judged import used_models
+
+        return used_models(self.identified_models.verdicts, self.optimisation.certainty)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -147,13 +173,7 @@ class Simulated:
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
-    """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``.
-
-    Raises
-    ------
-    ValueError
-        When there is no such machine or dialect.
-    """
+    """The set-up of ``machine`` (a Fanuc without offsets when it has none), in ``dialect``."""
     sections = {} if machine is None else machine_parameters(machine)["machine"][machine]
     setup = _setup(sections)
     return setup if dialect is None else replace(setup, dialect=dialect)  # type: ignore[arg-type]
@@ -174,35 +194,24 @@ def machine_limits(sections: Mapping[str, Any], setup: Setup) -> MachineLimits:
 
 
 def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterator[Moves]:
-    """The moves of :func:`read_moves` in parts of at least ``rows``.
-
-    Raises
-    ------
-    ValueError
-        As :func:`read_moves`.
-    """
-    program = program_at(path)
-    lines = max(len(program), 1)
-    beside = setup_beside(setup, path)
-    return interpret_in_parts(program, beside, lambda done: share(min(done / lines, 1.0)), rows)
+    """The moves of :func:`read_moves` in parts of at least ``rows``."""
+    return interpret_in_parts(*_followed(path, setup, share), rows)
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
-    """Moves of the program at ``path``; ``share`` is told how much of it is done.
-
-    Raises
-    ------
-    ValueError
-        When the file does not exist, or a word in it cannot be followed.
-    """
-    program = program_at(path)
-    lines = max(len(program), 1)
-    moves = interpret(
-        program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0))
-    )
+    """Moves of the program at ``path``; ``share`` is told how much of it is done."""
+    moves = interpret(*_followed(path, setup, share))
     if len(moves) == 0:
         raise ValueError(NOTHING.format(path.name))
     return moves
+
+
+def _followed(
+    path: Path, setup: Setup, share: Share
+) -> tuple[Program, Setup, Callable[[int], None]]:
+    program = program_at(path)
+    lines = max(len(program), 1)
+    return program, setup_beside(setup, path), lambda done: share(min(done / lines, 1.0))
 
 
 def passed_over(path: Path, setup: Setup) -> Iterator[str]:
@@ -245,25 +254,13 @@ def units_assumed(program: Program, setup: Setup) -> str:
 
 
 def program_at(path: Path) -> Program:
-    """The program in a file.
-
-    Raises
-    ------
-    ValueError
-        When there is none.
-    """
+    """The program in a file."""
     check_program(path)
     return read_program(path)
 
 
 def check_program(path: Path) -> None:
-    """Refuse a path that is no file.
-
-    Raises
-    ------
-    ValueError
-        With its name.
-    """
+    """Refuse a path that is no file."""
     if not path.is_file():
         state = "is no file" if path.exists() else "does not exist"
         raise ValueError(f"{path} {state}: name a part program")
@@ -281,13 +278,7 @@ def write_csv(table: "pd.DataFrame", out: Path) -> None:
 
 
 def model_folder(machine: str, model: str = CHAMPION) -> Path:
-    """Folder of the sub-models of a machine that a command uses.
-
-    Raises
-    ------
-    ValueError
-        When ``model`` is neither ``champion`` nor ``latest``, or the latest ones are not there.
-    """
+    """Folder of the sub-models of a machine that a command uses."""
     if model == CHAMPION:
         return DATA / "champion" / machine
     if model != LATEST:
@@ -298,13 +289,7 @@ def model_folder(machine: str, model: str = CHAMPION) -> Path:
 
 
 def stored_model(machine: str, model: str, one: "SubModel[Any, Any, Any]") -> Path:
-    """Folder of one sub-model's model.
-
-    Raises
-    ------
-    ValueError
-        As :func:`model_folder`, or when it holds no model.
-    """
+    """Folder of one sub-model's model."""
     folder = model_folder(machine, model) / one.name
     if not (folder / "model.json").exists():
         raise ValueError(f"{folder} holds no model: {machine} needs {one.needs}")
@@ -333,49 +318,23 @@ def simulate_program(
 
     The champion's control (``data/champion/<machine>/control/``) goes before conf/machine/.
 
-    Parameters
-    ----------
-    path : Path
-        Of the program.
-    machine : str
-        As in conf/machine/.
-    unit : str or None
-        Which of several machines of a kind; its default one when None.
-    share : callable
-        Told how much is done.
-    model : {"champion", "latest"}
-        Whose sub-models are used.
-    compensated : bool
-        Whether following errors hold what the compensation network adds to them.
-
-    Raises
-    ------
-    ValueError
-        When machine, control or unit is not known, or the program cannot be followed, or no
-        compensation model passed where one is asked for.
+    ``unit``: which of several machines of a kind; its default one when None; ``compensated``:
+    whether following errors hold what the compensation network adds to them.
     """
     from pipeline.twin.control import planned_program
 
     on = machine_control(machine, unit, model)
     moves = read_moves(path, on.setup, share)
-    limits = machine_limits(on.parameters["machine"][machine], on.setup)
-    checked = preflight(moves, on.setup, limits)
-    residual, name = machine_residual(on, machine) if compensated else (None, "")
+    residual, name = machine_residual(on) if compensated else (None, "")
     plan = planned_program(moves, on.control)
-    axes = axes_table(plan, on.models, residual)
     return Simulated(
-        plan=plan, axes=axes, on=on, checked=checked, residual=residual, residual_name=name
-    )
+        plan=plan, axes=axes_table(plan, on.models, residual), on=on, checked=on.preflight(moves),
+        residual=residual, residual_name=name,
+    )  # fmt: skip
 
 
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
-    """The machine with its control, as :func:`simulate_program` takes it.
-
-    Raises
-    ------
-    ValueError
-        When machine, control or unit is not known.
-    """
+    """The machine with its control, as :func:`simulate_program` takes it."""
     parameters = machine_parameters(machine)
     sections = parameters["machine"][machine]
     folder = model_folder(machine, model)
@@ -383,44 +342,33 @@ def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Co
     records = sections.get("control_records", {})
     units = tuple(records.get("units", ()))
     return Controlled(
-        unit=unit or str(records.get("default_unit", "")), chosen=unit is not None, units=units,
-        control=control, identified=identified, setup=_setup(sections), parameters=parameters,
+        machine=machine, unit=unit or str(records.get("default_unit", "")),
+        chosen=unit is not None, units=units, control=control, identified=identified,
+        setup=_setup(sections), parameters=parameters,
         origin=str(sections["identity"].get("origin", "recorded")), models=folder,
     )  # fmt: skip
 
 
-def machine_residual(on: Controlled, machine: str) -> "tuple[Residual, str]":
-    """The compensation network of a machine with its name.
+def machine_residual(on: Controlled) -> "tuple[Residual, str]":
+    """The compensation network of a machine with its name."""
+    from pipeline.submodels.compensation.model import residual_of
 
-    Raises
-    ------
-    ValueError
-        When none passed, or there are no drives that it could add to.
-    """
-    from pipeline.stages.correct_programs import residual_of
-
-    needed_drives(on.models, machine, "--compensated")
+    needed_drives(on, "--compensated")
     residual, name = residual_of(on.models)
     if residual is None:
         raise ValueError(
             f"{on.models / 'compensation'} holds no compensation model that passed: leave "
-            f"--compensated out, or record the axes of {machine} and run `dvc repro`"
+            f"--compensated out, or record the axes of {on.machine} and run `dvc repro`"
         )
     return residual, name
 
 
-def needed_drives(models: Path, machine: str, option: str) -> Path:
-    """File of the machine's identified drives, which an option needs.
-
-    Raises
-    ------
-    ValueError
-        When there is none.
-    """
-    found = models / "drive/model.json"
+def needed_drives(on: Controlled, option: str) -> Path:
+    """File of the machine's identified drives, which an option needs."""
+    found = on.models / "drive/model.json"
     if not found.exists():
         raise ValueError(
-            f"{found} does not exist: {option} needs the feed drives of {machine}, record their "
+            f"{found} does not exist: {option} needs the feed drives of {on.machine}, record their "
             "servos and run `dvc repro`"
         )
     return found
@@ -433,11 +381,6 @@ def axes_table(
 
     Also the greatest half width of the 90 % interval of the error [um], where it is known: of the
     ``residual`` model, else of the drive.
-
-    Raises
-    ------
-    ValueError
-        When a drive is unstable, or the program is too long for a ``residual``.
     """
     from pipeline.submodels.contract import submodel
     from pipeline.twin.drive import read_drives
@@ -458,7 +401,9 @@ def axes_table(
             "rms_following_um": round(one.rms_error * 1e6, 3),
             "max_command": round(one.max_command, 3),
             "command_unit": one.command_unit,
-            "half_width_90_um": None if why[letter] else _micrometres(one.half_width),
+            "half_width_90_um": None
+            if why[letter] or one.half_width is None
+            else round(1e6 * one.half_width, 3),
             "interval_unknown": why[letter],
         }
         for letter, one in program_figures(plan, drives, residual).items()
@@ -495,7 +440,7 @@ def _control(
     return structure({"control": known}, "control", ControlParameters), False
 
 
-def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[str, Any]:
+def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
     """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
     from pipeline.twin.simulation import blocks, summary, without_time
 
@@ -503,7 +448,7 @@ def simulated_document(simulated: Simulated, name: str, machine: str) -> dict[st
         {"verdicts": simulated.on.used}
         | summary(simulated.plan, name)
         | {
-            "machine": machine,
+            "machine": simulated.on.machine,
             "origin": simulated.on.origin,
             "control": simulated.on.source,
             "unit": simulated.on.unit,
@@ -573,10 +518,6 @@ def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
 
 
-def _micrometres(metres: float | None) -> float | None:
-    return None if metres is None else round(1e6 * metres, 3)
-
-
 def _axis_line(axis: dict[str, Any]) -> str:
     if "not_followed" in axis:
         return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
@@ -591,11 +532,6 @@ def _axis_line(axis: dict[str, Any]) -> str:
     )
 
 
-def write_document(document: dict[str, Any], path: Path) -> None:
-    """Write the JSON of ``kerf simulate``."""
-    write_json(document, path)
-
-
 def predict_table(
     machine: str, name: str, table: Path, out: Path, model: str
 ) -> tuple[int, tuple[str, ...]]:
@@ -603,19 +539,7 @@ def predict_table(
 
     The number of rows, and a sentence on each interval that is not known, whose columns are empty.
 
-    Parameters
-    ----------
-    machine, name : str
-        As in conf/machine/; of the sub-model.
-    table, out : Path
-        CSV or Parquet, by the end of their names.
-    model : {"champion", "latest"}
-        Whose sub-model.
-
-    Raises
-    ------
-    ValueError
-        When something named is not known, the table cannot be read or lacks a column.
+    ``machine`` and ``name``: as in conf/machine/; of the sub-model.
     """
     import pandas as pd
 

@@ -31,11 +31,6 @@ def new_project(folder: Path) -> str:
     """Make a project in ``folder``; of one that is there, bring dvc.yaml to the installed Kerf.
 
     A project's conf/ is its own and never written again.  Answers in a word what was done.
-
-    Raises
-    ------
-    ValueError
-        When the folder holds something else, or DVC cannot be set up in it.
     """
     there = folder.exists() and any(folder.iterdir()) if not folder.is_file() else True
     known = (folder / CODE).is_file()
@@ -59,13 +54,7 @@ def new_project(folder: Path) -> str:
 
 
 def templates() -> Path:
-    """Folder with conf/ and dvc.yaml: Kerf's own checkout, else what was installed with it.
-
-    Raises
-    ------
-    ValueError
-        When neither is there.
-    """
+    """Folder with conf/ and dvc.yaml: Kerf's own checkout, else what was installed with it."""
     checkout = Path(__file__).parents[2]
     if (checkout / "dvc.yaml").is_file() and (checkout / "conf").is_dir():
         return checkout
@@ -94,13 +83,7 @@ def _code_hash() -> str:
 
 
 def _set_up_dvc(folder: Path) -> None:
-    """Make the folder a repository of DVC, in the git repository that it lies in if there is one.
-
-    Raises
-    ------
-    ValueError
-        When DVC refuses; the message holds its words.
-    """
+    """Make the folder a repository of DVC, inside of the git repository that holds it, if any."""
     git = shutil.which("git")
     inside = (
         git

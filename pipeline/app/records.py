@@ -204,14 +204,8 @@ def machine_records(
 ) -> list[ItemRecord]:
     """Rows of every item in ``signals``, those of the machine's signals first, then by name.
 
-    Parameters
-    ----------
-    signals : Path
-        ``data/signals/<machine>``.
-    signal_of : dict of str to str
-        Data item -> its signal; an item that no record has gets a row without samples.
-    units : dict of str to str
-        Data item -> unit, of the items that a Devices document describes; empty without one.
+    ``signal_of``: data item -> its signal; an item that no record has gets a row without samples;
+    ``units``: data item -> unit, of the items that a Devices document describes; empty without one.
     """
     every = item_series(signals)
     shortened = without_holes(every)

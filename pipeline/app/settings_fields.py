@@ -8,10 +8,11 @@ class that says one unit for all of its fields needs no list of them.
 
 import ast
 import re
+import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
+from functools import cache
 from inspect import getdoc, getsource
-from textwrap import dedent
 from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from pipeline.schema.ranges import Range
@@ -48,6 +49,7 @@ class Meaning:
     units: tuple[str, ...] = ()
 
 
+@cache
 def settings(cls: type) -> list[Setting]:
     """Every key of a section, in the order of the dataclass."""
     hints, said = get_type_hints(cls, include_extras=True), meanings(cls)
@@ -104,13 +106,19 @@ def _in_docstring(cls: type) -> Iterator[tuple[list[str], str]]:
 def _below_fields(cls: type) -> Iterator[tuple[list[str], str]]:
     """Names of fields one after another, and the text below the last of them."""
     names: list[str] = []
-    (tree,) = ast.parse(dedent(getsource(cls))).body
-    for node in tree.body if isinstance(tree, ast.ClassDef) else ():
+    for node in _classes_of(cls.__module__)[cls.__name__].body:
         if isinstance(node, ast.AnnAssign):
             names.append(ast.unparse(node.target))
         elif names and isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             yield names, str(node.value.value)
             names = []
+
+
+@cache
+def _classes_of(module: str) -> dict[str, ast.ClassDef]:
+    """Classes of a module by their name, which is parsed once."""
+    tree = ast.parse(getsource(sys.modules[module]))
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
 
 
 def _units_of(words: str, place: int, count: int) -> tuple[str, ...]:

@@ -1,13 +1,12 @@
 """The command `kerf simulate`: plan a program, follow its cut and its axes, write, say."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.app.fleet import check_outputs
 from pipeline.app.kerf import share_bar
-from pipeline.app.output import step
+from pipeline.app.output import check_outputs, step
 from pipeline.app.preflight import preflight_lines
 from pipeline.app.programs import (
     Simulated,
@@ -15,9 +14,9 @@ from pipeline.app.programs import (
     simulate_program,
     simulated_document,
     simulated_lines,
-    write_document,
 )
 from pipeline.schema.files import together
+from pipeline.schema.store import write_json
 
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulateRequest:
-    """All options of ``kerf simulate``; ``cut`` by the names that ``cut_options`` gives them."""
+    """All options of ``kerf simulate``."""
 
     program: Path
     machine: str
@@ -37,44 +36,15 @@ class SimulateRequest:
     json: Path | None
     page: Path | None
     compensate: Path | None
-    cut: Mapping[str, Any]
-
-    @property
-    def options(self) -> "CutOptions | None":
-        """The options of a cut, None where nothing is said of one.
-
-        Raises
-        ------
-        ValueError
-            When only a part of what a cut needs is said, or a value is out of its range.
-        """
-        given = dict(self.cut)
-        limits = given.pop("limits")
-        if all(value is None or value == () for value in (*given.values(), *limits.values())):
-            return None
-        from pipeline.app.cut import cut_options
-
-        return cut_options(**self.cut)
+    cut: "CutOptions | None"
+    """Blank, tools and material; None where nothing is said of a cut."""
 
 
 def simulate_and_write(
     request: SimulateRequest, standard: Path | None
 ) -> tuple[Simulated, dict[str, Any]]:
-    """Simulate a program and write what was asked for; its document.
-
-    Parameters
-    ----------
-    request : SimulateRequest
-        The options.
-    standard : Path or None
-        File that goes to standard output, which no page can name.
-
-    Raises
-    ------
-    ValueError
-        When something named is not known, cannot be followed or cannot be written.
-    """
-    options = request.options
+    """Simulate a program and write what was asked for; its document."""
+    options = request.cut
     read = options.files if options else ()
     check_outputs(
         request.program, request.json, request.out, request.page, request.compensate, inputs=read
@@ -85,12 +55,12 @@ def simulate_and_write(
             compensated=request.compensated,
         )  # fmt: skip
         found.add(f"{len(simulated.plan.path.moves)} moves, {simulated.plan.total:.1f} s")
-    document = simulated_document(simulated, request.program.stem, request.machine)
+    document = simulated_document(simulated, request.program.stem)
     if options is not None:
         from pipeline.app.cut import cut_document
 
         with step("followed the cut"):
-            document["cut"] = cut_document(simulated, request.machine, options)
+            document["cut"] = cut_document(simulated, options)
     corrected = _corrected(simulated, request, document)
     with together():
         _write(simulated, corrected, document, request, standard)
@@ -102,11 +72,14 @@ def _corrected(
 ) -> "CorrectedProgram | None":
     if request.compensate is None:
         return None
-    from pipeline.app.correction import correct_simulated, correction_document
+    from pipeline.app.correction import correct_simulated
 
     with step("corrected the axes' commands"):
-        corrected = correct_simulated(simulated, request.program, request.machine)
-    document["correction"] = correction_document(corrected, request.compensate)
+        corrected = correct_simulated(simulated, request.program)
+    document["correction"] = {
+        "file": request.compensate.as_posix(), "champion": corrected.champion,
+        "residual": corrected.residual, "axes": corrected.figures,
+    }  # fmt: skip
     return corrected
 
 
@@ -119,7 +92,7 @@ def _write(
 
         write_corrected(corrected, request.compensate)
     if request.json is not None:
-        write_document(document, request.json)
+        write_json(document, request.json)
     if request.out is not None:
         from pipeline.twin.simulation import write_trace
 

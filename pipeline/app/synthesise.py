@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
-from pipeline.app.fleet import check_outputs, machine_parameters
-from pipeline.app.programs import passed_status, stored_model, write_document
+from pipeline.app.fleet import machine_parameters
+from pipeline.app.output import check_outputs
+from pipeline.app.programs import passed_status, stored_model
+from pipeline.schema.store import write_json
 from pipeline.submodels.synthesis.explanation import Explanation, explanation, read_windows
 from pipeline.submodels.synthesis.model import WEAR, Synthesis, load_synthesis
 from pipeline.submodels.synthesis.samples import (
@@ -18,13 +19,7 @@ from pipeline.submodels.synthesis.submodel import SUBMODEL
 
 
 def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
-    """The generator of a machine; refused where it did not pass, unless ``anyway``.
-
-    Raises
-    ------
-    ValueError
-        When the machine or its model is not known, or the model failed or was not judged.
-    """
+    """The generator of a machine; refused where it did not pass, unless ``anyway``."""
     machine_parameters(machine)  # refuses one that is not known
     folder = stored_model(machine, model, SUBMODEL)
     passed_status(folder, "generator", anyway=anyway)
@@ -32,13 +27,7 @@ def served_of(machine: str, model: str, *, anyway: bool) -> Synthesis:
 
 
 def pairs(texts: Sequence[str]) -> dict[str, str]:
-    """Names and values of ``name=value``.
-
-    Raises
-    ------
-    ValueError
-        When a text is none, or a name stands twice.
-    """
+    """Names and values of ``name=value``."""
     found: dict[str, str] = {}
     for text in texts:
         name, equals, value = text.partition("=")
@@ -53,13 +42,7 @@ def pairs(texts: Sequence[str]) -> dict[str, str]:
 def synthesise(
     served: Synthesis, words: Mapping[str, str], many: int, seed: int, out: Path
 ) -> tuple[Generated, int]:
-    """Windows at conditions, written; the number of rows.
-
-    Raises
-    ------
-    ValueError
-        When a condition is missing, was not learnt, or lies outside of what was.
-    """
+    """Windows at conditions, written; the number of rows."""
     check_outputs(None, out)
     made = generated(served, conditions_of_words(served, words), many, seed)
     return made, write_generated(made, out)
@@ -68,23 +51,14 @@ def synthesise(
 def explained(
     served: Synthesis, recording: Path, words: Mapping[str, str], out: Path | None
 ) -> Explanation:
-    """Wear that explains a recording best; its profile as JSON where a file is named.
-
-    Raises
-    ------
-    ValueError
-        When the recording cannot be read, or a condition is missing or was not learnt.
-    """
+    """Wear that explains a recording best; its profile as JSON where a file is named."""
     check_outputs(None, out, inputs=[recording])
     given = conditions_of_words(served, {k: v for k, v in words.items() if k != WEAR})
     found = explanation(served, read_windows(recording, served), given)
     if out is not None:
-        write_document({**found.document, **_label(served)}, out)
+        label = {"machine": served.file.machine, "trained_on": served.file.origin}
+        write_json({**found.document, **label}, out)
     return found
-
-
-def _label(served: Synthesis) -> dict[str, Any]:
-    return {"machine": served.file.machine, "trained_on": served.file.origin}
 
 
 def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:

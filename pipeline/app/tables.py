@@ -15,35 +15,17 @@ T = TypeVar("T")
 
 
 def read_tools(name: str) -> ToolTable:
-    """The tool table ``name`` of conf/tool/, or of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        When there is none, or it does not fit.
-    """
+    """The tool table ``name`` of conf/tool/, or of a YAML file."""
     return _read(name, "tool", "tool table", ToolTable)
 
 
 def read_catalogue() -> CuttingCatalogue:
-    """Cutting data of conf/catalogue/.
-
-    Raises
-    ------
-    ValueError
-        When there are none, or they do not fit.
-    """
+    """Cutting data of conf/catalogue/."""
     return _read("default", "catalogue", "catalogue", CuttingCatalogue)
 
 
 def read_material(name: str) -> Material:
-    """The material ``name`` of conf/material/, or of a YAML file.
-
-    Raises
-    ------
-    ValueError
-        When there is none, or it does not fit.
-    """
+    """The material ``name`` of conf/material/, or of a YAML file."""
     return _read(name, "material", "material", Material)
 
 
@@ -96,7 +78,7 @@ def _structured(values: Any, where: str, wanted: type[T]) -> T:
     except ParametersError as error:
         said = str(error).removeprefix("params.yaml, ").replace("file.", "").replace("$.", "")
         said = said.removesuffix(" @ file")
-        raise ValueError(f"{where}: {said}") from error
+        raise ParametersError(f"{where}: {said}") from error
 
 
 def section(sections: dict[str, Any], name: str, wanted: type[T]) -> T | None:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.app.fleet import DATA, check_outputs, machine_parameters
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import check_outputs
 from pipeline.app.transfer_page import write_transfer_page
 from pipeline.parameters import section_path, structure
 from pipeline.report.standalone_page import source_of
@@ -34,22 +35,9 @@ def transfer_curve(
 
     The files are written together or not at all.
 
-    Parameters
-    ----------
-    machine, golden : str
-        As in conf/machine/: the sibling, and the machine whose parameters are the prior.
-    out : Path
-        JSON file to write.
-    between : float
-        Standard deviation of the logarithm of a parameter between machines of a type [1].
-    page : Path, optional
-        HTML page of the curve to write.
-
-    Raises
-    ------
-    ValueError
-        When a file is missing or cannot be written, one to write is read, the machines do not
-        record the same surrounds, or no day is left to judge by.
+    ``machine`` and ``golden``: as in conf/machine/: the sibling, and the machine whose parameters
+    are the prior; ``between``: standard deviation of the logarithm of a parameter between machines
+    of a type [1].
     """
     if machine == golden:
         raise ValueError(f"{machine} is both sibling and golden machine: name another one")

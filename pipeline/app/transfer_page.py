@@ -54,19 +54,7 @@ DRAWN = {
 def write_transfer_page(
     found: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
 ) -> None:
-    """Write the page of a transfer.
-
-    Parameters
-    ----------
-    found : Transfer
-        The curve.
-    out : Path
-        HTML file to write.
-    sources : sequence of Source
-        Files that it stands on.
-    credit : str
-        Whose records they are.
-    """
+    """Write the page of a transfer."""
     page = transfer_page(found, sources, credit)
     write_text(rendered(page, "standalone.html.j2"), out)
 

@@ -78,24 +78,8 @@ def wear_of_files(
 ) -> WearTold:  # fmt: skip
     """Wear of the tools in ``files``.
 
-    Parameters
-    ----------
-    files : sequence of Path
-        Recordings, as the machine's are.
-    machine : str
-        As in conf/machine/.
-    model : {"champion", "latest"}
-        Whose model.
-    given : sequence of str
-        Conditions as ``name=value``, numbers in the unit of section ``wear_records``.
-    anyway : bool
-        Even when the model failed or was not judged.
-
-    Raises
-    ------
-    ValueError
-        When the machine or its model is not known, the model failed or was not judged, a file
-        cannot be read, or what it shows is outside of what was learnt.
+    ``given``: conditions as ``name=value``, numbers in the unit of section ``wear_records``;
+    ``anyway``: even when the model failed or was not judged.
     """
     parameters = machine_parameters(machine)
     own = parameters["machine"][machine]
@@ -183,14 +167,7 @@ def _beside(machine: str, records: WearRecords) -> Any:
 
 
 def _refuse_unlearnt(windows: WearWindows, file: WearModel) -> None:
-    """Refuse windows under conditions that were not learnt.
-
-    Raises
-    ------
-    ValueError
-        When a condition that the model looks at is not known, or one lies outside of what was
-        learnt; the message names it with the range.
-    """
+    """Refuse windows under conditions that were not learnt."""
     name = str(windows.recording[0])
     for key, values in windows.conditions.items():
         learnt = file.conditions.get(key)

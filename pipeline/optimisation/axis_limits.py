@@ -72,13 +72,7 @@ def check_axes(
 
 
 def check_axes_known(drives: Mapping[str, IdentifiedDrive], limits: CutLimit) -> None:
-    """Refuse limits of the axes that cannot be judged.
-
-    Raises
-    ------
-    ValueError
-        When no drive is known, or one whose command is not in amperes is to keep a limit in them.
-    """
+    """Refuse limits of the axes that cannot be judged."""
     for name in LIMITED:
         limit = getattr(limits, name)
         if limit is None:

@@ -11,23 +11,18 @@ import numpy as np
 from pipeline.cutting.tool import tool_limits
 from pipeline.optimisation.problem.limits import feed_for_marks
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.schema.part import LoadTrace
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_document import AssessedCut
 from pipeline.twin.cut_tables import stations_of_columns
 
-OVER = 1e-3
+ROUNDING = 1e-3
 """Excess over a limit, as a share, up to which it is rounding."""
 UM = 1e6
 COLUMNS = 900
 """Columns of equal path length; about as many as a page has pixels."""
 MM = 1e3
-
-
-def exceeded(of: AssessedCut, limits: CutLimit) -> Bools:
-    """Whether each of the K blocks that cut exceeds a limit; margins are not counted."""
-    return np.logical_or.reduce([*exceeded_limits(of, limits).values()])
 
 
 def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
@@ -38,8 +33,7 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0
     load, bending, torque = (
-        tool_limits(tools, name, getattr(limits, name))[blocks.tool]
-        for name in ("load_N", "deflection_um", "torque_Nm")
+        tool_limits(tools, name, getattr(limits, name))[blocks.tool] for name in BY_TOOL
     )
     surface = (
         np.pi * np.array([tool.diameter for tool in tools])[blocks.tool] * blocks.spindle_speed
@@ -60,7 +54,7 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     for name, (values, limit) in checks.items():
         if limit is not None:
             low, high = limit if isinstance(limit, tuple) else (0.0, limit)
-            out[name] = (values > high * (1 + OVER)) | (values < low * (1 - OVER))
+            out[name] = (values > high * (1 + ROUNDING)) | (values < low * (1 - ROUNDING))
     return out
 
 

@@ -2,13 +2,14 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from dataclasses import fields
 from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.machine.control.path import where
-from pipeline.optimisation.comparison import Side, exceeded, exceeded_limits, load_trace, tool_spans
+from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace, tool_spans
 from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
@@ -22,8 +23,8 @@ from pipeline.optimisation.part_sheet import (
 from pipeline.optimisation.proof.prove import with_proof_comment
 from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
 from pipeline.optimisation.reliability.judged import used_models
-from pipeline.optimisation.text.feed_words import FeedWords
 from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.files import together
@@ -53,16 +54,8 @@ def optimised_text(result: Result) -> bytes:
 def optimised_part(result: Result, *, machine: str, origin: str, control: str) -> OptimisedPart:
     """The answer of an optimisation as it is stored.
 
-    Parameters
-    ----------
-    result : Result
-        Of :func:`~pipeline.optimisation.optimise.optimise`.
-    machine : str
-        Its name.
-    origin : str
-        ``simulated`` or ``recorded``: of the machine's records.
-    control : str
-        ``identified``, or ``conf/machine`` where the control's values are as written there.
+    ``origin``: ``simulated`` or ``recorded``: of the machine's records; ``control``:
+    ``identified``, or ``conf/machine`` where the control's values are as written there.
     """
     job, basis = result.job, result.job.basis
     before, after = _sides(result)
@@ -217,31 +210,23 @@ def _sides(result: Result) -> tuple[Side, Side]:
 
 def _totals(side: Side, result: Result) -> Totals:
     sums = summary(side.of.found)
-    cost, limits = sums.cost, result.job.limits
-    beyond = {name: int(of.sum()) for name, of in exceeded_limits(side.of, limits).items()}
+    passed = exceeded_limits(side.of, result.job.limits)
+    alike = {one.name for one in fields(Totals)} & {one.name for one in fields(sums)} - {"cost"}
     return Totals(
-        time_s=sums.time_s,
-        cost=None if cost is None else cost.sum,
-        cost_low=None if cost is None else cost.sum_low,
-        cost_high=None if cost is None else cost.sum_high,
-        energy_kWh=sums.energy_kWh,
-        tool_life_share=sums.tool_life_share,
-        tool_life_share_low=sums.tool_life_share_low,
-        tool_life_share_high=sums.tool_life_share_high,
-        peak_load_N=sums.peak_load_N,
-        peak_line=sums.peak_line,
-        beyond=int(exceeded(side.of, limits).sum()),
-        beyond_of={name: many for name, many in beyond.items() if many},
+        **{name: getattr(sums, name) for name in alike},
+        **{f"cost{end}": getattr(sums.cost, f"sum{end}", None) for end in ("", "_low", "_high")},
+        beyond=int(np.logical_or.reduce([*passed.values()]).sum()),
+        beyond_of={name: int(of.sum()) for name, of in passed.items() if of.any()},
     )
 
 
 def _gain(before: Totals, after: Totals) -> stored.Gain:
-    return stored.Gain(
-        time_percent=_change(before.time_s, after.time_s),
-        cost_percent=_change(before.cost, after.cost),
-        energy_percent=_change(before.energy_kWh, after.energy_kWh),
-        tool_life_percent=_change(before.tool_life_share, after.tool_life_share),
-    )
+    names = {"time": "time_s", "cost": "cost", "energy": "energy_kWh",
+             "tool_life": "tool_life_share"}  # fmt: skip
+    return stored.Gain(**{
+        f"{name}_percent": _change(getattr(before, key), getattr(after, key))
+        for name, key in names.items()
+    })  # fmt: skip
 
 
 def _change(before: float | None, after: float | None) -> float | None:
@@ -252,25 +237,26 @@ def _change(before: float | None, after: float | None) -> float | None:
 
 
 def _method(method: Method) -> stored.MethodResult:
-    time, cost, energy, life = (figure(float(one)) for one in method.objectives.tolist())
     return stored.MethodResult(
-        method=method.name, limits=method.limits, time_s=time, cost=cost, energy_kWh=energy,
-        tool_life_share=life, feasible=method.kept, evaluations=method.evaluations,
+        method=method.name, limits=method.limits, feasible=method.kept,
+        evaluations=method.evaluations, **_figures(method.objectives),
     )  # fmt: skip
+
+
+def _figures(objectives: Floats) -> dict[str, float | None]:
+    """Objectives (4,) by the names that documents have for them."""
+    names = ("time_s", "cost", "energy_kWh", "tool_life_share")
+    return dict(zip(names, map(figure, objectives.tolist()), strict=True))
 
 
 def _front(result: Result) -> tuple[stored.FrontMember, ...]:
     front = result.front
     if front is None:
         return ()
-    members = []
-    for k, values in enumerate(front.objectives.tolist()):
-        time, cost, energy, life = (figure(float(one)) for one in values)
-        members.append(stored.FrontMember(
-            time_s=time, cost=cost, energy_kWh=energy, tool_life_share=life,
-            knee=k == front.knee, no_worse=bool(front.no_worse[k]),
-        ))  # fmt: skip
-    return tuple(members)
+    return tuple(
+        stored.FrontMember(knee=k == front.knee, no_worse=bool(better), **_figures(values))
+        for k, (values, better) in enumerate(zip(front.objectives, front.no_worse, strict=True))
+    )
 
 
 def _reliability(result: Result) -> stored.Reliability | None:

@@ -91,7 +91,7 @@ class Verified:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Full:
+class TwinAnswer:
     """A decision as the whole twin sees it."""
 
     decision: Decision = field(repr=False)
@@ -136,7 +136,7 @@ class Result:
     """Its last form, after tightening."""
     blockwise: Decision = field(repr=False)
     """The blockwise optimum."""
-    answer: Full = field(repr=False)
+    answer: TwinAnswer = field(repr=False)
     """The answer with its text, as the whole twin sees it."""
     proof: Proof
     """That only F and S changed."""
@@ -165,26 +165,11 @@ class Result:
 def full_twin(
     job: Job, program: Program, moves: Moves, problem: Problem, decision: Decision,
     certain_f_z: Floats | None,
-) -> Full:  # fmt: skip
+) -> TwinAnswer:  # fmt: skip
     """Write ``decision`` into the program and judge it by the whole twin.
 
-    Parameters
-    ----------
-    job : Job
-        Program, machine, limits.
-    program, moves : Program, Moves
-        As it was; M rows.
-    problem : Problem
-        Of its cut.
-    decision : Decision
-        F and S.
-    certain_f_z : ndarray, shape (M,), or None
-        Feed for each tooth up to which each row keeps the load limit [m]; None without a limit.
-
-    Raises
-    ------
-    ValueError
-        When the text cannot hold the decision.
+    ``certain_f_z`` (M,): feed for each tooth up to which each row keeps the load limit [m]; None
+    without a limit.
     """
     decision = written_feeds(problem, decision)
     feeds = rounded_feeds(program, moves, decision.row_feeds)
@@ -207,7 +192,7 @@ def full_twin(
         cut.plan.v_peak[rows] / METRE_PER_SECOND,
     )
     violation = float(evaluated.violation[0])
-    return Full(
+    return TwinAnswer(
         decision=decision, text=written.text, changes=written.changes, cut=cut, rows=rows,
         objectives=evaluated.objectives[0], verified=verified, f_z_cap=f_z_cap,
         feed_cap=np.where(factor < 1.0, factor * reached, np.inf),
@@ -271,18 +256,7 @@ def verify(
 ) -> Verified:  # fmt: skip
     """The whole twin on the plan of a cut.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of the answer, see :func:`pipeline.twin.cut.recut`; M rows.
-    drives : mapping of str to IdentifiedDrive, optional
-        By the axis' letter.
-    rows : int
-        Rows whose waveforms are computed, those with the greatest loads of the table.
-    limits : CutLimit, optional
-        Of the axes in the cut.
-    residual : Residual, optional
-        What the drives leave over.
+    ``rows``: rows whose waveforms are computed, those with the greatest loads of the table.
     """
     f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
     worst = np.argsort(-peak, kind="stable")[:rows]

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TypeVar
 
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
@@ -17,7 +16,7 @@ from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.operation_words import named_operation
-from pipeline.optimisation.settings import OptimisationSettings, Part, Parts
+from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
@@ -36,35 +35,24 @@ from pipeline.twin.program_axes import Residual
 
 Progress = Callable[[str, float], bool]
 """Called with what is under way and the share that is done; True ends with the best so far."""
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
 class MachineModels:
-    """Models that were identified of a machine, as far as there are records.
-
-    Parameters
-    ----------
-    control : ControlParameters
-        Whose time counts.
-    drives : mapping of str to IdentifiedDrive
-        By axis.
-    cutting : CuttingModel or None
-        The cut.
-    verdicts : mapping of str to Verdict or None
-        By the name of each sub-model that was identified; None where it was not judged.
-    residual : Residual or None
-        What the drives leave over; None where it is not asked for.
-    residual_name : str
-        Of its model.
-    """
+    """Models that were identified of a machine, as far as there are records."""
 
     control: ControlParameters
+    """Control whose time counts."""
     drives: Mapping[str, IdentifiedDrive] = field(default_factory=dict)
+    """Drives by axis."""
     cutting: CuttingModel | None = None
+    """Identified cut."""
     verdicts: Mapping[str, Verdict | None] = field(default_factory=dict)
+    """Verdicts by the name of each sub-model that was identified; None where it was not judged."""
     residual: Residual | None = field(default=None, repr=False)
+    """Network for what the drives leave over; None where it is not used."""
     residual_name: str = ""
+    """Name of its model."""
 
     @property
     def judged(self) -> Verdict | None:
@@ -74,43 +62,29 @@ class MachineModels:
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
-    """One part on one machine.
-
-    Parameters
-    ----------
-    program : Program
-        As written.
-    setup : Setup
-        Of the machine.
-    models : MachineModels
-        Identified of the machine.
-    cut : CutJob
-        Blank, tools and force laws.
-    basis : CutBasis
-        Prices, laws and limits of the cut.
-    limits : CutLimit
-        Of the part.
-    objective : str
-        ``pareto`` is all of the others that are known.
-    settings : OptimisationSettings
-        Reliability, grouping, search.
-    catalogue : CuttingCatalogue, optional
-        Of feeds and speeds by tool and operation; without it F and S are bounded by ``limits``
-        alone.
-    moves : Moves, optional
-        Of the program with ``setup``, where it was followed before.
-    """
+    """One part on one machine."""
 
     program: Program = field(repr=False)
+    """Program as written."""
     setup: Setup
+    """Set-up of the machine."""
     models: MachineModels = field(repr=False)
+    """Models that were identified of the machine."""
     cut: CutJob
+    """Blank, tools and force laws."""
     basis: CutBasis
+    """Prices, laws and limits of the cut."""
     limits: CutLimit
+    """Limits of the part."""
     objective: Objective
+    """Objective; ``pareto`` is all of the others that are known."""
     settings: OptimisationSettings = field(default_factory=OptimisationSettings)
+    """Reliability, grouping, search."""
     catalogue: CuttingCatalogue | None = field(default=None, repr=False)
+    """Cutting data by tool and operation; without it F and S are bounded by ``limits``
+    alone."""
     moves: Moves | None = field(default=None, repr=False)
+    """Moves of the program with ``setup``, where it was followed before."""
 
 
 class Interrupted(KeyboardInterrupt):
@@ -119,80 +93,30 @@ class Interrupted(KeyboardInterrupt):
 
 @dataclass(frozen=True, kw_only=True)
 class Workshop:
-    """Tools, material, prices and the spindle that a part is cut with.
-
-    Parameters
-    ----------
-    table : ToolTable
-        Tools by number.
-    material : Material
-        Of the blank.
-    rates : CostRates, optional
-        Prices of time and electricity.
-    drive : SpindleDrive, optional
-        Of the spindle.
-    drive_source : str
-        Where its values come from.
-    energy : EnergyParameters, optional
-        Power that the machine draws beside the cut.
-    dynamics : TipDynamics, optional
-        Of the tools' tips.
-    catalogue : CuttingCatalogue
-        Of feeds and speeds by tool and operation.
-    wear : ToolWear
-        That the tools are taken to have.
-    """
+    """Tools, material, prices and the spindle that a part is cut with."""
 
     table: ToolTable
+    """Tools by number."""
     material: Material
+    """Material of the blank."""
     rates: CostRates | None
+    """Prices of time and electricity."""
     drive: SpindleDrive | None
+    """Drive of the spindle."""
     drive_source: str
+    """Where its values come from."""
     energy: EnergyParameters | None
+    """Power that the machine draws beside the cut."""
     dynamics: TipDynamics | None
+    """Dynamics of the tools' tips."""
     catalogue: CuttingCatalogue
+    """Cutting data by tool and operation."""
     wear: ToolWear = field(default_factory=ToolWear)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Supplies:
-    """Tool tables and materials by name, prices of time and electricity, cutting data."""
-
-    tools: Mapping[str, ToolTable]
-    materials: Mapping[str, Material]
-    rates: CostRates
-    cutting_data: CuttingCatalogue
-
-    def workshop(self, part: Part, parts: Parts, wear: ToolWear) -> Workshop:
-        """The workshop of one of the parts of a machine.
-
-        Raises
-        ------
-        ValueError
-            When its tool table or material does not exist.
-        """
-        modes = parts.dynamics
-        return Workshop(
-            table=_named(self.tools, part.tool_table, "tool"),
-            material=_named(self.materials, part.material, "material"),
-            rates=self.rates,
-            drive=parts.drive,
-            drive_source="section parts of the machine",
-            energy=parts.energy,
-            dynamics=None if modes is None else TipDynamics.of_modes(modes),
-            catalogue=self.cutting_data,
-            wear=wear,
-        )
+    """Wear that the tools are taken to have."""
 
 
 def machine_models(folder: Path, control: ControlParameters) -> MachineModels:
-    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are.
-
-    Raises
-    ------
-    StoreError
-        When a file is broken or of another form.
-    """
+    """Drives, cut and verdicts in ``data/champion/<machine>``, as far as there are."""
     drives, cutting = folder / "drive/model.json", folder / "cutting/model.json"
     return MachineModels(
         control=control,
@@ -210,74 +134,45 @@ def _verdict(path: Path) -> Verdict | None:
 
 
 def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
-    """The program at ``path``, and the set-up that also finds subprograms in its folder.
-
-    Raises
-    ------
-    ValueError
-        When it does not exist.
-    """
+    """The program at ``path``, and the set-up that also finds subprograms in its folder."""
     if not path.is_file():
         raise ValueError(f"{path} does not exist: name a program of the machine in parts.programs")
     return read_program(path), replace(setup, folders=(*setup.folders, path.resolve().parent))
 
 
-def part_job(
-    program: Program, part: Part, *, models: MachineModels, workshop: Workshop, setup: Setup,
-    settings: OptimisationSettings, moves: Moves | None = None,
-) -> Job:  # fmt: skip
-    """A program with the limits and the objective of ``part``.
+@dataclass(frozen=True, kw_only=True)
+class JobRequest:
+    """One part of a machine as the stage or a person asks for it."""
 
-    Parameters
-    ----------
-    program : Program
-        As written.
-    part : Part
-        Blank, objective, limits.
-    models : MachineModels
-        Identified of the machine.
-    workshop : Workshop
-        Tools, material, prices, spindle.
-    setup : Setup
-        Of the machine, with the folder of the program's subprograms.
-    settings : OptimisationSettings
-        Reliability, grouping, search.
-    moves : Moves, optional
-        As the job keeps them.
+    program: Program
+    """Program as written."""
+    part: Part
+    """Blank, tools, material, objective, limits."""
+    models: MachineModels
+    """Models that were identified of the machine."""
+    setup: Setup
+    """Set-up of the machine, with the folder of the program's subprograms."""
+    settings: OptimisationSettings
+    """Reliability, grouping, search."""
+    moves: Moves | None = None
+    """Moves of the program with ``setup``, where it was followed before."""
 
-    Raises
-    ------
-    ValueError
-        When the blank is none.
-    """
-    cut, basis = cut_of(part, workshop, models.cutting, setup)
+
+def job_of(request: JobRequest, workshop: Workshop) -> Job:
+    """The job of a request, with what the machine's sections and conf/ say of it."""
+    part = request.part
+    cut, basis = cut_of(part, workshop, request.models.cutting, request.setup)
     return Job(
-        program=program, setup=setup, models=models, cut=cut, basis=basis, limits=part.limits,
-        objective=part.objective, settings=settings, catalogue=workshop.catalogue, moves=moves,
+        program=request.program, setup=request.setup, models=request.models, cut=cut, basis=basis,
+        limits=part.limits, objective=part.objective, settings=request.settings,
+        catalogue=workshop.catalogue, moves=request.moves,
     )  # fmt: skip
 
 
 def cut_of(
     part: Part, workshop: Workshop, cutting: CuttingModel | None, setup: Setup
 ) -> tuple[CutJob, CutBasis]:
-    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by.
-
-    Parameters
-    ----------
-    part : Part
-        Blank, resolution, load limit.
-    workshop : Workshop
-        Tools, material, prices, spindle.
-    cutting : CuttingModel or None
-        Identified of the machine.
-    setup : Setup
-        Of the machine.
-
-    Raises
-    ------
-    ValueError
-        When the blank is none.
-    """
+    """Cut of a part, and the prices, cutting coefficients and limits that it is evaluated by."""
     tools = {
         number: replace(tool, role="thread_mill")
         if not tool.role and named_operation(tool.name) == "thread_milling" else tool
@@ -306,21 +201,8 @@ def cut_of(
 def spindle_drive(
     drive: SpindleDrive | None, source: str, cutting: CuttingModel | None
 ) -> tuple[SpindleDrive | None, str]:
-    """The drive, with the no-load power that was identified of the machine, if any.
-
-    Returns
-    -------
-    SpindleDrive or None, str
-        The drive, and where its values come from.
-    """
+    """The drive with the identified no-load power, if there is any, and its source."""
     idle = identified_no_load(cutting)
     if drive is None or idle is None:
         return drive, source
     return replace(drive, no_load_W=idle), f"{source}; no-load power identified on this machine"
-
-
-def _named(known: Mapping[str, T], name: str, folder: str) -> T:
-    if name not in known:
-        there = ", ".join(sorted(known)) or "none"
-        raise ValueError(f"parts name {name!r}, which conf/{folder}/ does not have: it has {there}")
-    return known[name]

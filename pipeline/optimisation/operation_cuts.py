@@ -47,17 +47,8 @@ def spots_only(tool: Tool) -> bool:
 def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlocks) -> Bools:
     """Fill in the operations of rows in the material; which of them are thin across alone.
 
-    Parameters
-    ----------
-    code : ndarray of int8, shape (M,)
-        Number of each row's operation; filled in.
-    moves, cut, blocks : Moves, Cut, CutBlocks
-        M rows, their cut, its blocks.
-
-    Returns
-    -------
-    ndarray of bool, shape (M,)
-        Rows that are told as finishing by their radial depth, with a greater axial one.
+    ``code`` (M,) is filled in; returned are the rows (M,) that count as finishing by their radial
+    depth, with a greater axial one.
     """
     row = blocks.row
     slender = np.zeros(len(code), dtype=np.bool_)

@@ -19,8 +19,15 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.axis_limits import check_axes_known
-from pipeline.optimisation.full_twin import Full, Result, full_twin
-from pipeline.optimisation.job import Interrupted, Job, Progress, Workshop
+from pipeline.optimisation.full_twin import Result, TwinAnswer, full_twin
+from pipeline.optimisation.job import (
+    Interrupted,
+    Job,
+    JobRequest,
+    Progress,
+    Workshop,
+    job_of,
+)
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
 from pipeline.optimisation.methods.genetic import baselines, improve
@@ -78,12 +85,12 @@ SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Found:
+class _Outcome:
     """What the search came to in its last, tightened problem."""
 
     problem: Problem
     blockwise: Decision
-    answer: Full
+    answer: TwinAnswer
     front: Front | None
     evaluations: int
 
@@ -91,46 +98,26 @@ class _Found:
 def optimise(job: Job, progress: Progress | None = None) -> Result:
     """The best program that keeps the limits of ``job``.
 
-    Raises
-    ------
-    ValueError
-        When the program cannot be followed, nothing is cut, a tool is not in the table, nothing
-        limits a feed, or no feed and speed keep the limits.
-    Interrupted
-        When the search was ended before anything kept the limits.
+    Raises Interrupted when the search was ended before anything kept the limits.
     """
-    return _best(job, progress or _alone, NOTHING)
+    return _best(_Course(job, progress or _alone, NOTHING))
 
 
 def optimise_worn(
-    workshop: Workshop, job: Callable[..., Job], progress: Progress | None = None
+    request: JobRequest, workshop: Workshop, progress: Progress | None = None
 ) -> Result:
     """The best program that keeps the limits until its tools are changed.
 
     Where no feed keeps them at the criterion of wear, tools have to be changed earlier: the
     criterion is lowered to the greatest of ``SHARES`` that allows one.  A wear that somebody asked
-    for is not lowered.
-
-    Parameters
-    ----------
-    workshop : Workshop
-        With the wear that its tools are taken to have.
-    job : callable
-        The job with a ``workshop``.
-    progress : callable, optional
-        As of :func:`~pipeline.optimisation.optimise.optimise`.
-
-    Raises
-    ------
-    ValueError, Interrupted
-        As :func:`~pipeline.optimisation.optimise.optimise`.
+    for is not lowered.  Raises as :func:`optimise` does.
     """
-    wear, found = workshop.wear, progress or _alone
+    wear = workshop.wear
     if wear.rule != "criterion" or wear.asked or wear.given:
-        return optimise(job(workshop=workshop), progress)
+        return optimise(job_of(request, workshop), progress)
 
     def worn(share: float) -> Job:
-        return job(workshop=replace(workshop, wear=replace(wear, share=share)))
+        return job_of(request, replace(workshop, wear=replace(wear, share=share)))
 
     if all(one.sharp is None for one in worn(SHARES[0]).basis.coefficients.values()):
         return optimise(worn(SHARES[0]), progress)
@@ -138,12 +125,12 @@ def optimise_worn(
     while True:  # again without the tools that cannot keep their limits even when they are sharp
         for share in SHARES[:-1]:
             try:
-                kept = _Course(worn(share), found, given_up)._result()
+                course = _Course(worn(share), progress or _alone, given_up)
+                kept = course.outcome()
             except LimitsError:
                 continue
-            ended = kept.interrupted or not kept.job.settings.grouping.split
-            return kept if ended else _best(kept.job, found, given_up)
-        sharp = _best(worn(SHARES[-1]), found, given_up)
+            return kept if kept.interrupted else _best(course, kept)
+        sharp = _best(_Course(worn(SHARES[-1]), progress or _alone, given_up))
         if sharp.given_up == given_up:
             return sharp
         given_up = sharp.given_up
@@ -170,7 +157,7 @@ class _Course:
     def __init__(
         self, job: Job, progress: Progress, given_up: GivenUp, text: _Text | None = None
     ) -> None:
-        self.job, self._progress, self.text = job, progress, text or _as_programmed(job)
+        self.job, self.progress, self.text = job, progress, text or _as_programmed(job)
         self.interrupted = False
         if job.settings.compensated and job.models.residual is None:
             raise ValueError(
@@ -194,20 +181,19 @@ class _Course:
 
     def ends(self, what: str, share: float) -> bool:
         """Report progress; whether the search is to end."""
-        self.interrupted = self._progress(what, share) or self.interrupted
+        if self.job.settings.grouping.split:  # the program as it is comes first, then its parts
+            share = 0.5 * (share + (self.text.points > 0))
+        self.interrupted = self.progress(what, share) or self.interrupted
         return self.interrupted
 
     def result(self) -> Result:
         """The best program; tools that cannot keep their limits stay as programmed.
 
-        Raises
-        ------
-        LimitsError
-            When that is no single tool, or every one that cuts.
+        Raises LimitsError when that is no single tool, or every one that cuts.
         """
         while True:
             try:
-                return self._result()
+                return self.outcome()
             except LimitsError as error:
                 cut, tool = self.before, error.tool
                 used = np.unique(cut.tool[cut.tool >= 0]).tolist()
@@ -217,7 +203,7 @@ class _Course:
                 self.given_up[tool] = str(error)
                 self._begin()
 
-    def _result(self) -> Result:
+    def outcome(self) -> Result:
         """Search, check by the whole twin, tighten where loads pass the limit, and compare."""
         job = self.job
         outcome = self._search(self._problem())
@@ -266,7 +252,7 @@ class _Course:
         cut = cut_program(planned_program(moves, self.job.models.control), self.job.cut)
         of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
         text = _Text(program=split.program, moves=moves, cut=cut, whole=of, points=len(split.added))
-        return _Course(self.job, self._progress, self.given_up, text)
+        return _Course(self.job, self.progress, self.given_up, text)
 
     @property
     def _limits_N(self) -> Floats:
@@ -300,7 +286,7 @@ class _Course:
 
     def _settled(
         self, problem: Problem, solve: Callable[[Problem], tuple[Decision, Front | None]]
-    ) -> _Found:
+    ) -> _Outcome:
         """The solution of a problem that is tightened until the whole twin accepts it."""
         for rounds in count():
             decision, front = solve(problem)
@@ -312,9 +298,11 @@ class _Course:
                 break
             problem = self._tightened(problem, full)
             self.tightened += 1
-        return _Found(problem=problem, blockwise=decision, answer=full, front=front, evaluations=1)
+        return _Outcome(
+            problem=problem, blockwise=decision, answer=full, front=front, evaluations=1
+        )
 
-    def _tightened(self, problem: Problem, answer: Full) -> Problem:
+    def _tightened(self, problem: Problem, answer: TwinAnswer) -> Problem:
         """The problem with less feed where loads or axes pass their limit by the whole twin."""
         if self.f_z is not None:
             self.f_z = np.minimum(self.f_z, answer.f_z_cap)
@@ -347,7 +335,7 @@ class _Course:
         """Objective of the blockwise optimum: a front begins with the fastest."""
         return "time" if self.job.objective == "pareto" else self.job.objective
 
-    def _search(self, problem: Problem) -> _Found:
+    def _search(self, problem: Problem) -> _Outcome:
         """The best that the whole twin accepts: blockwise, then by genetic search, or of a front.
 
         Loads and axes are brought inside their limits by the blockwise optimum, which is quick.
@@ -364,7 +352,7 @@ class _Course:
             direct.problem, direct.blockwise, self.objective, self.job.settings.search, self._each
         )
         return replace(
-            direct, answer=self._better(direct, better.decision),
+            direct, answer=self._better(direct, better.decision or direct.blockwise),
             evaluations=1 + better.evaluations,
         )  # fmt: skip
 
@@ -377,7 +365,7 @@ class _Course:
         front = self._front(problem, self._blockwise(problem))
         return front.decisions[front.knee], front
 
-    def _better(self, direct: _Found, decision: Decision) -> Full:
+    def _better(self, direct: _Outcome, decision: Decision) -> TwinAnswer:
         """The better of the blockwise optimum and another decision that the whole twin accepts."""
         if decision is direct.blockwise:
             return direct.answer
@@ -401,12 +389,12 @@ class _Course:
         share = generation / self.job.settings.search.generations
         return self.ends("searching", 0.3 + 0.3 * min(share, 1.0))
 
-    def _full(self, problem: Problem, decision: Decision) -> Full:
+    def _full(self, problem: Problem, decision: Decision) -> TwinAnswer:
         self.evaluated += 1
         certain = None if self.certain is None else self.certain.f_z
         return full_twin(self.job, self.program, self.moves, problem, decision, certain)
 
-    def _proof(self, answer: Full) -> Proof:
+    def _proof(self, answer: TwinAnswer) -> Proof:
         name, split = self.job.program.name, self.text.points > 0
         proof = prove(self.job.program.data, answer.text, name, name, self.job.setup, splits=split)
         if not proof.same:
@@ -416,7 +404,7 @@ class _Course:
             )
         return proof
 
-    def _risk(self, answer: Full) -> Exceedance | None:
+    def _risk(self, answer: TwinAnswer) -> Exceedance | None:
         settings = self.job.settings.certainty
         if self.uncertain is None:
             return None
@@ -425,7 +413,9 @@ class _Course:
             seed=settings.seed + 1,
         )  # fmt: skip
 
-    def _methods(self, problem: Problem, outcome: _Found) -> tuple[Full, tuple[Method, ...]]:
+    def _methods(
+        self, problem: Problem, outcome: _Outcome
+    ) -> tuple[TwinAnswer, tuple[Method, ...]]:
         """The answer, and beside it the blockwise optimum and the baselines, all as written.
 
         A method that passes the same test, the whole twin included, and is better, is the answer.
@@ -464,7 +454,8 @@ class _Course:
                 nominal, optimum, self.objective, self.job.settings.search, self._compared
             )
             found = self._written(
-                nominal, method_of(nominal, ANSWER, better.decision, 1 + better.evaluations)
+                nominal,
+                method_of(nominal, ANSWER, better.decision or optimum, 1 + better.evaluations),
             )
             best = min(
                 (one for one in (found, *methods) if one.kept),
@@ -525,27 +516,21 @@ def _as_programmed(job: Job) -> _Text:
     return _Text(program=program, moves=moves, cut=cut)
 
 
-def _best(job: Job, progress: Progress, given_up: GivenUp) -> Result:
-    """The best program, its long blocks split where that is asked for and gains."""
-    if job.settings.grouping.split:
-        return _best_in_parts(job, progress, given_up)
-    return _Course(job, progress, given_up).result()
+def _best(course: _Course, whole: Result | None = None) -> Result:
+    """The better of the program as it is (``whole``, where it was solved) and in parts.
 
-
-def _best_in_parts(job: Job, progress: Progress, given_up: GivenUp) -> Result:
-    """The better of the program as it is and with its long blocks split."""
-    begun = 0.0
-
-    def half(what: str, share: float) -> bool:
-        return progress(what, begun + 0.5 * share)
-
-    course = _Course(job, half, given_up)
-    whole, split, refused, points = None, None, None, 0
+    Long blocks are split where that is asked for and gains.
+    """
+    grouping, refused = course.job.settings.grouping, None
     try:
-        whole = course.result()
+        whole = whole or course.result()
     except LimitsError as error:
         refused = error
-    begun = 0.5
+        if not grouping.split:
+            raise
+    if whole is not None and not grouping.split:
+        return whole
+    split, points = None, 0
     with suppress(ValueError, Interrupted):  # what splitting cannot do, the whole program can
         parts = None if course.interrupted else course.in_parts()
         if parts is not None:
@@ -556,9 +541,9 @@ def _best_in_parts(job: Job, progress: Progress, given_up: GivenUp) -> Result:
             raise refused or Interrupted
         return replace(split, split=f"{at}: without that no F and S keep the limits")
     gain = 0.0 if split is None else _gain(whole, split)
-    if split is not None and gain > points * job.settings.grouping.least_gain:
+    if split is not None and gain > points * grouping.least_gain:
         return replace(split, split=f"{at}, which gains {100 * gain:.2g} %")
-    ended = course.interrupted or half("splitting", 1.0)
+    ended = course.interrupted or course.progress("splitting", 1.0)
     nothing = "splitting long blocks gains nothing: none is split"
     return replace(whole, split=nothing, interrupted=ended)
 

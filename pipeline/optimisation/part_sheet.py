@@ -20,7 +20,7 @@ from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
 from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.reasons import BINDS, RowReasons
-from pipeline.optimisation.text.feed_words import FeedWords
+from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL
 from pipeline.schema.part_sheet import (
@@ -74,14 +74,8 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
 def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     """What of ``BINDS`` binds for the longest; None where nothing does for longer.
 
-    Parameters
-    ----------
-    binds : ndarray of intp, shape (M,)
-        Of :class:`~pipeline.optimisation.reasons.RowReasons`.
-    seconds : ndarray, shape (M,)
-        Time of each row [s].
-    rows : ndarray of intp
-        That count.
+    ``binds`` (M,): of :class:`~pipeline.optimisation.reasons.RowReasons`; ``seconds`` (M,): time of
+    each row [s].
     """
     if not len(rows):
         return None

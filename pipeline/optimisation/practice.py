@@ -102,29 +102,9 @@ def practice_of(
 ) -> Practice:  # fmt: skip
     """Limits of machining practice of each row of a program.
 
-    Parameters
-    ----------
-    program, moves : Program, Moves
-        Text, and as interpreted; M rows.
-    cut : Cut
-        Of those rows.
-    limits : CutLimit
-        Of the part; its cutting speed, where given, stands for the range of a tool without one.
-    catalogue : CuttingCatalogue
-        Where the tool table gives no range.
-    material : Material
-        Of the blank.
-    dynamics : TipDynamics, optional
-        Of the tools' tips.
-    whole : ndarray of int8, shape (M,), optional
-        Operations of the blocks that the rows are parts of, where blocks were split.
-    given_up : collection of int, optional
-        Numbers of tools that cannot keep their limits: they stay as programmed.
-
-    Raises
-    ------
-    ValueError
-        When something to be kept is not in the program.
+    ``limits``: of the part; its cutting speed, where given, stands for the range of a tool without
+    one; ``whole`` (M,): operations of the blocks that the rows are parts of, where blocks were
+    split; ``given_up``: numbers of tools that cannot keep their limits: they stay as programmed.
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
@@ -415,16 +395,9 @@ class _Rows:
         S is kept as long as the tool is in the spindle: between two of its cuts there may be no
         time for another speed.
         """
-        feed: list[tuple[str, Bools]] = []
-        speed: list[tuple[str, Bools]] = []
-        for text in self.settings.keep:
-            rows = self._named(text)
-            feed.append((f"keep {text}", rows))
-            speed.append((f"keep {text}", rows))
-        for number in self.given_up:
-            reason = f"T{number} cannot keep its limits", self.moves.tool == number
-            feed.append(reason)
-            speed.append(reason)
+        both = [(f"keep {text}", self._named(text)) for text in self.settings.keep]
+        both += [(f"T{n} cannot keep its limits", self.moves.tool == n) for n in self.given_up]
+        feed, speed = [*both], [*both]
         if self.settings.air_feed_mm_min is None:
             feed.append(("moves in air keep their own F", self._air_words()))
         for operation, rule in RULES.items():

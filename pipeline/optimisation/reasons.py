@@ -38,13 +38,7 @@ ROUNDED = 1 + 1e-6
 
 
 class RowReasons:
-    """Reasons of M rows of an answer.
-
-    Parameters
-    ----------
-    result : Result
-        Of an optimisation.
-    """
+    """Reasons of M rows of an answer."""
 
     def __init__(self, result: "Result") -> None:
         self.result = result

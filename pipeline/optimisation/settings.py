@@ -25,13 +25,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 @dataclass(frozen=True, kw_only=True)
 class ReliabilitySettings(Ranged, section="certainty"):
-    """Probability with which the load limit is kept, and the spread of uncertain quantities.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """Probability with which the load limit is kept, and the spread of uncertain quantities."""
 
     epsilon: Annotated[float, Range(least=1e-4, most=0.999999)] = 0.01
     """P(load > limit) over a whole part is at most this [1]; 0.5 and above takes nominal values."""
@@ -114,13 +108,7 @@ class OptimisationSettings:
 
 @dataclass(frozen=True, kw_only=True)
 class Part(Ranged, section="parts"):
-    """One part program with its blank, tools, objective and limits.
-
-    Raises
-    ------
-    ValueError
-        When the program is not below the records, or a value is out of its range.
-    """
+    """One part program with its blank, tools, objective and limits."""
 
     program: str
     """File below the machine's raw records."""
@@ -164,13 +152,7 @@ class Part(Ranged, section="parts"):
 
 @dataclass(frozen=True, kw_only=True)
 class Parts:
-    """The section ``parts`` of a machine.
-
-    Raises
-    ------
-    ValueError
-        When there is no program, or two have the same name.
-    """
+    """The section ``parts`` of a machine."""
 
     programs: tuple[Part, ...]
     """In the order of the report."""

@@ -204,3 +204,13 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
         target.replace(old)
     beside.replace(target)
     shutil.rmtree(old, ignore_errors=True)
+
+
+def bundle_words(models: Path) -> str:
+    """Which bundle the sub-models in a folder are, and the verdict of its drives."""
+    if not (models / BUNDLE).exists():
+        return f"none, {models.as_posix()} holds no {BUNDLE}"
+    bundle = read_json(models / BUNDLE, Bundle)
+    drive = bundle.submodels.get("drive")
+    judged = "" if drive is None else f" (drive {drive.status})"
+    return f"bundle {bundle.sha256[:12]}{judged}"

@@ -37,13 +37,7 @@ class Entry:
 
 
 def load_stage(name: str) -> Entry:
-    """The stage ``name``: a module of this room, or ``identify_…`` and ``judge_…`` a sub-model.
-
-    Raises
-    ------
-    ValueError
-        When there is no such stage.
-    """
+    """The stage ``name``: a module of this room, or ``identify_…`` and ``judge_…`` a sub-model."""
     verb, _, which = name.partition("_")
     if verb in ("identify", "judge") and which in submodels():
         return _of_submodel(verb, which)
@@ -83,13 +77,7 @@ def _of_submodel(verb: str, which: str) -> Entry:
 
 
 def run(name: str, *paths: str) -> None:
-    """Load the sections that the stage asks for and call it.
-
-    Raises
-    ------
-    ValueError
-        When the number of paths is not the stage's, or params.yaml does not fit.
-    """
+    """Load the sections that the stage asks for and call it."""
     name, _, item = name.partition("@")
     stage = load_stage(name)
     if len(paths) != len(stage.paths):

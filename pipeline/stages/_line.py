@@ -67,14 +67,8 @@ def running(name: str, stream: TextIO) -> Iterator[None]:
 def line(name: str, paths: Sequence[Path], began: float) -> str:
     """One line on a stage.
 
-    Parameters
-    ----------
-    name : str
-        Of the stage, with its machine.
-    paths : sequence of Path
-        That it was called with; those that changed since it began were written.
-    began : float
-        When, as :func:`time.time` says it [s].
+    ``paths``: that it was called with; those that changed since it began were written; ``began``:
+    when, as :func:`time.time` says it [s].
     """
     files = {path: _files(path) for path in paths}
     written = [path for path, found in files.items() if _changed(found, began)]

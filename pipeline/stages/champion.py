@@ -15,21 +15,8 @@ def champion(models: Path, champions: Path, champion: Path, *, fleet: Fleet) -> 
 
     A store that is lost later, or another server, is filled by ``kerf status`` or ``promote``.
 
-    Parameters
-    ----------
-    models : Path
-        ``data/models/<machine>``, the newest models.
-    champions : Path
-        ``champions.json``, at the project's root: what somebody promoted.
-    champion : Path
-        ``data/champion/<machine>``; where nobody promoted one, the bundle in it serves on.
-    fleet : Fleet
-        That says which sub-models the machine has.
-
-    Raises
-    ------
-    ValueError
-        When the bundle that champions.json names lies nowhere.
+    ``champion``: ``data/champion/<machine>``; where nobody promoted one, the bundle in it serves
+    on.
     """
     names = fleet.submodels_of(models.name)
     if names:

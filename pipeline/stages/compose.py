@@ -40,21 +40,6 @@ def compose(conf: Path, params: Path, settings: Path) -> None:
     Under ``dvc exp run`` DVC has written each ``-S`` into its file already: where it differs from
     the file of the commit that the experiment starts from, the difference is put on top of a fresh
     composition, so that an edit of ``conf`` and ``-S`` both hold.
-
-    Parameters
-    ----------
-    conf : Path
-        The source of all settings.
-    params : Path
-        params.yaml: what we choose.
-    settings : Path
-        Folder of JSON: ``machine/<name>.json`` and the catalogues.
-
-    Raises
-    ------
-    ValueError
-        When ``conf`` does not compose, ``-S`` sets what cannot be set, or a section is not what its
-        stage asks for; nothing is written then.
     """
     changes = _set_for_experiment(params, settings)
     chosen = _chosen(changes, conf)
@@ -129,13 +114,7 @@ def _is_choice(keys: Keys, conf: Path) -> bool:
 
 
 def _chosen(changes: Mapping[Keys, Change], conf: Path) -> tuple[str, ...]:
-    """Hydra's overrides for the groups that ``-S`` chooses.
-
-    Raises
-    ------
-    ValueError
-        When a group has no such entry, or is none that an experiment can choose.
-    """
+    """Hydra's overrides for the groups that ``-S`` chooses."""
     found = []
     for keys, (_, name) in changes.items():
         if not _is_choice(keys, conf):
@@ -159,13 +138,7 @@ def _chosen(changes: Mapping[Keys, Change], conf: Path) -> tuple[str, ...]:
 
 
 def _refuse_edited(values: dict[str, Any], changes: Mapping[Keys, Change]) -> None:
-    """Ask back where ``conf``, composed without a choice, was edited at a key that is set.
-
-    Raises
-    ------
-    ValueError
-        When a key has one value in params.yaml, another in ``conf`` and a third in the commit.
-    """
+    """Ask back where ``conf``, composed without a choice, was edited at a key that is set."""
     own = dict(_leaves(values))
     for keys, (before, now) in changes.items():
         there = own.get(keys, GONE)
@@ -201,11 +174,6 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
 
     Each file of ``conf/material/`` and ``conf/tool/`` is a section of its name, the cutting data of
     ``conf/catalogue/`` are one.
-
-    Raises
-    ------
-    ValueError
-        When a group, a machine's file or a value in ``conf`` does not fit; the message names it.
     """
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir

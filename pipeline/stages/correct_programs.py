@@ -4,11 +4,10 @@ from pathlib import Path
 
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.setup import Setup
-from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
+from pipeline.schema.bundle import bundle_words
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.store import read_json, write_text
-from pipeline.schema.verdict import Verdict
-from pipeline.submodels.compensation.model import load_compensation
+from pipeline.schema.store import write_text
+from pipeline.submodels.compensation.model import residual_of
 from pipeline.twin.control import (
     ControlRecords,
     control_of_unit,
@@ -23,9 +22,6 @@ from pipeline.twin.corrected_program import (
 )
 from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
-from pipeline.twin.program_axes import Residual
-
-NO_RESIDUAL = "none: no compensation model of this machine passed"
 
 
 def correct_programs(
@@ -40,27 +36,7 @@ def correct_programs(
 ) -> None:
     """Write a corrected command, ``<program>.csv``, for each program that the report shows.
 
-    Parameters
-    ----------
-    raw : Path
-        ``data/raw/<machine>``, where the programs are.
-    champion : Path
-        ``data/champion/<machine>``.
-    written : Path
-        Folder of the files; of a program without a corrected command the file says why.
-    identity : MachineIdentity
-        Of the machine.
-    setup : Setup
-        Of the machine before each program.
-    control_records : ControlRecords
-        Which programs, and whose control.
-    correction : CorrectionSettings
-        How long each correction is learnt, and of how much of a program.
-
-    Raises
-    ------
-    StoreError
-        When a model is broken.
+    ``written``: folder of the files; of a program without a corrected command the file says why.
     """
     written.mkdir(parents=True, exist_ok=True)
     control = control_of_unit(
@@ -85,30 +61,3 @@ def correct_programs(
             cutting=cutting,
         )  # fmt: skip
         write_corrected(done, out)
-
-
-def residual_of(models: Path) -> tuple[Residual | None, str]:
-    """The residual network of a machine with its name; none where no such model passed.
-
-    Parameters
-    ----------
-    models : Path
-        ``data/champion/<machine>``.
-    """
-    folder = models / "compensation"
-    verdict = folder / "verdict.json"
-    if not (folder / "model.json").exists():
-        return None, NO_RESIDUAL
-    if not verdict.exists() or read_json(verdict, Verdict).status != "passed":
-        return None, NO_RESIDUAL
-    return load_compensation(folder).residual, f"compensation {model_hash(folder)[:12]}"
-
-
-def bundle_words(models: Path) -> str:
-    """Which bundle the sub-models in a folder are, and the verdict of its drives."""
-    if not (models / BUNDLE).exists():
-        return f"none, {models.as_posix()} holds no {BUNDLE}"
-    bundle = read_json(models / BUNDLE, Bundle)
-    drive = bundle.submodels.get("drive")
-    judged = "" if drive is None else f" (drive {drive.status})"
-    return f"bundle {bundle.sha256[:12]}{judged}"

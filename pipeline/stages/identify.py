@@ -27,18 +27,8 @@ def identify(
 
     Nothing that is frozen in the machine's golden or sealed set is among these.
 
-    Parameters
-    ----------
-    submodel : SubModel
-        Which.
-    reads : mapping of str to Path
-        Folders of the machine's records that it reads.
-    folder : Path
-        ``data/models/<machine>/<sub-model>``.
-    golden : Path, optional
-        Folder of the frozen sets, one file a machine; without it nothing is frozen.
-    settings : object
-        Of its ``fitting`` type.
+    ``reads``: folders of the machine's records that it reads; ``golden``: folder of the frozen
+    sets, one file a machine; without it nothing is frozen.
     """
     sets = _frozen(golden, settings)
     cases = held_back(submodel.cases(Records(**reads), settings, sets), sets)
@@ -56,21 +46,7 @@ def judge(
     *,
     settings: Any,
 ) -> None:
-    """Judge the sub-model in ``folder``; write verdict, predictions, columns, metrics, plots.
-
-    Parameters
-    ----------
-    submodel, reads, folder
-        As in :func:`identify`.
-    golden : Path
-        Folder of the frozen sets, one file a machine.
-    metrics : Path
-        JSON of the key figures.
-    plots : Path
-        Folder of the tables for ``dvc plots``.
-    settings : object
-        Of its ``judging`` type.
-    """
+    """Judge the sub-model in ``folder``; write verdict, predictions, columns, metrics, plots."""
     records = Records(**reads)
     sets = _frozen(golden, settings)
     model = read_json(folder / "model.json", submodel.model)

@@ -25,19 +25,10 @@ TIMED, FROZEN = "timed", "frozen"
 def index(manifest: Path, settings: Path, golden: Path, index: Path, machine: Path) -> None:
     """Write a hash for each section of a machine, of the recordings that its texts name.
 
-    Parameters
-    ----------
-    manifest : Path
-        Of the ingest: raw files with the hashes of their bytes and of what reads them.
-    settings : Path
-        Sections of the machine, JSON.
-    golden : Path
-        Folder of the frozen sets.
-    index : Path
-        JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen`` of
-        the machine's frozen sets and whatever the records disagree with them in.
-    machine : Path
-        Beside the machine's models, with its name: a machine without a sub-model has that folder.
+    ``manifest``: of the ingest: raw files with the hashes of their bytes and of what reads them;
+    ``index``: JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen``
+    of the machine's frozen sets and whatever the records disagree with them in; ``machine``: beside
+    the machine's models, with its name: a machine without a sub-model has that folder.
     """
     files = Records(manifest=manifest).files
     sections = json.loads(settings.read_text())

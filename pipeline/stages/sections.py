@@ -38,11 +38,6 @@ def check(values: dict[str, Any]) -> None:
     """Hold every section of every machine, and those for all, against their types.
 
     A machine of the fleet's lists needs each section that its sub-models read; others may have it.
-
-    Raises
-    ------
-    ValueError
-        When a section is unknown, missing or not of its type; the message names it.
     """
     types = section_types()
     for name in values:

@@ -15,7 +15,6 @@ from threadpoolctl import threadpool_limits
 
 from pipeline.cutting.economics.cost import CostRates
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
@@ -25,8 +24,8 @@ from pipeline.machine.control.parameters import (
     AxisParameters,
     ControlParameters,
 )
-from pipeline.optimisation.job import Job, MachineModels
-from pipeline.optimisation.settings import OptimisationSettings
+from pipeline.optimisation.job import Job, JobRequest, MachineModels, Workshop, job_of
+from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.parameters import structure
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.identity import MachineIdentity
@@ -59,9 +58,6 @@ from pipeline.submodels.cutting.settings import (
 )
 from pipeline.submodels.cutting.submodel import SUBMODEL, Judging
 from pipeline.submodels.judge import judge
-from pipeline.twin.cut import CutJob
-from pipeline.twin.cut_coefficients import identified_coefficients, tool_coefficients
-from pipeline.twin.cut_document import CutBasis
 from tests.small_project import ROOT
 
 NAME = "O2023"
@@ -216,31 +212,24 @@ def paper_job(
     settings: OptimisationSettings | None = None,
 ) -> Job:  # fmt: skip
     """The part with the paper's coefficients (conf/material/A6061), or what was identified."""
-    table = _table()
-    material = _conf("material/A6061.yaml", Material)
-    coefficients = tool_coefficients(
-        table.tools,
-        MATERIAL,
-        material,
-        identified_coefficients(None if knowledge is None else knowledge.model),
-    )
-    return Job(
+    request = JobRequest(
         program=parse_program(PROGRAM.encode(), f"{NAME}.nc"), setup=SETUP,
         models=MachineModels(
             control=CONTROL, cutting=None if knowledge is None else knowledge.model,
             verdicts={} if knowledge is None else {"cutting": knowledge.verdict},
         ),
-        cut=CutJob(
-            stock=stock_of(STOCK), tools=table.tools,
-            force_laws={number: one.law for number, one in coefficients.items()}, resolution=0.1e-3,
-            offsets=SETUP.work_offsets,
+        part=Part(
+            program=f"{NAME}.nc", stock=STOCK, tool_table=TABLE, material=MATERIAL, limits=LIMITS,
+            objective=objective, resolution_mm=0.1,
         ),
-        basis=CutBasis(
-            stock=STOCK, table=TABLE, material=material, coefficients=coefficients,
-            limit_load=LIMITS.load_N, rates=_conf("cost/default.yaml", CostRates),
-        ),
-        limits=LIMITS, objective=objective, settings=settings or OptimisationSettings(),
+        settings=settings or OptimisationSettings(),
     )  # fmt: skip
+    workshop = Workshop(
+        table=_table(), material=_conf("material/A6061.yaml", Material), drive=None,
+        rates=_conf("cost/default.yaml", CostRates), drive_source="", energy=None, dynamics=None,
+        catalogue=None,  # type: ignore[arg-type]  # limits of the part alone
+    )  # fmt: skip
+    return job_of(request, workshop)
 
 
 def trial_of(limit: float) -> TrialJob:

@@ -9,7 +9,7 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import MachineModels, Workshop, part_job
+from pipeline.optimisation.job import JobRequest, MachineModels, Workshop
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import (
     OptimisationSettings,
@@ -55,13 +55,11 @@ def optimised(
         catalogue=read_catalogue(), wear=ToolWear(),
     )  # fmt: skip
 
-    def job(workshop: Workshop) -> Any:
-        return part_job(
-            parse_program(f"{text}M30\n".encode(), "P.nc"), part, workshop=workshop, setup=Setup(),
-            models=MachineModels(control=CONTROL), settings=QUICK,
-        )  # fmt: skip
-
-    return optimise_worn(workshop, job)
+    request = JobRequest(
+        program=parse_program(f"{text}M30\n".encode(), "P.nc"), part=part, setup=Setup(),
+        models=MachineModels(control=CONTROL), settings=QUICK,
+    )  # fmt: skip
+    return optimise_worn(request, workshop)
 
 
 def document(result: Result) -> OptimisedPart:

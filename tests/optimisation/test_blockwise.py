@@ -99,9 +99,10 @@ TWO_SLOTS = [((1.0, 3.0), *case[1:]) for case in ONE_SLOT]
 @pytest.mark.parametrize(
     ("depths", "objective", "taylor"),
     [
-        *ONE_SLOT[:-1],
+        ((2.0,), "time", TAYLOR),
+        ((2.0,), "wear", TAYLOR),
         ((1.0, 3.0), "cost", GROWING),
-        *(pytest.param(*case, marks=pytest.mark.proof) for case in (ONE_SLOT[-1], *TWO_SLOTS)),
+        *(pytest.param(*case, marks=pytest.mark.proof) for case in (*ONE_SLOT, *TWO_SLOTS)),
     ],
 )
 def test_no_brute_force_is_better(depths, objective, taylor):

@@ -65,8 +65,8 @@ def test_it_is_never_worse_than_its_start(
     after, violation = value(seed, found.decision, objective)
     assert violation == 0
     # a program alone and one of many are summed in the same order
-    assert after == found.value <= value(seed, start, objective)[0]
-    assert found.history[-1] == found.value and (np.diff(found.history) <= 0).all()
+    assert after == found.best <= value(seed, start, objective)[0]
+    assert found.history[-1] == found.best and (np.diff(found.history) <= 0).all()
 
 
 @pytest.mark.parametrize("objective", ["time", "cost", "energy"])
@@ -96,7 +96,7 @@ def test_a_poor_start_is_left_behind(objective: Objective) -> None:
     # what is between a random start and the blockwise optimum, less a tenth
     best, before = value(1, solution(1, objective), objective)[0], value(1, start, objective)[0]
     assert before > 1.3 * best
-    assert found.value < best + 0.1 * (before - best)
+    assert found.best < best + 0.1 * (before - best)
 
 
 def test_every_evaluation_counts(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -119,7 +119,7 @@ def test_the_same_seed_gives_the_same_bytes() -> None:
         found = improve(problem(2), somewhere(2, 0), "cost", replace(SMALL, seed=seed))
         return (
             found.decision.feeds.tobytes(), found.decision.speeds.tobytes(),
-            found.history.tobytes(),
+            np.array(found.history).tobytes(),
         )  # fmt: skip
 
     assert run(7) == run(7)
@@ -136,11 +136,11 @@ def test_a_callback_ends_it_with_the_best_so_far(last: int) -> None:
 
     start = somewhere(2, 0)
     found = improve(problem(2), start, "cost", SMALL, callback)
-    assert found.stopped == "callback" and seen[-1] == (last, found.value)
+    assert seen[-1] == (last, found.best)
     before = value(2, start, "cost")[0]
-    assert value(2, found.decision, "cost") == (found.value, 0.0) and found.value <= before
+    assert value(2, found.decision, "cost") == (found.best, 0.0) and found.best <= before
     # ended at once it has the start alone, later it has gained
-    assert (found.value < before) == (last > 0)
+    assert (found.best < before) == (last > 0)
     assert {generation for generation, _ in seen} == set(range(last + 1))
 
 

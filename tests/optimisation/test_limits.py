@@ -51,6 +51,15 @@ def test_feed_of_a_slot_has_a_closed_form(slot):
     assert CONSTRAINTS[problem.bounds.binds[problem.blocks.row[-1]]] == "load limit"
 
 
+def test_a_range_of_feeds_from_nothing_on_begins_where_none_does(slot):
+    """At a tenth of the program's least F: a feed of 0 is none."""
+    free, own = (
+        problem_on(slot, CutLimit(load_N=80.0, feed_mm_min=(least, 1e4))).ranges.feed_low
+        for least in (0.0, 0.1 * slot.plan.path.moves.feed[slot.plan.path.moves.feed > 0].min())
+    )
+    assert free.max() > 0 and (free == own).all()
+
+
 def test_chords_of_the_table_lie_above_and_feeds_below():
     """With edge forces F = sqrt((K_t h + K_te)^2 + (K_r h + K_re)^2) d, and chords add to it."""
     problem = problem_on(cut_on(SLOT, laws=dict.fromkeys((1, 2, 3), EDGES)),

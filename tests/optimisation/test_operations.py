@@ -175,7 +175,9 @@ DEEP_BLOCK = Box(x_mm=(0, 60), y_mm=(0, 50), z_mm=(-60, 0))
     (28.0, 4.0, "drilling"), (34.0, 4.0, "deep_drilling"), (50.0, 3.0, "deep_drilling"),
     (50.0, 50.0, "deep_drilling"),
 ])  # fmt: skip
-@pytest.mark.parametrize("between", ["G0 Z1\n", "", "G0 Z1\nX25\nX20\n"])
+@pytest.mark.parametrize("between", [
+    "G0 Z1\nX25\nX20\n", *(pytest.param(way, marks=pytest.mark.proof) for way in ("G0 Z1\n", "")),
+])  # fmt: skip
 def test_pecks_down_one_hole_are_as_deep_as_the_hole(
     depth: float, step: float, name: str, between: str
 ) -> None:
@@ -210,7 +212,9 @@ SLOPED = "T1 M6\nG0 X-10 Y20 S6000 M3\nZ-3\n" + "".join(
 )
 
 
-@pytest.mark.parametrize(("resolution", "point"), [(0.25, 140.0), (0.5, 118.0)])
+@pytest.mark.parametrize(("resolution", "point"), [
+    pytest.param(0.25, 140.0, marks=pytest.mark.proof), (0.5, 118.0),
+])  # fmt: skip
 @pytest.mark.parametrize(("before", "place", "one_sided"), [
     ("", "X30.37 Y20.19", False),
     ("", "X4.6 Y20", False),  # 0.4 mm of its radius beside the blank

@@ -15,9 +15,10 @@ from pipeline.cutting.tool import ToolTable
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import part_metrics, write_program
 from pipeline.optimisation.job import (
+    JobRequest,
     MachineModels,
-    Supplies,
-    part_job,
+    Workshop,
+    job_of,
     part_program,
     spindle_drive,
 )
@@ -28,7 +29,7 @@ from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.structure import structured
-from pipeline.twin.cut_wear import ToolWear
+from pipeline.stages.optimise import named
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 
@@ -42,18 +43,20 @@ DRIVE = SpindleDrive(
 )
 
 
-def supplies(table: str = "tool/mill01", *materials: str) -> Supplies:
-    """What conf/ has, one tool table and the materials of mill01 or others."""
+def workshop(
+    table: str = "tool/mill01", material: str = "material/A6061", **drive: Any
+) -> Workshop:
+    """A tool table and a material of conf/, with prices and cutting data."""
 
     def of(path: str, wanted: type) -> Any:
         values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
         return structure({"a": values}, "a", wanted)
 
-    names = materials or ("material/A7075", "material/A6061")
-    return Supplies(tools={"mine": of(table, ToolTable)},
-                     materials={one.partition("/")[2]: of(one, Material) for one in names},
-                     rates=of("cost/default", CostRates),
-                     cutting_data=of("catalogue/default", CuttingCatalogue))  # fmt: skip
+    return Workshop(
+        table=of(table, ToolTable), material=of(material, Material),
+        rates=of("cost/default", CostRates), catalogue=of("catalogue/default", CuttingCatalogue),
+        drive_source="", energy=None, dynamics=None, **{"drive": DRIVE, **drive},
+    )  # fmt: skip
 
 
 def cutting(material: str = "A6061") -> CuttingModel:
@@ -102,32 +105,30 @@ def test_no_two_parts_write_the_same_file() -> None:
         Parts(programs=())
 
 
-def job_of(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
+def job_in(tmp_path: Path, models: MachineModels, **change: Any) -> Any:
     program = tmp_path / "parts/O1.nc"
     program.parent.mkdir(exist_ok=True)
     program.write_text("%\nO1\nM30\n%\n")
-    limits = CutLimit(load_N=60.0)
-    part = Part(**(PART | {"limits": limits} | change))
-    parts = Parts(programs=(part,), drive=DRIVE)
-    known, (read, setup) = supplies(), part_program(tmp_path / part.program, Setup())
-    return part_job(
-        read, part, models=models, workshop=known.workshop(part, parts, ToolWear()), setup=setup,
-        settings=OptimisationSettings(),
-    )  # fmt: skip
+    part = Part(**(PART | {"limits": CutLimit(load_N=60.0)} | change))
+    read, setup = part_program(tmp_path / part.program, Setup())
+    request = JobRequest(
+        program=read, part=part, models=models, setup=setup, settings=OptimisationSettings()
+    )
+    return job_of(request, workshop())
 
 
 def test_a_job_holds_what_the_part_and_the_models_say(tmp_path: Path) -> None:
-    bare = job_of(tmp_path, MachineModels(control=CONTROL))
+    bare = job_in(tmp_path, MachineModels(control=CONTROL))
     assert bare.basis.limit_load == bare.limits.load_N == 60.0
     assert bare.cut.resolution == pytest.approx(2e-4)
     assert bare.basis.coefficients[4].kind == "measured"  # by Sim2023
     assert bare.basis.drive == DRIVE and bare.basis.dynamics is None
     assert bare.setup.folders == (tmp_path / "parts",)  # where subprograms lie
-    known = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting()))
+    known = job_in(tmp_path, MachineModels(control=CONTROL, cutting=cutting()))
     assert known.basis.coefficients[4].kind == "identified"
     assert known.basis.drive.no_load_W == (55.0, 1.5, 0.02)
     assert "no-load power identified" in known.basis.drive_source
-    other = job_of(tmp_path, MachineModels(control=CONTROL, cutting=cutting("C45")))
+    other = job_in(tmp_path, MachineModels(control=CONTROL, cutting=cutting("C45")))
     assert other.basis.coefficients[4].kind == "measured"
 
 
@@ -136,18 +137,16 @@ def test_without_a_drive_nothing_is_made_of_its_no_load_power() -> None:
     assert spindle_drive(DRIVE, "a file", None) == (DRIVE, "a file")
 
 
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"tool_table": "hers"}, "'hers', which conf/tool/ does not have: it has mine"),
-        ({"material": "wood"}, "'wood', which conf/material/ does not have: it has A6061, A7075"),
+def test_what_a_part_names_must_be_there(tmp_path: Path) -> None:
+    bare = MachineModels(control=CONTROL)
+    with pytest.raises(ValueError, match="'hers', which conf/tool/ does not have: it has mine"):
+        named({"mine": 1}, "hers", "tool")
+    for change, said in (
         ({"program": "parts/O2.nc"}, "O2.nc does not exist: name a program of the machine"),
         ({"stock": "sphere:1"}, "sphere"),
-    ],
-)
-def test_what_a_part_names_must_be_there(tmp_path: Path, change: dict[str, str], said: str) -> None:
-    with pytest.raises(ValueError, match=said):
-        job_of(tmp_path, MachineModels(control=CONTROL), **change)
+    ):
+        with pytest.raises(ValueError, match=said):
+            job_in(tmp_path, bare, **change)
 
 
 def stored(**change: Any) -> OptimisedPart:

@@ -23,7 +23,7 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import MachineModels, Workshop, part_job
+from pipeline.optimisation.job import JobRequest, MachineModels, Workshop, job_of
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.practice import immersion
 from pipeline.optimisation.settings import OptimisationSettings, Part, SearchSettings
@@ -77,10 +77,11 @@ def optimised(
         table=ToolTable(tools={1: tool}), material=law, rates=None, drive=DRIVE,
         drive_source="", energy=None, dynamics=dynamics, catalogue=catalogue, wear=ToolWear(),
     )  # fmt: skip
-    return optimise(part_job(
-        parse_program(text.encode(), "P.nc"), part, models=MachineModels(control=control()),
-        workshop=workshop, setup=Setup(), settings=SETTINGS,
-    ))  # fmt: skip
+    request = JobRequest(
+        program=parse_program(text.encode(), "P.nc"), part=part, setup=Setup(),
+        models=MachineModels(control=control()), settings=SETTINGS,
+    )  # fmt: skip
+    return optimise(job_of(request, workshop))
 
 
 def length(tool: Tool) -> int:

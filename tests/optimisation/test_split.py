@@ -9,14 +9,13 @@ from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.job import Job, MachineModels, part_job
+from pipeline.optimisation.job import Job, JobRequest, MachineModels, job_of
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.settings import (
     Grouping,
     OptimisationSettings,
     Part,
-    Parts,
     ReliabilitySettings,
     SearchSettings,
 )
@@ -26,9 +25,8 @@ from pipeline.optimisation.text.split import split_at, split_blocks, splittable
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut import CutJob, cut_program
-from pipeline.twin.cut_wear import ToolWear
 from tests.optimisation.modal_programs import any_answer, modal_program, seeds
-from tests.optimisation.test_part import supplies
+from tests.optimisation.test_part import workshop
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX
 
 SETUP = Setup()
@@ -176,13 +174,11 @@ def job_on(text: str, *, split: bool, **limits: float) -> Job:
         program="P.nc", stock="box:-4,104,-4,64,-20,0", tool_table="mine",
         material="steel_medium_carbon", limits=CutLimit(**limits), resolution_mm=1.0,
     )  # fmt: skip
-    known = supplies("tool/shop", "material/steel_medium_carbon").workshop(
-        part, Parts(programs=(part,)), ToolWear()
-    )
-    return part_job(
-        read(text)[0], part, models=MachineModels(control=CONTROL), workshop=known, setup=SETUP,
+    request = JobRequest(
+        program=read(text)[0], part=part, models=MachineModels(control=CONTROL), setup=SETUP,
         settings=settings,
     )  # fmt: skip
+    return job_of(request, workshop("tool/shop", "material/steel_medium_carbon", drive=None))
 
 
 def rows_at(depth: int, length: int, tool: int = 5) -> str:

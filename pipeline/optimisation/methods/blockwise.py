@@ -7,6 +7,7 @@ answer.  The speeds of stretches are refined between the values of the grid, in 
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,10 +21,9 @@ from pipeline.optimisation.methods.speeds import (
     change_price,
     changes_of,
     own_speeds,
-    spread,
     start_prices,
 )
-from pipeline.optimisation.problem.arrays import Decision, Groups
+from pipeline.optimisation.problem.arrays import Decision, Groups, spread
 from pipeline.optimisation.problem.feasible import LimitsError, passed_limit
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping
@@ -46,24 +46,7 @@ Change = tuple[int, int, bool, float]
 def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping) -> Decision:
     """F and S of least time, cost, energy or wear, reckoned row by row.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    grouping : Grouping
-        Which blocks share an F or an S.
-
-    Returns
-    -------
-    Decision
-        Inside all limits; S in whole rev/min or as programmed.
-
-    Raises
-    ------
-    ValueError
-        When the objective is not known for this part, or no F and S keep the limits.
+    It is inside all limits; S in whole rev/min or as programmed.
     """
     which = column(objective)
     whole = _as_programmed(problem, objective)
@@ -74,7 +57,8 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
         if evaluated.violation[0] > 0.0:
             passed.append((float(evaluated.violation[0]), decision))
             continue
-        value, best = float(evaluated.objectives[0, which]), _least(kept)
+        value = float(evaluated.objectives[0, which])
+        best = min((found for found, _ in kept), default=np.inf)
         kept.append((value, decision))
         if value > best * (1 - WORTH):
             break
@@ -82,10 +66,6 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
         least, nearest = min(passed, key=lambda one: one[0])
         raise _passed(problem, least, nearest)
     return min(kept, key=lambda one: one[0])[1]
-
-
-def _least(kept: list[tuple[float, Decision]]) -> float:
-    return min((value for value, _ in kept), default=np.inf)
 
 
 def _rounds(
@@ -191,16 +171,8 @@ def refined(
 
     A stretch that has its S as programmed keeps it: another was not worth its word.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    pieces, stretches : Pieces, Stretches
-        Pieces of the stretches, and their speeds so far.
-    group : ndarray of intp, shape (M,)
-        Rows that share an F, -1 where it is kept.
-    worth : float
-        What another S than that programmed has to save, as a share; without it all are refined.
+    ``group`` (M,): rows that share an F, -1 where it is kept; ``worth``: what another S than that
+    programmed has to save, as a share; without it all are refined.
     """
     speeds = stretches.speeds.copy()
     if not len(speeds):
@@ -257,7 +229,8 @@ def _values(
     for one, total in zip(values, out, strict=True):
         total += np.bincount(stretch, one[rows], minlength=len(total))
     grid = speeds.T[np.maximum(stretches.of_piece, 0)]
-    out += _of_stretches(start_prices(model, _alone(pieces), grid), stretches, speeds)
+    alone = replace(pieces, tool_run=np.arange(len(pieces)))  # each with speeds of its own
+    out += _of_stretches(start_prices(model, alone, grid), stretches, speeds)
     for before, after, rest, lead in changes:
         price = change_price(
             model, speeds[:, before], speeds[:, after], rest=rest, lead=lead
@@ -265,14 +238,6 @@ def _values(
         out[:, before] += price
         out[:, after] += price
     return out
-
-
-def _alone(pieces: Pieces) -> Pieces:
-    """The same pieces, each with speeds of its own."""
-    return Pieces(
-        piece=pieces.piece, tool_run=np.arange(len(pieces)), word=pieces.word, rest=pieces.rest,
-        lead=pieces.lead, key=pieces.key,
-    )  # fmt: skip
 
 
 def _of_stretches(values: Floats, stretches: Stretches, speeds: Floats) -> Floats:

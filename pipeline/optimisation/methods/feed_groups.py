@@ -53,30 +53,9 @@ def feed_groups(
 ) -> tuple[Rows, Floats]:  # fmt: skip
     """Groups of F, and the best F of each.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    grouping : Grouping
-        When blocks are merged.
-    stretch : ndarray of intp, shape (M,)
-        Stretch of S of each row; a group lies in one.
-    speeds : ndarray, shape (M,)
-        S of each row [rev/min].
-    whole : float
-        Objective of the whole part as programmed.
-
-    Returns
-    -------
-    group : ndarray of intp, shape (M,)
-        -1 where F is kept.
-    feeds : ndarray, shape (G,)
-        In the units of ``Moves``.
-
-    Raises
-    ------
-    ValueError
-        When no F suits all rows of a block.
+    ``stretch`` (M,): stretch of S of each row; a group lies in one; ``speeds`` (M,): S of each row
+    [rev/min]; ``whole``: objective of the whole part as programmed. Groups are of shape
+    (M,), -1 where F is kept; their F (G,) in the units of ``Moves``.
     """
     problem, block = model.problem, model.problem.editable.block
     if not (block >= 0).any():
@@ -287,21 +266,10 @@ class _Merger:
 def merged(curves: Curves, joint: Bools, *, gain: float, least_time: float) -> Rows:
     """Group of each of B blocks.
 
-    Parameters
-    ----------
-    curves : Curves
-        Objective and time of the blocks over F.
-    joint : ndarray of bool, shape (B - 1,)
-        Whether each block may share an F with the next.
-    gain : float
-        What an F word has to save, in the units of the objective.
-    least_time : float
-        Groups that take less [s] are merged even if that loses as much as they take.
-
-    Returns
-    -------
-    ndarray of intp, shape (B,)
-        From 0, rising, without gaps.
+    ``joint`` (B - 1,): whether each block may share an F with the next; ``gain``: what an F word
+    has to save, in the units of the objective; ``least_time``: groups that take less [s] are merged
+    even if that loses as much as they take. Numbers from 0, rising,
+    without gaps; shape (B,).
     """
     if not len(curves.low):
         return np.zeros(0, dtype=np.intp)

@@ -50,16 +50,7 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
     """Least and greatest F of each row at S, in the units of ``Moves``; the least is infinite where
     no F is allowed at that S.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    speeds : ndarray, shape (P, M)
-        [rev/min].
-
-    Returns
-    -------
-    tuple of ndarray, shapes (P, M)
+    ``speeds`` (P, M): [rev/min]. Shape (P, M) each.
     """
     path, cuts = problem.cut.plan.path, problem.cuts
     spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
@@ -91,21 +82,8 @@ def common_bounds(
     would be a word for nothing.  All of it still suits when a word rounds F down.  An interval too
     narrow for that is one F: as programmed, or such as a word holds.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    groups : RowGroups
-        U groups of them.
-    low, high : ndarray, shape (P, M)
-        Of rows, from :func:`feed_bounds`.
-    speeds : ndarray, shape (P, M)
-        [rev/min].
-
-    Returns
-    -------
-    tuple of ndarray, shapes (P, U)
-        Empty where the first is above the second.
+    ``low`` and ``high`` (P, M): of rows, from :func:`feed_bounds`; ``speeds`` (P, M): [rev/min].
+    Shape (P, U) each; empty where the first is above the second.
     """
     path = problem.cut.plan.path
     spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
@@ -235,14 +213,8 @@ class BlockFeeds:
 def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
     """Best F of each group of rows at given speeds.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    group : ndarray of intp, shape (M,)
-        Rows that share an F, from 0 without gaps; -1 where the row keeps its own.
-    speeds : ndarray, shape (P, M)
-        S of each row [rev/min].
+    ``group`` (M,): rows that share an F, from 0 without gaps; -1 where the row keeps its own;
+    ``speeds`` (P, M): S of each row [rev/min].
     """
     many = max(1, AT_ONCE // max(speeds.shape[1], 1))
     parts = [
@@ -256,22 +228,10 @@ def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
 def best_feeds(
     model: BlockModel, groups: RowGroups, speeds: Floats, low: Floats, high: Floats
 ) -> Floats:
-    """F of each row, the best of its group from ``low`` to ``high``.
+    """F of each row, the best of its group from ``low`` to ``high``; shape (P, M).
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    groups : RowGroups
-        U groups that share an F; other rows keep theirs.
-    speeds : ndarray, shape (P, M)
-        S of each row [rev/min].
-    low, high : ndarray, shape (P, U)
-        Where that is empty, the mean of the group's own feeds is taken.
-
-    Returns
-    -------
-    ndarray, shape (P, M)
+    ``speeds`` (P, M): S of each row [rev/min]; ``low`` and ``high`` (P, U): where that is empty,
+    the mean of the group's own feeds is taken.
     """
     own = model.problem.cut.plan.path.moves.feed
 

@@ -96,15 +96,7 @@ def whole(speeds: Floats, start: Floats, step: float) -> Floats:
 
 
 def written_feeds(problem: Problem, decision: Decision) -> Decision:
-    """A decision with its F as people write them, where that keeps the limits.
-
-    Parameters
-    ----------
-    problem : Problem
-        Whose practice says the step.
-    decision : Decision
-        F of G groups; those as programmed stay.
-    """
+    """A decision with its F as people write them, where that keeps the limits."""
     low, _ = group_bounds(problem, decision.groups, decision.speeds[None])
     feeds = _stepped_down(problem, decision.groups, decision.feeds[None], low)
     return replace(decision, feeds=feeds[0])
@@ -145,19 +137,8 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
 def group_bounds(problem: Problem, groups: Groups, speeds: Floats) -> tuple[Floats, Floats]:
     """Least and greatest F that suits all rows of each group, shape (P, G) each.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    groups : Groups
-        G of them.
-    speeds : ndarray, shape (P, H)
-        [rev/min].
-
-    Returns
-    -------
-    tuple of ndarray
-        In the units of ``Moves``; the least is above the greatest where no F keeps the limits.
+    ``speeds`` (P, H): [rev/min]. In the units of ``Moves``; the least is above the greatest where
+    no F keeps the limits.
     """
     rows = groups.row_speeds(speeds)
     least, most = common_bounds(
@@ -238,27 +219,19 @@ class Fitness:
     v / (1 + v), less than 1 however much it takes; one that does not costs 1 and the sum of its
     violations.  A search that only compares costs never takes a violation for a gain, and no weight
     has to be chosen.
-
-    Parameters
-    ----------
-    problem : Problem
-        Evaluates them.
-    genes : Genes
-        Of the individuals.
-    column : int
-        Of the objective, see :data:`~pipeline.optimisation.settings.OBJECTIVES`.
-    reference : float
-        The objective's size; above 0.
-    weight : float, optional
-        Of violations beside the objective as a share of the reference, as Sim2023 has it: a
-        penalty, in place of limits first.
     """
 
     problem: Problem
+    """Evaluates them."""
     genes: Genes
+    """Genes of the individuals."""
     column: int
+    """Column of the objective, see :data:`~pipeline.optimisation.settings.OBJECTIVES`."""
     reference: float
+    """The objective's size; above 0."""
     weight: float | None = None
+    """Weight of violations beside the objective as a share of the reference, as in Sim2023;
+    without it limits come first."""
     best: float = inf
     decision: Decision | None = None
     evaluations: int = 0

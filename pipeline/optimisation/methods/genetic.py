@@ -9,7 +9,6 @@ as it is, and searches from random individuals.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -50,50 +49,14 @@ WEIGHT = 1.0
 """Of a penalty: passing one row's limit once over costs as much as the whole program."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Improved:
-    """Where a search from a start ended."""
-
-    decision: Decision = field(repr=False)
-    """The best that keeps all limits; the start itself where nothing better was found."""
-    value: float
-    """Its objective."""
-    evaluations: int
-    """Decisions that were evaluated, the start among them."""
-    history: Floats = field(repr=False)
-    """The best value up to each; shape (evaluations,)."""
-    stopped: str
-    """Why it ended: ``generations`` or ``callback``; ``nothing free`` where no F and no S may
-    change."""
-
-
 def improve(
     problem: Problem,
     start: Decision,
     objective: Objective,
     settings: SearchSettings,
     callback: Callback | None = None,
-) -> Improved:
-    """The best decision from ``start`` on; never worse than it.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    start : Decision
-        Inside all limits; its groups are kept.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    settings : SearchSettings
-        Population, generations, seed.
-    callback : callable, optional
-        Sees each generation and may end the search.
-
-    Raises
-    ------
-    ValueError
-        When the start is not inside the limits or its objective is not known.
-    """
+) -> Fitness:
+    """The best decision from ``start`` on, never worse than it, with the way there."""
     which = column(objective)
     reference = _value(problem, start, which)
     genes = BoundedGenes.of(problem, start)
@@ -101,11 +64,8 @@ def improve(
         problem=problem, genes=genes, column=which, reference=reference or 1.0,
         best=reference, decision=start, evaluations=1, history=[reference],
     )  # fmt: skip
-    stopped = _search(genes, fitness, settings, callback)
-    return Improved(
-        decision=fitness.decision or start, value=fitness.best, evaluations=fitness.evaluations,
-        history=np.array(fitness.history), stopped=stopped,
-    )  # fmt: skip
+    _search(genes, fitness, settings, callback)
+    return fitness
 
 
 def _value(problem: Problem, start: Decision, which: int) -> float:
@@ -126,10 +86,10 @@ def _value(problem: Problem, start: Decision, which: int) -> float:
 
 def _search(
     genes: BoundedGenes, fitness: Fitness, settings: SearchSettings, callback: Callback | None
-) -> str:
-    """Reason for the end of the search; its best is in ``fitness``."""
+) -> None:
+    """Search on until the callback or the generations end it; the best is in ``fitness``."""
     if not len(genes.low):
-        return "nothing free"
+        return
     start = genes.encoded(genes.start.feeds[None], genes.start.speeds[None])[0]
 
     def ends(generation: int, best: Floats, _: float) -> bool:
@@ -137,15 +97,12 @@ def _search(
 
     near, ended = _around(genes, fitness, start, ends)
     if ended:
-        return "callback"
+        return
     settled = GeneticSettings(
         population=settings.population, generations=settings.generations, seed=settings.seed
     )
     first = _population(genes, np.unique([start, near], axis=0), settings)
-    evolved = minimise(
-        fitness, genes.low, genes.high, settled, log=genes.log, start=first, callback=ends
-    )
-    return evolved.stopped
+    minimise(fitness, genes.low, genes.high, settled, log=genes.log, start=first, callback=ends)
 
 
 def _around(
@@ -196,18 +153,7 @@ def baselines(
 
     Where no F and no S may change, the program as it is is the only one.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    groups : Groups
-        Rows that share an F, and an S, in all but the program as it is.
-    objective : Objective
-        To be minimised; ``pareto`` counts as time.
-    settings : SearchSettings
-        Population, generations, evaluations, seed.
-    callback : callable, optional
-        Called after each generation of each search with its number; True ends the search.
+    ``callback``: called after each generation of each search with its number; True ends the search.
     """
     evaluated = problem.as_programmed
     programmed = Method(

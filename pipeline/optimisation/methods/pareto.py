@@ -26,24 +26,9 @@ def pareto(
 ) -> Front:
     """The front that NSGA-II finds; in no objective worse than the best of the starts.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    starts : sequence of Decision
-        Inside all limits, such as the blockwise optimum of each objective.  Rows share an F or an S
-        in the front where they do so in every one of them.
-    objectives : sequence of str
-        Those that count, of :data:`~pipeline.optimisation.settings.OBJECTIVES`.
-    settings : SearchSettings
-        Members of the front, generations, seed.
-    callback : callable, optional
-        Sees each generation and may end the search.
-
-    Raises
-    ------
-    ValueError
-        When there is no start inside the limits, or an objective is not known.
+    ``starts``: inside all limits, such as the blockwise optimum of each objective. Rows share an F
+    or an S in the front where they do so in every one of them; ``objectives``: those that count, of
+    :data:`~pipeline.optimisation.settings.OBJECTIVES`.
     """
     count = np.array([OBJECTIVES.index(one) for one in objectives], dtype=np.intp)
     joint = [_joint(starts, one) for one in starts]

@@ -59,16 +59,7 @@ def speed_pieces(plan: Plan, editable: Editable, cuts: Bools, grouping: Grouping
     program's own S words count, and each always begins a piece.  Tools that cut nothing keep their
     S.
 
-    Parameters
-    ----------
-    plan : Plan
-        M rows as programmed.
-    editable : Editable
-        Which S may change.
-    cuts : ndarray of bool, shape (M,)
-        Rows that cut at feed.
-    grouping : Grouping
-        Whether S words may be added.
+    ``cuts`` (M,): rows that cut at feed.
     """
     moves = plan.path.moves
     runs = LineRuns.among(moves)
@@ -119,17 +110,7 @@ def _between_cuts(own: Bools, may: Bools, cuts: Bools, tool: Rows) -> Bools:
 def speed_grid(problem: Problem, pieces: Pieces) -> Floats:
     """Speeds tried for each run of pieces of one tool, in whole rev/min or as programmed.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    pieces : Pieces
-        In T runs.
-
-    Returns
-    -------
-    ndarray, shape (T, K)
-        Rising [rev/min]; the last one stands repeatedly where a run has fewer.
+    Shape (T, K), rising [rev/min]; the last one stands repeatedly where a run has fewer.
     """
     moves = problem.cut.plan.path.moves
     listed = []

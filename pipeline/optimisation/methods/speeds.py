@@ -16,6 +16,7 @@ from pipeline.machine.control.path import where
 from pipeline.machine.spindle import spindle_waits
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds
 from pipeline.optimisation.methods.speed_pieces import Pieces, speed_grid, speed_pieces
+from pipeline.optimisation.problem.arrays import spread
 from pipeline.optimisation.problem.feasible import LimitsError
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping
@@ -43,29 +44,10 @@ class Stretches:
     """Stretch of each piece; shape (A,)."""
 
 
-def spread(speeds: Floats, stretch: Rows, own: Floats) -> Floats:
-    """S of each row, shape (..., M), of those of stretches, (..., H); ``own`` where it is kept."""
-    if not speeds.shape[-1]:
-        return np.broadcast_to(own, (*speeds.shape[:-1], len(own))).copy()
-    return np.where(stretch >= 0, speeds[..., stretch], own)
-
-
 def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pieces, Stretches]:
     """Best stretches of S, each with the best value of the grid.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    grouping : Grouping
-        Where S words may be added, and what they have to save.
-    whole : float
-        Objective of the whole part as programmed.
-
-    Raises
-    ------
-    ValueError
-        When no S of a block's range meets its limits.
+    ``whole``: objective of the whole part as programmed.
     """
     problem, moves = model.problem, model.problem.cut.plan.path.moves
     pieces = speed_pieces(problem.cut.plan, problem.editable, problem.cuts, grouping)
@@ -284,22 +266,11 @@ def changes_of(of_piece: Rows, pieces: Pieces) -> Sequence[tuple[int, int, bool,
 def viterbi(values: Floats, change: Floats, kind: Rows, word: Floats) -> Rows:
     """States of A stages that cost least together: dynamic programming (Viterbi 1967).
 
-    Parameters
-    ----------
-    values : ndarray, shape (A, K)
-        Of each state at each stage; infinite where it is not allowed.
-    change : ndarray, shape (C, K, K)
-        Price of going from one state (first) to another, by kind of change.
-    kind : ndarray of intp, shape (A,)
-        Kind of the change that leads to each stage.
-    word : ndarray, shape (A,)
-        Price of any change there, beside that of its kind.
-
-    Returns
-    -------
-    ndarray of intp, shape (A,)
-        The lowest states, and the earliest changes, of those that cost the same; infinite in all
-        states of a stage, all are given as 0.
+    ``values`` (A, K): of each state at each stage; infinite where it is not allowed; ``change`` (C,
+    K, K): price of going from one state (first) to another, by kind of change; ``kind`` (A,): kind
+    of the change that leads to each stage; ``word`` (A,): price of any change there, beside that of
+    its kind. Of those that cost the same
+    it is the lowest states and the earliest changes; 0 where a stage is infinite in all; (A,).
     """
     stages, states = values.shape
     before = np.tile(np.arange(states), (stages, 1))
@@ -322,17 +293,10 @@ def change_price(
 ) -> Floats:
     """Price of a change of S between two places of one tool; infinite below the least change.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    before, after : ndarray
-        [rev/min], of shapes that go together.
-    rest : bool
-        Whether the spindle stands in between; what its start takes does not belong to the change.
-    lead : float
-        Time from the change to the next cut [s]: a control that does not wait cuts at another speed
-        than it should, with too thick chips where that is lower, when the lead is too short.
+    ``before`` and ``after``: [rev/min], of shapes that go together; ``rest``: whether the spindle
+    stands in between; what its start takes does not belong to the change; ``lead``: time from the
+    change to the next cut [s]: a control that does not wait cuts at another speed than it should,
+    with too thick chips where that is lower, when the lead is too short.
     """
     problem, least = model.problem, model.problem.limits.least_speed_change_rpm
     step = np.abs(after - before)
@@ -349,14 +313,7 @@ def start_prices(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
 
     Infinite where S would be too near to that of a row beside the piece that keeps its own.
 
-    Parameters
-    ----------
-    model : BlockModel
-        Objective to be minimised, of M rows.
-    pieces : Pieces
-        A of them.
-    grid : ndarray, shape (T, K)
-        Speeds of each run of pieces [rev/min].
+    ``grid`` (T, K): speeds of each run of pieces [rev/min].
     """
     prices, price = _beside_held(model, pieces, grid), model.second_price
     if not len(pieces) or price == 0.0:

@@ -195,11 +195,11 @@ class Groups:
 
     def row_feeds(self, feeds: ArrayLike) -> Floats:
         """F of each row, shape (M,) or (P, M), of those of groups, (G,) or (P, G)."""
-        return _spread(feeds, self.feed, self.own_feed)
+        return spread(feeds, self.feed, self.own_feed)
 
     def row_speeds(self, speeds: ArrayLike) -> Floats:
         """S of each row, shape (M,) or (P, M), of those of stretches, (H,) or (P, H)."""
-        return _spread(speeds, self.speed, self.own_speed)
+        return spread(speeds, self.speed, self.own_speed)
 
 
 def feeds_per_minute(cut: Cut, feeds: Floats, spindle_speed: Floats) -> Floats:
@@ -223,7 +223,8 @@ def first_rows(group: Rows) -> Rows:
     return first[numbers >= 0]
 
 
-def _spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
+def spread(values: ArrayLike, group: Rows, own: Floats) -> Floats:
+    """Values of rows, (..., M), of those of their groups, (..., G); ``own`` in rows of none."""
     given = np.asarray(values, dtype=np.float64)
     padded = np.concatenate([given, np.zeros((*given.shape[:-1], 1))], axis=-1)
     return np.where(group >= 0, padded[..., group], own)
@@ -289,12 +290,7 @@ class Editable:
 def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable:
     """Editable rows in which S changes at the program's own S words and at rapids alone.
 
-    Parameters
-    ----------
-    editable : Editable
-        F and S that may change, of M rows.
-    kind : ndarray of uint8, shape (M,)
-        Of the moves.
+    ``kind`` (M,): of the moves.
     """
     fitting = editable.own_start | np.isin(kind, (Kind.RAPID, Kind.SPINDLE))
     return replace(editable, may_start=editable.may_start & fitting)
@@ -303,12 +299,7 @@ def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable
 def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
     """Editable rows in which the rows of a pass are one block, inside which S does not change.
 
-    Parameters
-    ----------
-    editable : Editable
-        F and S that may change, of M rows.
-    passes : ndarray of intp, shape (M,)
-        Pass of each row, -1 for those of none.
+    ``passes`` (M,): pass of each row, -1 for those of none.
     """
     block, line = editable.block, editable.line
     rows = np.flatnonzero((passes >= 0) & (block >= 0))
@@ -332,10 +323,7 @@ def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
 class RowGroups:
     """Rows of each of U groups.
 
-    Parameters
-    ----------
-    group : ndarray of intp, shape (M,)
-        From 0 without gaps; -1 for rows of none.
+    ``group`` (M,): from 0 without gaps; -1 for rows of none.
     """
 
     def __init__(self, group: Rows) -> None:

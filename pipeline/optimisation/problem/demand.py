@@ -64,17 +64,9 @@ class Demand:
     def of_rows(self, time: Floats, wait: Floats, spindle_speed: Floats) -> Floats:
         """Objectives of each row.
 
-        Parameters
-        ----------
-        time, wait : ndarray, shape (P, M)
-            Moving, and standing after it [s].
-        spindle_speed : ndarray, shape (1 or P, M)
-            Of the spindle [rev/min].
-
-        Returns
-        -------
-        ndarray, shape (4, P, M)
-            Time [s], cost, energy [kWh], share of tool life [1]; NaN where not known.
+        ``time`` and ``wait`` (P, M): moving, and standing after it [s]; ``spindle_speed`` (1 or P,
+        M): of the spindle [rev/min]. Time [s], cost, energy [kWh], share of tool life [1];
+        NaN where not known; shape (4, P, M).
         """
         from pipeline.optimisation.problem.kernels import row_values
 
@@ -97,12 +89,8 @@ class Demand:
     def violation(self, path: Path, feed: Floats, spindle_speed: Floats) -> Floats:
         """Excess over limits that hold row by row, as a share of each, summed; shape (P,).
 
-        Parameters
-        ----------
-        path : Path
-            M rows.
-        feed, spindle_speed : ndarray, shape (P, M)
-            F in the units of ``Moves``, speed of the spindle [rev/min].
+        ``feed`` and ``spindle_speed`` (P, M): F in the units of ``Moves``, speed of the spindle
+        [rev/min].
         """
         from pipeline.optimisation.problem.kernels import violations
 
@@ -116,25 +104,7 @@ def demand_of(
     cut: Cut, blocks: CutBlocks, life: Life, basis: CutBasis, limits: CutLimit, *,
     bounds: Bounds, ranges: Ranges,
 ) -> Demand:  # fmt: skip
-    """Demand of a cut.
-
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    blocks : CutBlocks
-        Its blocks.
-    life : Life
-        That the cut takes of its tools as planned.
-    basis : CutBasis
-        Prices, energy and drive, where they are known.
-    limits : CutLimit
-        Share of the drive's power that may be taken.
-    bounds : Bounds
-        Feed for each tooth of each row.
-    ranges : Ranges
-        F and S of each row.
-    """
+    """Demand of a cut."""
     from pipeline.optimisation.problem import kernels as at
 
     rates, used = basis.rates, basis.energy if basis.drive is not None else None

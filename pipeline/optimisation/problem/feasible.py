@@ -60,7 +60,7 @@ REMEDY = {
     at.AS_PROGRAMMED: "give the tool's feed_per_tooth_mm",
     at.POWER: "take less depth",
     at.STABILITY: "take less depth, or another speed",
-    at.CUTTING_SPEED: "widen cutting_speed_m_min",
+    at.CUTTING_SPEED: "widen limits.cutting_speed_m_min",
     at.SPINDLE_SPEED: "widen limits.speed_rpm",
     at.FEED_PER_TOOTH: "give the tool's feed_per_tooth_mm",
     at.CHANGE: "widen practice.change",
@@ -70,18 +70,9 @@ REMEDY = {
 def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> Floats:
     """Value over limit of each row, limit over value where the limit is a least one [1].
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    feeds, speeds : ndarray, shape (M,)
-        F and S in the units of ``Moves``.
-
-    Returns
-    -------
-    ndarray, shape (14, M)
-        In the order of ``CONSTRAINTS``; 0 where nothing limits.  F and S outside of their ranges
-        on either side are above 1.
+    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``. Shape (14, M) in the order of
+    ``CONSTRAINTS``; 0 where nothing limits. F and S outside of their ranges on either side are
+    above 1.
     """
     out = np.zeros((len(CONSTRAINTS), len(problem)))
     cuts, ranges = problem.cuts, problem.ranges
@@ -144,13 +135,7 @@ def _over(value: Floats | float, limit: Floats) -> Floats:
 
 
 def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
-    """Refuse limits whose quantities are not known, rather than to pass over them in silence.
-
-    Raises
-    ------
-    ValueError
-        When the deflection of a tool that cuts, or the spindle's drive, is not known.
-    """
+    """Refuse limits whose quantities are not known, rather than to pass over them in silence."""
     most = tool_limits(cut.tools, "deflection_um", limits.deflection_um)
     for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
         tool = cut.tools[index]
@@ -173,27 +158,9 @@ def problem_of(
 ) -> Problem:  # fmt: skip
     """Limits and objectives of the rows of a cut.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    basis : CutBasis
-        Prices, energy, drive and dynamics of the cut.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        F and S that may change.
-    f_z_load : ndarray, shape (M,), optional
-        Feed for each tooth up to which the load keeps its limit [m]; by default that of the load
-        table.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change from the program.
-
-    Raises
-    ------
-    ValueError
-        When nothing limits the feed of a tool that cuts, when no feed and speed of the ranges keep
-        the limits of a row, or when a row that cannot be changed is beyond one.
+    ``f_z_load`` (M,): feed for each tooth up to which the load keeps its limit [m]; by default that
+    of the load table; ``practice``: ranges by tool and operation, and the greatest change from the
+    program.
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
@@ -233,13 +200,7 @@ def with_load(problem: Problem, f_z_load: Floats) -> Problem:
 
 
 def with_feed_cap(problem: Problem, cap: Floats, limit: str) -> Problem:
-    """The same problem with F of each row at most ``cap`` [mm/min], shape (M,), where F may change.
-
-    Raises
-    ------
-    ValueError
-        When that is below the range of a row's F; ``limit`` says what the cap stands for.
-    """
+    """The same problem with F at most ``cap`` (M,) [mm/min] where it may change."""
     ranges = problem.ranges
     free = problem.editable.block >= 0
     high = np.where(free, np.minimum(ranges.feed_high, cap), ranges.feed_high)
@@ -256,20 +217,7 @@ def with_feed_cap(problem: Problem, cap: Floats, limit: str) -> Problem:
 
 
 def _check(problem: Problem, *, load_limited: bool) -> None:
-    """Refuse a problem that has no answer.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    load_limited : bool
-        Whether feeds for each tooth stand for the load limit.
-
-    Raises
-    ------
-    ValueError
-        See :func:`problem_of`.
-    """
+    """Refuse a problem that has no answer."""
     _check_spindle_on(problem)
     _check_limited(problem, load_limited)
     _check_bounds(problem)
@@ -321,8 +269,8 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
     held = np.array([tool.stickout is not None for tool in problem.cut.tools])
     free = ~(made | load | torque | (bending & held))
     _refuse(problem, problem.cuts & free[problem.cut.tool], lambda row: (
-        f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or chip_um, or "
-        "its feed_per_tooth_mm in the tool table"
+        f"nothing limits the feed of {tool_name(problem, row)}: give limits.load_N or "
+        "limits.chip_um, or its feed_per_tooth_mm in the tool table"
     ))  # fmt: skip
 
 
@@ -395,7 +343,7 @@ def _whose(problem: Problem, row: int) -> str:
 
 
 def _wider(problem: Problem, row: int) -> str:
-    return "" if _held(problem, row) else "widen feed_mm_min or speed_rpm, or "
+    return "" if _held(problem, row) else "widen limits.feed_mm_min or limits.speed_rpm, or "
 
 
 def _held(problem: Problem, row: int) -> bool:
@@ -454,12 +402,7 @@ def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> LimitsError
     The least possible value is that over the ranges of F and S of the block alone: where it keeps
     the limit, blocks that share an F or an S with it are what stands against it.
 
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    feeds, speeds : ndarray, shape (M,)
-        F and S in the units of ``Moves``.
+    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``.
     """
     used = constraint_utilisation(problem, feeds, speeds)
     which, row = np.unravel_index(int(np.argmax(used)), used.shape)

@@ -83,7 +83,7 @@ def _wear_and_energy(time, wait, speed, row, loads, drive):  # type: ignore[no-u
         if row[FEED_POWER] != 0.0:
             wear *= (f_z / row[FEED]) ** row[FEED_POWER]
     if drive.shape[0] > 0:
-        torque = _looked_up(f_z, loads, row[SCALE], row[EXPONENT])
+        torque = looked_up(f_z, loads, row[SCALE], row[EXPONENT])
         energy += time * row[INSIDE] * 2.0 * pi * n * torque / drive[SUPPLY]
     return wear, energy
 
@@ -108,7 +108,7 @@ def violations(motion, factor, cap, feed, speed, rows, loads, drive, out):  # ty
             f_z = min(f * factor[k], cap[k]) / (n * row[TEETH])
             total += _outside(f_z, row[LOW], row[HIGH])
             if drive.shape[0] > 0:
-                torque = _looked_up(f_z, loads[1, k], row[SCALE], row[EXPONENT])
+                torque = looked_up(f_z, loads[1, k], row[SCALE], row[EXPONENT])
                 total += _beyond(power_share(torque, n / 60.0, drive))
         out[p] = total
 
@@ -143,7 +143,7 @@ def _idle(n, drive):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _looked_up(f_z, values, scale, exponent):  # type: ignore[no-untyped-def]
+def looked_up(f_z, values, scale, exponent):  # type: ignore[no-untyped-def]
     """As :func:`pipeline.cutting.force.profile_kernel.look_up`."""
     if not f_z > 0.0:
         return 0.0

@@ -28,10 +28,11 @@ from pipeline.optimisation.problem.arrays import (
     Editable,
     Practice,
     Ranges,
+    RowGroups,
     feeds_per_minute,
 )
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.schema.limits import CutLimit
+from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.twin.cut import Cut
 from pipeline.twin.cut_blocks import STEEP, CutBlocks
 
@@ -50,29 +51,16 @@ def bounds_of(
 ) -> Bounds:  # fmt: skip
     """Bounds of each row of a cut.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    blocks : CutBlocks
-        Its K blocks.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        Rows that share an F: the least of a range gives way to what any of them may take.
-    f_z_load : ndarray, shape (M,), optional
-        Feed for each tooth that the load limit allows [m]; by default that of the load table.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change.
+    ``editable``: rows that share an F: the least of a range gives way to what any of them may take;
+    ``f_z_load`` (M,): feed for each tooth that the load limit allows [m]; by default that of the
+    load table.
     """
     margins = limits.margins
     torque = greatest_torque(cut)
     most = np.full((len(F_Z_CONSTRAINTS), cut.engagement.blocks), np.inf)
     load, deflection, roughness, chip, by_torque, programmed, tooth, change = most
     cuts = cut.tool >= 0
-    most_load, give, most_torque = (
-        row_limits(cut, limits, name) for name in ("load_N", "deflection_um", "torque_Nm")
-    )
+    most_load, give, most_torque = (row_limits(cut, limits, name) for name in BY_TOOL)
     if f_z_load is not None:
         load[cuts] = f_z_load[cuts]
     elif np.isfinite(most_load).any():
@@ -90,8 +78,7 @@ def bounds_of(
     if np.isfinite(most_torque).any():
         by_torque[:] = inverse(cut, torque, most_torque * (1 - margins.torque))
     factor = _chip_factor(cut, blocks)
-    chip[:] = _greatest_chip(cut, limits, factor, by_tool=practice is None)
-    least = _least(cut, blocks, limits, factor, by_tool=practice is None)
+    least, chip[:] = _chip_bounds(cut, blocks, limits, factor, by_tool=practice is None)
     if practice is None:
         alone = _only_along(cut) | ~np.isfinite(most).any(axis=0)
         own = cut.commanded_feed_per_tooth()
@@ -102,7 +89,7 @@ def bounds_of(
             practice.f_z_high,
             practice.f_z_change,
         )
-        allowed = least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
+        allowed = _least_of_blocks(editable.block, np.where(cuts, most.min(axis=0), np.inf))
         gives_way = np.minimum(practice.f_z_low, SOFT * allowed)
         least = np.maximum(least, np.where(cuts, gives_way, 0.0))
         free = practice.given_up
@@ -116,32 +103,18 @@ def row_limits(cut: Cut, limits: CutLimit, name: str) -> Floats:
     return np.append(tool_limits(cut.tools, name, getattr(limits, name)), np.inf)[cut.tool]
 
 
-def least_of_blocks(block: Rows, values: Floats) -> Floats:
+def _least_of_blocks(block: Rows, values: Floats) -> Floats:
     """Least value of the rows that share an F, in each of them; shape (M,)."""
-    rows = np.flatnonzero(block >= 0)
-    least = np.full(int(block.max(initial=-1)) + 1, np.inf)
-    np.minimum.at(least, block[rows], values[rows])
-    out = values.copy()
-    out[rows] = least[block[rows]]
-    return out
+    blocks = RowGroups(block)
+    return blocks.spread(-blocks.greatest(-values[None]), values)[0]
 
 
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
     """Greatest f_z up to which a load stays within a limit [m].
 
-    Parameters
-    ----------
-    cut : Cut
-        Whose load table has M rows.
-    values : ndarray, shape (M, K + 1)
-        The load at its nodes.
-    limit : ndarray, shape (..., M), or float
-        In the unit of ``values``; infinite where there is none.
-
-    Returns
-    -------
-    ndarray, shape (..., M)
-        0 where any feed passes the limit, infinite where none does.
+    ``values`` (M, K + 1): the load at its nodes; ``limit`` (..., M): in the unit of ``values``;
+    infinite where there is none. Shape (..., M): 0 where any feed passes the limit, infinite
+    where none does.
     """
     from pipeline.optimisation.problem.kernels import first_crossings
 
@@ -219,37 +192,27 @@ def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
     return out
 
 
-def _greatest_chip(cut: Cut, limits: CutLimit, factor: Floats, *, by_tool: bool) -> Floats:
-    """Greatest f_z by the thickest chip that is allowed and by the tools' makers [m]."""
-    share = 1 - limits.margins.chip
-    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
-    most = np.array([np.inf if span is None else span[1] * MM * share for span in made])[cut.tool]
-    if limits.chip_um is not None:
-        thickest = limits.chip_um[1] * UM * share
-        with np.errstate(divide="ignore"):
-            most = np.minimum(most, thickest / factor)
-    return most
-
-
-def _least(
+def _chip_bounds(
     cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats, *, by_tool: bool
-) -> Floats:
-    """Least f_z by the thinnest chip and by the tools' makers [m]; shape (M,).
+) -> tuple[Floats, Floats]:
+    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each.
 
     A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
     """
-    share = 1 + limits.margins.chip
-    made = [tool.feed_per_tooth_mm if by_tool else None for tool in cut.tools]
-    least = np.array([0.0 if span is None else span[0] * MM * share for span in made])[cut.tool]
+    made = [(tool.feed_per_tooth_mm if by_tool else None) or (0.0, np.inf) for tool in cut.tools]
+    shares = np.array([1 + limits.margins.chip, 1 - limits.margins.chip])
+    least, most = (np.array(made) * MM * shares).T[:, cut.tool]
     if limits.chip_um is not None:
+        thinnest, thickest = np.array(limits.chip_um) * UM * shares
         wide = np.zeros(len(least), dtype=np.bool_)
         wide[blocks.row] = blocks.radial_depth >= cut.engagement.resolution
         known = wide & (factor > 0)
-        thinnest = limits.chip_um[0] * UM * share
         least = np.maximum(
             least, np.divide(thinnest, factor, out=np.zeros(len(least)), where=known)
         )
-    return np.where(cut.tool >= 0, least, 0.0)
+        with np.errstate(divide="ignore"):
+            most = np.minimum(most, thickest / factor)
+    return np.where(cut.tool >= 0, least, 0.0), most
 
 
 def _plunges(cut: Cut) -> Bools:
@@ -275,26 +238,8 @@ def ranges_of(
 ) -> Ranges:  # fmt: skip
     """Ranges of each row.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    limits : CutLimit
-        Of the part.
-    editable : Editable
-        What may be changed.
-    drive : SpindleDrive or None
-        Of the machine.
-    practice : Practice, optional
-        Ranges by tool and operation, and the greatest change.
-    f_z_high : ndarray, shape (M,), optional
-        Greatest feed for each tooth by all limits [m]: where that is less than the least change
-        from the program, the change gives way, so that a load is never kept for its sake.
-
-    Raises
-    ------
-    ValueError
-        When a range is empty.
+    ``f_z_high`` (M,): greatest feed for each tooth by all limits [m]: where that is less than the
+    least change from the program, the change gives way, so that a load is never kept for its sake.
     """
     cuts, unknown = cut.tool >= 0, not_computed(cut)
     feed_low, feed_high = _feeds(cut, limits, editable, unknown)
@@ -320,7 +265,7 @@ def ranges_of(
         if f_z_high is not None:
             teeth = np.array([tool.flutes for tool in cut.tools] or [0])[cut.tool]
             allowed = np.minimum(f_z_high, 1.0) * teeth * cut.plan.spindle_speed / MM
-            allowed = least_of_blocks(editable.block, np.where(cuts, allowed, np.inf))
+            allowed = _least_of_blocks(editable.block, np.where(cuts, allowed, np.inf))
             least = np.minimum(least, GIVES_WAY * allowed)
         feed_low = np.where(free_feed, np.maximum(feed_low, least), feed_low)
         feed_low = np.minimum(feed_low, feed_high)

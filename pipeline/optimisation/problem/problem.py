@@ -196,14 +196,7 @@ class Problem:
     def evaluate(self, groups: Groups, feeds: ArrayLike, speeds: ArrayLike) -> Evaluation:
         """Objectives and violation of a population.
 
-        Parameters
-        ----------
-        groups : Groups
-            Rows that share an F, and an S.
-        feeds : array_like, shape (P, G)
-            In the units of ``Moves``.
-        speeds : array_like, shape (P, H)
-            [rev/min].
+        ``feeds`` (P, G): in the units of ``Moves``; ``speeds`` (P, H): [rev/min].
         """
         feed, speed = np.asarray(feeds, float), np.asarray(speeds, float)
         return _evaluation(
@@ -226,17 +219,7 @@ class Problem:
 def _evaluation(
     problem: Problem, many: int, rows: Callable[[slice], tuple[Floats, Floats]]
 ) -> Evaluation:
-    """Objectives and violation of ``many`` individuals.
-
-    Parameters
-    ----------
-    problem : Problem
-        Of M rows.
-    many : int
-        P.
-    rows : callable
-        F and S of the individuals of a slice, in the units of ``Moves``, shape (p, M) each.
-    """
+    """Objectives and violation of ``many`` individuals."""
     path, demand = problem.cut.plan.path, problem.demand
     objectives, violation = np.empty((many, 4)), np.empty(many)
     for part in _parts(problem, many):

@@ -36,7 +36,7 @@ COARSE = 0.012
 """Greatest step between two speeds whose limits are computed, over the speed."""
 FINE = 0.35
 """Speed above which that holds, over the fastest; below it steps are up to 2.5 times as wide."""
-OVER, SURE = 1.1, 0.05
+MARGIN_FACTOR, MARGIN_ABOVE = 1.1, 0.05
 """Greatest margin told apart in a search: this share of the least that is allowed, and more."""
 
 
@@ -171,14 +171,7 @@ class SpeedChanges:
 def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
     """Where S can change in a program.
 
-    Parameters
-    ----------
-    plan : Plan
-        M rows as programmed.
-    editable : Editable
-        Which S may change.
-    cuts : ndarray of bool, shape (M,)
-        Rows that cut at feed.
+    ``cuts`` (M,): rows that cut at feed.
     """
     path, free = plan.path, editable.speed
     moves = path.moves
@@ -248,10 +241,7 @@ class Chatter:
     def margins(self, spindle_speed: Floats) -> Floats:
         """Least stability margin of each row [1]; inf in air, NaN without dynamics.
 
-        Parameters
-        ----------
-        spindle_speed : ndarray, shape (M,) or (P, M)
-            [rev/min]; those outside of the table count as their ends.
+        ``spindle_speed`` (M,): [rev/min]; those outside of the table count as their ends.
         """
         return self.table.margins(np.clip(spindle_speed, *(60 * self.table.nodes[[0, -1]])))
 
@@ -266,13 +256,7 @@ class Chatter:
 
 
 class Lobes:
-    """Stability lobes, computed where they are first read and then kept: they take time.
-
-    Parameters
-    ----------
-    cut, blocks, dynamics, ranges, free
-        As :func:`chatter_of` takes them; without dynamics there are none.
-    """
+    """Stability lobes, computed where they are first read and then kept: they take time."""
 
     def __init__(
         self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
@@ -307,7 +291,7 @@ def chatter_of(
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
     nodes = nodes[np.diff(nodes, prepend=0.0) > NEAR * nodes]  # the same speed, but for rounding
-    found = table_of(cut, blocks, dynamics, nodes, OVER * least + SURE)
+    found = table_of(cut, blocks, dynamics, nodes, MARGIN_FACTOR * least + MARGIN_ABOVE)
     return None if found is None else Chatter(table=_deepest(found[0]))
 
 

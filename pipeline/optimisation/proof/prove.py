@@ -93,22 +93,8 @@ def proved(
 ) -> tuple[Proof, tuple[Moves, Moves] | None]:  # fmt: skip
     """Compare two texts, then what they make a machine do; and the moves of both, where made.
 
-    Parameters
-    ----------
-    before, after : bytes
-        Programs.
-    name_before, name_after : str
-        For errors.
-    setup : Setup
-        That both are interpreted with.
-    splits : bool
-        Whether lines may have been put in whose points lie on straight cuts; what is merged again
-        must be the same.
-
-    Raises
-    ------
-    ValueError
-        When a program is empty or cannot be followed.
+    ``splits``: whether lines may have been put in whose points lie on straight cuts; what is merged
+    again must be the same.
     """
     for data, name in ((before, name_before), (after, name_after)):
         if not data.strip():
@@ -193,13 +179,7 @@ class _Texts:
 
 
 def with_proof_comment(text: bytes, proof: Proof) -> bytes:
-    """A program with the proof's hash in a comment at its end, before a closing ``%``.
-
-    Raises
-    ------
-    ValueError
-        When there is no proof.
-    """
+    """A program with the proof's hash in a comment at its end, before a closing ``%``."""
     if not proof.same:
         raise ValueError(f"there is no proof to write into the program: {proof.first}")
     lines = text.splitlines(keepends=True)
@@ -256,14 +236,8 @@ def left_out(
 ) -> Difference | None:
     """The first changed word that is in no line that is executed.
 
-    Parameters
-    ----------
-    changes : tuple of WordChange
-        F and S words that differ.
-    lines, others : list of bytes
-        The programs' lines before and after, the same number of each.
-    executed : ndarray of bool, shape (L + 1,)
-        Which of them are executed.
+    ``lines`` and ``others``: the programs' lines before and after, the same number of each;
+    ``executed`` (L + 1,): which of them are executed.
     """
     for change in changes:
         if not executed[change.line]:

@@ -29,13 +29,7 @@ _COMPUTES = re.compile(rb"[#\[\]=<>]")
 def text_difference(
     before: list[bytes], after: list[bytes]
 ) -> tuple[Difference | None, tuple[WordChange, ...]]:
-    """The first line that differs in more than F and S words, and what differs in those.
-
-    Parameters
-    ----------
-    before, after : list of bytes
-        Lines with their ends.
-    """
+    """The first line that differs in more than F and S words, and what differs in those."""
     changes: list[WordChange] = []
     for at, (old, new) in enumerate(zip(before, after, strict=False)):
         if old == new:

@@ -43,9 +43,9 @@ HIGHEST = 6.0
 """Level at most [standard deviations]."""
 STEPS = 12
 """Halvings of the level."""
-ROUGHLY = 4
+PILOT_DIVISOR = 4
 """One of so many draws is taken to find the range of feeds."""
-RISE = 1.5
+LEVEL_SPAN_SD = 1.5
 """Rise of the level that the range covers [standard deviations]."""
 BESIDE = 1.1
 """Factor by which feeds may lie outside of that range."""
@@ -60,7 +60,7 @@ SETTLED = 4
 """Draws above a quantile that settle it; beyond, the tail goes on."""
 TAIL = 0.9
 """Level from which on a load's tail is lognormal."""
-SURE = 1.6448536269514722
+Z_95 = 1.6448536269514722
 """Standard deviations below which 95 % of a normal distribution lies."""
 TAIL_ALONE = 1.6
 """By how much more a level of the tail alone errs: of Sobol draws of parts 1.4 to 2 times."""
@@ -100,26 +100,9 @@ def chance_constrained_feeds(
 ) -> ChanceConstrainedFeeds:  # fmt: skip
     """Greatest feeds at which P(any row's load > limit) <= epsilon for the part.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    limits_N : ndarray, shape (T,)
-        Of the peak across the axis of each tool [N]; infinite where none holds.
-    margin : float
-        Share of it that is kept free [1].
-    uncertain : Uncertainty
-        Of every tool that cuts.
-    settings : ReliabilitySettings
-        Epsilon, draws, seed.
-    greatest : ndarray, shape (M,), optional
-        Feed for each tooth that other limits allow each row [m]; rows that cannot come near to the
-        load limit with it are not drawn.
-
-    Raises
-    ------
-    ValueError
-        When a tool that cuts has no entry in ``uncertain``, or the draws are too few for epsilon.
+    ``limits_N`` (T,): of the peak across the axis of each tool [N]; infinite where none holds;
+    ``margin``: share of it that is kept free [1]; ``greatest`` (M,): feed for each tooth that other
+    limits allow each row [m]; rows that cannot come near to the load limit with it are not drawn.
     """
     limits_N = limits_N * (1.0 - margin)
     allowed = np.full(cut.engagement.blocks, np.inf) if greatest is None else greatest
@@ -172,12 +155,12 @@ def _feed_nodes(
     """Feeds at which to compute each class for levels from ``level`` on, of few draws."""
     greatest = np.full(candidates.classes, LEAST)
     np.maximum.at(greatest, candidates.group, reach)
-    few = draws.first(max(len(draws) // ROUGHLY, min(len(draws), 64)))
+    few = draws.first(max(len(draws) // PILOT_DIVISOR, min(len(draws), 64)))
     drawn = responses(cut, candidates, greatest[:, None] * NODES, few).over(candidates, limits_N)
     part = PartLoads(candidates=candidates, limit=1.0, most=reach, responses=drawn)
     ordered = np.sort(drawn.values, axis=2)
     most = BESIDE * part.feeds(quantiles(ordered, level))
-    least = part.feeds(quantiles(ordered, level + RISE)) / BESIDE
+    least = part.feeds(quantiles(ordered, level + LEVEL_SPAN_SD)) / BESIDE
     high, low = np.zeros(candidates.classes), np.full(candidates.classes, np.inf)
     np.maximum.at(high, candidates.group, np.minimum(most, reach))
     np.minimum.at(low, candidates.group, least)
@@ -191,21 +174,9 @@ def exceedance(
 ) -> Exceedance:  # fmt: skip
     """Probability that any load of a part passes the limit of its tool, in fresh draws.
 
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    f_z : ndarray, shape (M,)
-        Feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count as the
-        last that is tabulated.
-    limits_N : ndarray, shape (T,)
-        Of each tool [N]; infinite where none holds.
-    uncertain : Uncertainty
-        Of every tool that cuts.
-    settings : ReliabilitySettings
-        How many draws the feeds rest on; ``FRESH`` times as many are drawn.
-    seed : int
-        Another one than that of the feeds.
+    ``f_z`` (M,): feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count
+    as the last that is tabulated; ``limits_N`` (T,): of each tool [N]; infinite where none holds;
+    ``seed``: another one than that of the feeds.
     """
     many, at = FRESH * settings.draws, np.asarray(f_z, dtype=np.float64)
     candidates = critical(cut, _judged(cut, at, limits_N))
@@ -351,7 +322,7 @@ def aimed_share(share: float, many: int) -> float:
     """
     level = normal_level(1.0 - share)
     error = TAIL_ALONE * np.sqrt((1.0 + level**2 / 2) / many)
-    return 1.0 - normal_share(float(level + SURE * error))
+    return 1.0 - normal_share(float(level + Z_95 * error))
 
 
 def clopper_pearson(passed: int, many: int) -> tuple[float, float]:

@@ -61,21 +61,7 @@ def force_intervals(
     cut: Cut, uncertain: Uncertainty, coefficients: Mapping[int, ToolCoefficients],
     model: CuttingModel | None, seed: int,
 ) -> tuple[ForceInterval, ...]:  # fmt: skip
-    """Peak and mean load in the plane of each tool that cuts: medians and 90 % intervals.
-
-    Parameters
-    ----------
-    cut : Cut
-        Of the program.
-    uncertain : Uncertainty
-        Of the coefficients over :func:`cut_ranges`.
-    coefficients : mapping of int to ToolCoefficients
-        Of each tool, by number.
-    model : CuttingModel or None
-        Identified of the machine.
-    seed : int
-        Of the draws.
-    """
+    """Peak and mean load in the plane of each tool that cuts: medians and 90 % intervals."""
     draws, ranges = draws_of(uncertain, DRAWS, seed), cut_ranges(cut)
     rows = []
     for number in dict.fromkeys(cut.numbers[k] for k in cut.tool[cut.tool >= 0].tolist()):

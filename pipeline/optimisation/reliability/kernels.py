@@ -1,8 +1,7 @@
 """Compiled loops of a chance constraint: feeds that keep a load limit, draws that pass it."""
 
-from math import sqrt
-
 from pipeline.kernels import compiled
+from pipeline.optimisation.problem.kernels import looked_up
 
 HALVINGS = 40
 LEAST = 1e-9
@@ -23,13 +22,13 @@ def feeds_within(  # type: ignore[no-untyped-def]
         for k in range(nodes.shape[1]):
             feed = min(nodes[c, k], most[q])
             high = feed
-            load = _expected(feed, curve[q], scale[q], exponent[q])
+            load = looked_up(feed, curve[q], scale[q], exponent[q])
             if load + weight[q] * _between(feed, nodes[c], changes[c]) > limit:
                 break
             low = feed
         for _ in range(HALVINGS if high > low else 0):
             middle = 0.5 * (low + high)
-            load = _expected(middle, curve[q], scale[q], exponent[q])
+            load = looked_up(middle, curve[q], scale[q], exponent[q])
             if load + weight[q] * _between(middle, nodes[c], changes[c]) > limit:
                 high = middle
             else:
@@ -53,19 +52,11 @@ def peak_loads(  # type: ignore[no-untyped-def]
         k = _node(feed, nodes[c])
         share = _share(feed, nodes[c], k)
         here, after = values[c, k], values[c, k + 1]
-        rest = _expected(feed, curve[q], scale[q], exponent[q])
+        rest = looked_up(feed, curve[q], scale[q], exponent[q])
         rest -= weight[q] * _between(feed, nodes[c], expected[c])
         for d in range(out.shape[0]):
             drawn = here[first + d] + share * (after[first + d] - here[first + d])
             out[d] = max(out[d], rest + weight[q] * drawn)
-
-
-@compiled
-def _expected(feed, curve, scale, exponent):  # type: ignore[no-untyped-def]
-    """Nominal load of a candidate, as :func:`pipeline.cutting.force.profile_kernel.look_up`."""
-    u = scale * (feed if exponent == 1.0 else feed**exponent)
-    k = int(min(sqrt(u), curve.shape[0] - 2.0))
-    return curve[k] + (u - k * k) / (2 * k + 1) * (curve[k + 1] - curve[k])
 
 
 @compiled

@@ -205,21 +205,14 @@ def _ring_widths(engagement: Engagement) -> Floats:
 
 
 class ToolDraws(NamedTuple):
-    """D draws of one tool.
-
-    Parameters
-    ----------
-    coefficients : ndarray, shape (D, 6)
-        K_tc, K_rc, K_ac, K_te, K_re, K_ae, SI.
-    offsets : ndarray, shape (D, 2)
-        Of the tool's axis from the spindle's, along the first tooth and across [m].
-    depth : ndarray, shape (D,)
-        By which it stands deeper [m].
-    """
+    """D draws of one tool."""
 
     coefficients: Floats
+    """Coefficients K_tc, K_rc, K_ac, K_te, K_re, K_ae, SI; shape (D, 6)."""
     offsets: Floats
+    """Offset of the tool's axis from the spindle's along the first tooth and across (D, 2) [m]."""
     depth: Floats
+    """Depth by which it stands deeper [m]; shape (D,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

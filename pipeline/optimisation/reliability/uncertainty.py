@@ -134,25 +134,8 @@ def uncertainty(
 ) -> Uncertainty:
     """Distribution of the uncertain quantities of a part.
 
-    Parameters
-    ----------
-    coefficients : mapping of int to ToolCoefficients
-        Force law of each tool that cuts, by number, and where it is from.
-    tools : mapping of int to Tool
-        The tools.
-    model : CuttingModel or None
-        Identified of the machine.
-    verdict : Verdict or None
-        On it.
-    settings : ReliabilitySettings
-        Spread of what the documents do not hold.
-    ranges : mapping of int to CutRange, optional
-        What each tool cuts with; by default what was learnt.
-
-    Raises
-    ------
-    ValueError
-        When a law has no tool.
+    ``coefficients``: force law of each tool that cuts, by number, and where it is from; ``ranges``:
+    what each tool cuts with; by default what was learnt.
     """
     sources = tuple(
         sorted({one.source for one in coefficients.values() if one.kind != "identified"})

@@ -39,22 +39,9 @@ def editable_blocks(
 ) -> Editable:  # fmt: skip
     """Blocks of a program whose F and S may change.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted, M rows.
-    kept_feed, kept_speed : sequence of (str, ndarray of bool)
-        Rows (M,) that are to keep their F, their S, by reason; their lines may be given the words
-        that keep it.
-    no_more : sequence of (str, ndarray of bool)
-        Rows (M,) whose F and S may fall and not rise, by reason, to be named.
-
-    Returns
-    -------
-    Editable
-        Blocks in the order of their lines.
+    ``kept_feed`` and ``kept_speed``: rows (M,) that are to keep their F, their S, by reason; their
+    lines may be given the words that keep it; ``no_more``: rows (M,) whose F and S may fall and not
+    rise, by reason, to be named. Blocks are in the order of their lines.
     """
     places = places_of(program, moves, kept_feed, kept_speed)
     speed = places.speed

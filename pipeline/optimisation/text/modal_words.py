@@ -148,12 +148,8 @@ class ModalWords:
     def handed_on(self, keeps: Bools, may: Bools) -> Bools:
         """LineRuns that must leave their own value in force, for one that cannot be given it (K,).
 
-        Parameters
-        ----------
-        keeps : ndarray of bool, shape (K,)
-            LineRuns that keep their value.
-        may : ndarray of bool, shape (K,)
-            Those whose line may be written into.
+        ``keeps`` (K,): line runs that keep their value; ``may`` (K,): those whose line may be
+        written into.
         """
         bound, needed = np.zeros(len(self.line), dtype=np.bool_), False
         ends = ((self.sets & ~self.may_be_empty) | (may & ~self._depends())).tolist()
@@ -170,17 +166,8 @@ class ModalWords:
     def written(self, wanted: Floats, may: Bools) -> Mapping[int, float]:
         """Line -> value of its word, changed or new, so that each run has what is wanted.
 
-        Parameters
-        ----------
-        wanted : ndarray, shape (K,)
-            In the units of ``own``.
-        may : ndarray of bool, shape (K,)
-            LineRuns whose line may be written into.
-
-        Raises
-        ------
-        ValueError
-            When a run would need a word and may have none.
+        ``wanted`` (K,): in the units of ``own``; ``may`` (K,): line runs whose line may be written
+        into.
         """
         values: dict[int, float] = {}
         known, value = True, 0.0

@@ -42,26 +42,9 @@ def rewrite(
 ) -> Rewritten:
     """The program that gives each row its F and S.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted with ``setup``, M rows.
-    editable : Editable
-        F and S that may change in it.
-    feeds : array_like, shape (M,)
-        In the units of ``Moves``; rounded down as :func:`rounded_feeds` does.
-    speeds : array_like, shape (M,)
-        [rev/min]; rounded as :func:`rounded_speeds` does, where they differ from the program's.
-    setup : Setup
-        That the new text is interpreted with.
-
-    Raises
-    ------
-    ValueError
-        When a row that must stay is to change, or the new text, interpreted again, does not give
-        these values.
+    ``feeds`` (M,): in the units of ``Moves``; rounded down as :func:`rounded_feeds` does;
+    ``speeds`` (M,): [rev/min]; rounded as :func:`rounded_speeds` does, where they differ from the
+    program's.
     """
     wanted_f = _wanted_feeds(program, moves, editable, feeds)
     wanted_s = _wanted_speeds(moves, editable, speeds)
@@ -211,20 +194,8 @@ def only_speed(moves: Moves) -> Bools:
 def matching_rows(before: Moves, after: Moves) -> Rows:
     """Row of ``after`` for each row of ``before``.
 
-    Parameters
-    ----------
-    before, after : Moves
-        The same moves, but that ``after`` may have more rows where an S word was added.
-
-    Returns
-    -------
-    ndarray of intp, shape (M,)
-        Ascending.
-
-    Raises
-    ------
-    ValueError
-        When they are not the same moves.
+    ``before`` and ``after``: the same moves, but that ``after`` may have more rows where an S word
+    was added. Shape (M,), ascending.
     """
     spare_before, spare_after = only_speed(before), only_speed(after)
     rows, others = np.flatnonzero(~spare_before), np.flatnonzero(~spare_after)

@@ -82,20 +82,8 @@ def split_blocks(
     length, and the whole of it counts as the heavier side.  Only lines that hold G1, G90, absolute
     X Y Z and F are split.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted, M rows.
-    cut : Cut
-        Of these rows.
-    grouping : Grouping
-        Least time of a part.
-    rows : ndarray of bool, shape (M,)
-        Rows that may be split.
-    in_air : ndarray of bool, shape (M,)
-        Of these, rows whose stretches in air are parts of their own.
+    ``rows`` (M,): rows that may be split; ``in_air`` (M,): of these, rows whose stretches in air
+    are parts of their own.
     """
     length = moves.length
     per_turn = moves.feed_mode == FeedMode.PER_REVOLUTION
@@ -143,16 +131,9 @@ def changes_along(
 ) -> list[float]:
     """Where on a straight row its engagement changes enough, as shares of its length.
 
-    Parameters
-    ----------
-    engagement : Engagement
-        Stations of all rows.
-    row : int
-        A straight row: one piece of the path.
-    length, least : float
-        Of the row, and of a part at least [mm].
-    in_air : bool
-        Whether stretches in air are parts of their own; else they belong to what is beside them.
+    ``row``: A straight row: one piece of the path; ``length`` and ``least``: of the row, and of a
+    part at least [mm]; ``in_air``: whether stretches in air are parts of their own; else they
+    belong to what is beside them.
     """
     here = np.flatnonzero((engagement.block == row) & engagement.feed)
     if not len(here) or len(np.unique(engagement.piece[here])) > 1:
@@ -196,14 +177,7 @@ def _joined(parts: list[list[float]], least: float, *, in_air: bool) -> list[lis
 def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -> SplitProgram:
     """A program with points put in before the lines of some rows.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted.
-    where : mapping of int to list of float
-        One of :func:`splittable` -> shares of its length, ascending between 0 and 1.
+    ``where``: one of :func:`splittable` -> shares of its length, ascending between 0 and 1.
     """
     words = ProgramWords(program)
     unit, decimals = FeedText.of(words, moves).unit, _decimals(program)

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Self
+from typing import Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +19,7 @@ from pipeline.gcode.program import Program
 from pipeline.gcode.program import TokenKind as Token
 from pipeline.gcode.scanner import BLANKS
 from pipeline.schema.arrays import Bools, Floats, Rows
+from pipeline.schema.part_sheet import FeedUnit
 
 CLOSED_G = (
     4, 10, 11, 25, 26, 31, 33, 33.1, 34, 35, 38.2, 38.3, 38.4, 38.5, 50, 63, 65, 66, 66.1, 67, 74,
@@ -31,6 +32,8 @@ WINDING_G = (65, 66, 66.1)
 UNITS = {20: INCH, 21: 1.0, 70: INCH, 71: 1.0, 700: INCH, 710: 1.0}
 NONE, OTHER = -1, -2
 """No word of a letter in a line; one that is no single number."""
+FEED_UNITS: tuple[FeedUnit, ...] = get_args(FeedUnit)
+"""Units of F by their code: of length a minute and a turn in mm and inch, and a share of time."""
 _READS = re.compile(rb"(?i)_feed|_rpm|#\s*41[01]9|\$P_F|\$P_S|\$AC_")
 ROUNDING = 1e-3
 """Share that rounding may take off an F [1]."""
@@ -175,15 +178,7 @@ class ProgramWords:
 
 
 def decimals(values: ArrayLike, least: int = 0) -> NDArray[np.intp]:
-    """Decimals with which rounding down costs less than :data:`ROUNDING` of a value.
-
-    Parameters
-    ----------
-    values : array_like
-        Of words, positive.
-    least : int
-        Decimals that a word has at least.
-    """
+    """Decimals with which rounding down costs less than :data:`ROUNDING` of a value."""
     with np.errstate(divide="ignore", invalid="ignore"):
         needed = np.ceil(-np.log10(ROUNDING * np.asarray(values, dtype=np.float64)) - SLACK)
     needed = np.where(np.isfinite(needed), needed, MOST_DECIMALS)
@@ -193,17 +188,7 @@ def decimals(values: ArrayLike, least: int = 0) -> NDArray[np.intp]:
 def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
     """Values as words hold them: the next one below with as many decimals as are needed.
 
-    Parameters
-    ----------
-    values : array_like
-        Positive.
-    least : int
-        As :func:`decimals` takes it.
-
-    Returns
-    -------
-    ndarray
-        The float64 nearest to each written number.
+    Each is the float64 nearest to the written number.
     """
     given = np.asarray(values, dtype=np.float64)
     power = 10.0 ** decimals(given, least)
@@ -216,14 +201,7 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
 
     Below ten steps the step is a tenth, and so on, so that two digits are left.
 
-    Parameters
-    ----------
-    values : array_like
-        Positive.
-    step : array_like
-        In their unit, above 0, one for all or for each; one 0 leaves all as they are.
-    to : callable
-        ``np.rint``, ``np.floor`` or ``np.ceil``.
+    ``step``: in their unit, above 0, one for all or for each; one 0 leaves all as they are.
 
     Examples
     --------
@@ -285,19 +263,8 @@ def in_place_of(word: bytes, number: bytes) -> bytes:
 def rounded_feeds(program: Program, moves: Moves, feeds: ArrayLike) -> Floats:
     """Feeds as the text will hold them: rounded down, by less than 0.1 %.
 
-    Parameters
-    ----------
-    program : Program
-        Text.
-    moves : Moves
-        The program as interpreted, M rows.
-    feeds : array_like, shape (…, M)
-        In the units of ``Moves`` ([mm/min] or [mm/rev]), positive.
-
-    Returns
-    -------
-    ndarray, shape (…, M)
-        Bit for bit what the interpreter will read.
+    ``feeds`` (…, M): in the units of ``Moves`` ([mm/min] or [mm/rev]), positive. Bit for
+    bit what the interpreter will read.
     """
     return FeedText.of(ProgramWords(program), moves).rounded(feeds)
 
@@ -362,3 +329,27 @@ def _counts_inches(words: ProgramWords, moves: Moves, unknown: Bools) -> bool:
     rows = np.flatnonzero(unknown[line] & (token >= 0) & plain & (line > 0))
     value = words.program.numbers(token[rows])
     return bool(len(rows) and (moves.feed[rows] == value * INCH).any())
+
+
+class FeedWords:
+    """F of each row of a program in the unit in which the program writes it."""
+
+    def __init__(self, program: Program, moves: Moves) -> None:
+        by_time = moves.feed_mode == FeedMode.INVERSE_TIME
+        self.length = FeedText.of(ProgramWords(program), moves).unit
+        self._factor = np.where(by_time, 1.0, self.length)
+        self.code = np.select(
+            [by_time, moves.feed_mode == FeedMode.PER_REVOLUTION], [4, 1], 0
+        ) + np.where((self.length != 1.0) & ~by_time, 2, 0)  # fmt: skip
+
+    def unit(self, row: int) -> FeedUnit:
+        """Unit of the F of a row."""
+        return FEED_UNITS[int(self.code[row])]
+
+    def written(self, feeds: Floats) -> Floats:
+        """F (M,) in the units of ``Moves`` as the text has it."""
+        return np.round(feeds / self._factor, 9)
+
+    def program_unit(self, rows: Bools) -> Literal["mm", "inch"]:
+        """Unit of length of most of some rows."""
+        return "inch" if 2 * np.count_nonzero(self.length[rows] != 1.0) > rows.sum() else "mm"

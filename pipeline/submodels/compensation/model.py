@@ -27,10 +27,12 @@ from pipeline.nets.sequence_settings import (
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
+from pipeline.schema.bundle import model_hash
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Model
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
 from pipeline.schema.store import read_json
+from pipeline.schema.verdict import Verdict
 from pipeline.submodels.compensation.features import (
     MEASURED,
     RESIDUAL,
@@ -41,6 +43,7 @@ from pipeline.submodels.conformal import half_widths
 
 if TYPE_CHECKING:
     from pipeline.nets.window_model import TrainedSequence
+    from pipeline.twin.program_axes import Residual
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
 """Before the motion, from commands and the drives' model; with measurements of before."""
@@ -335,3 +338,17 @@ def load_compensation(folder: Path) -> Compensation:
         file=read_json(folder / "model.json", CompensationModel),
         documents=read_json(folder / "networks.json", NetworksFile).documents,
     )
+
+
+NO_RESIDUAL = "none: no compensation model of this machine passed"
+
+
+def residual_of(models: Path) -> tuple["Residual | None", str]:
+    """The residual network of a machine with its name; none where no such model passed."""
+    folder = models / "compensation"
+    verdict = folder / "verdict.json"
+    if not (folder / "model.json").exists():
+        return None, NO_RESIDUAL
+    if not verdict.exists() or read_json(verdict, Verdict).status != "passed":
+        return None, NO_RESIDUAL
+    return load_compensation(folder).residual, f"compensation {model_hash(folder)[:12]}"
