@@ -32,7 +32,7 @@ from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import Progress, machine_models, part_job
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
-from pipeline.report.optimised_page import write_optimised_page
+from pipeline.report.optimised.page import write_optimised_page
 from pipeline.schema.files import together
 from pipeline.schema.part import Objective, OptimisedPart, part_values
 from pipeline.schema.program_cut import CutWarning

@@ -18,7 +18,7 @@ from pipeline.optimisation.job import machine_models
 from pipeline.optimisation.reliability.judged import FIGURES, judged_spread, used_models
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.report.optimised_page import optimised_page
+from pipeline.report.optimised.page import optimised_page
 from pipeline.schema.cutting import MAGNITUDE
 from pipeline.schema.drive import FOLLOWING
 from pipeline.schema.part import OptimisedPart, part_values

@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.charts.numbers import counted, duration, number
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
-from pipeline.report.cut.edges import edge_words, edges_table
 from pipeline.report.cut.figures import (
     DRIVE_LEGEND,
     ENGAGEMENT_LEGEND,
@@ -23,10 +22,13 @@ from pipeline.report.cut.figures import (
     values_of,
 )
 from pipeline.report.cut.tables import (
+    MOST_SPANS,
     NO_COST,
     axes_table,
     basis_table,
     cost_table,
+    edge_words,
+    edges_table,
     forces_table,
     intervals_table,
     sentence,
@@ -67,7 +69,7 @@ def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -
     """Write the page of a cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     page = cut_page(shown, sources)
-    write_text(rendered(page, "cut.html.j2"), out)
+    write_text(rendered(page), out)
 
 
 def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
@@ -80,7 +82,9 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         verdicts_section(shown.verdicts),
         _load_section(shown.program, cut, sources),
         _stability_section(cut, sources),
-        Section(key="cost", title="Time, tool life and cost", blocks=[cost_table(cut, sources)]),
+        Section(
+            key="cost", title="Time, tool life and cost", blocks=present(cost_table(cut, sources))
+        ),
         _basis_section(cut, sources),
     ]
     return StandalonePage(
@@ -93,11 +97,14 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         sentences=sentences,
         key_figures=_key_figures(cut),
         sections=[s for s in sections if s is not None],
+        running="Kerf: cut of a part program",
+        computed="Computed by Kerf from the program, the stock and the tools named above; nothing "
+        "of it was measured in a cut.",
     )
 
 
 def _verdict(cut: ProgramCut) -> tuple[str, str, list[str]]:
-    grave = [one for one in cut.warnings if one.grave]
+    grave = [warning for warning in cut.warnings if warning.grave]
     unsaid = [f"Not known: {', '.join(one.what for one in cut.not_known)}."] * bool(cut.not_known)
     if not cut.by_tool:
         return "failed", "cuts nothing", [NOTHING]
@@ -187,13 +194,13 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
             "that no peak is lost.",
             *edge_words(cut.edges),
         ],
-        pairs=warnings_pairs(cut),
+        pairs=warnings_pairs(cut.warnings, MOST_SPANS),
         blocks=[
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
-            forces_table(cut, sources),
-            *([intervals_table(cut, sources)] if cut.forces else []),
             *present(
+                forces_table(cut, sources),
+                intervals_table(cut, sources),
                 edges_table(cut.edges, sources),
                 worst_table(cut, sources),
                 axes_table(cut.axes, sources),
@@ -251,6 +258,6 @@ def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:
         title="What these numbers rest on",
         text=list(cut.notes),
         pairs=left_out,
-        blocks=[basis_table(cut, sources)],
+        blocks=present(basis_table(cut, sources)),
         closing=True,
     )
