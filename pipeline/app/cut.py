@@ -24,9 +24,9 @@ from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
 from pipeline.schema.program_cut import ForceInterval, NotKnown, ProgramCut
 from pipeline.submodels.wear.machine_wear import machine_wear
-from pipeline.twin.cut import Cut, CutJob, cut_program
-from pipeline.twin.cut_document import CutBasis, document_of
-from pipeline.twin.cut_wear import ToolWear, WearRule
+from pipeline.twin.cut.document import CutBasis, document_of
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
+from pipeline.twin.cut.wear import ToolWear, WearRule
 from pipeline.twin.preflight import preflight_warnings
 
 RESOLUTION = 0.2

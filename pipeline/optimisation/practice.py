@@ -46,8 +46,8 @@ from pipeline.optimisation.problem.limits import inverse, row_limits, stiffness
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
+from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
+from pipeline.twin.cut.loads import Cut
 
 MM, UM = 1e-3, 1e-6
 BENDING, TEETH = 50 * UM, 3.0

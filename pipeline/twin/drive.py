@@ -29,21 +29,15 @@ from pipeline.schema.verdict import Fact
 
 @dataclass(frozen=True, kw_only=True)
 class DriveStart(Ranged, section="start"):
-    """The axis at the first sample.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite.
-    """
+    """The axis at the first sample."""
 
     position: Annotated[float, Range(unit="m")]
     velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """At the encoder [m], [m/s]."""
+    """Position and velocity at the encoder [m], [m/s]."""
     command: Annotated[float, Range(unit="A")] = 0.0
     """First command, which the integral is set for [A]; without integral gain it has no meaning."""
     reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """Of the reference before the first sample, for the feed-forward [m/s]."""
+    """Velocity of the reference before the first sample, for the feed-forward [m/s]."""
 
 
 def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:
@@ -66,13 +60,7 @@ def samples(name: str, values: ArrayLike, length: int | None = None) -> Floats:
 
 
 def check_steps(period: float, substeps: int) -> None:
-    """Refuse a period or a number of substeps that is none.
-
-    Raises
-    ------
-    ValueError
-        With the value.
-    """
+    """Refuse a period [s] or a number of substeps that is none."""
     if not (isfinite(period) and period > 0):
         raise ValueError(f"period = {period} s must be finite and positive")
     if substeps < 1:
@@ -80,20 +68,10 @@ def check_steps(period: float, substeps: int) -> None:
 
 
 def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
-    """G of axes, of their less viscous direction.
+    """G of axes, of their less viscous direction, shape (..., 5, 5).
 
-    Parameters
-    ----------
-    rows : (..., 21) array
-        Of :func:`pipeline.machine.axis.feed_drive.drive_row`.
-    period : float
-        Of the servo [s].
-    substeps : int
-        Steps of the mechanics in it.
-
-    Returns
-    -------
-    (..., 5, 5) array
+    ``rows`` (..., 21) are those of :func:`pipeline.machine.axis.feed_drive.drive_row`; the servo
+    samples with ``period`` [s], its mechanics make ``substeps`` in it.
     """
     K, V, R, M, k, T_v, T_x = (
         rows[..., column]
@@ -181,7 +159,7 @@ class IdentifiedDrive:
     """Its loops; None where the records do not determine them."""
     command_unit: str
     force_unit: str
-    """Of its command; of forces, the command's where the force constant is not listed."""
+    """Units of its command, and of forces: the command's where the force constant is not listed."""
     servo_reason: str = ""
     """Why there is no servo."""
     bandwidth_Hz: float | None = None
@@ -190,12 +168,12 @@ class IdentifiedDrive:
     delay: float = 0.0
     """Delay of its motion behind its command [s]."""
     presliding_stiffness: float | None = None
-    """Of its friction before it slides [N/m]; None where the records do not determine it, and
-    friction that sticks holds exactly."""
+    """Stiffness of its friction before it slides [N/m]; None where the records do not determine it,
+    and friction that sticks holds exactly."""
     presliding_time: float | None = None
-    """In which friction lets go of a standing axis, to 1/e [s]; None where it holds."""
+    """Time in which friction lets go of a standing axis, to 1/e [s]; None where it holds."""
     following_half_width: float | None = None
-    """Of the 90 % interval of its following error [m]; None where it is not known."""
+    """Half width of the 90 % interval of its following error [m]; None where it is not known."""
     speeds: Condition | None = None
     """Speeds of the recordings that it was learnt from, beyond which the interval is wider
     [mm/s]."""

@@ -35,28 +35,14 @@ def simulate_traces(
     start: DriveStart | None = None,
     state: Floats | None = None,
 ) -> DriveTraces:
-    """Traces of many variants of one axis under one reference.
+    """Traces of many variants of one axis, the rows of ``table`` (P, columns), under one reference.
 
-    Parameters
-    ----------
-    reference : (T,) array_like
-        Commanded position [m].
-    period : float
-        From sample to sample [s].
-    load : (T,) array_like, optional
-        Against positive motion, before each row's load factor; holds until the next sample [N].
-    substeps : int
-        Steps of the mechanics in one period.
-    servo_substeps : bool
-        Whether the servo samples at each substep, its reference interpolated linearly: for records
-        that are slower than the servo.
-    start : DriveStart, optional
-        At rest at the first reference by default.
-    state : array, optional
-        Of one variant, :func:`state_before`, kept from call to call, where a reference comes in
-        parts.
-    table : (P, columns) array_like
-        The variants, rows of :func:`pipeline.machine.axis.feed_drive.drive_row`.
+    ``reference`` (T,) is commanded each ``period`` [s], in [m]; ``load`` (T,) acts against positive
+    motion, before each row's load factor, and holds until the next sample [N].  The mechanics make
+    ``substeps`` in a period; with ``servo_substeps`` the servo samples at each of them, its
+    reference interpolated linearly: for records that are slower than the servo.  The axis begins at
+    ``start``, by default at rest at the first reference; ``state``, :func:`state_before`, is kept
+    from call to call where the reference of one variant comes in parts.
 
     Returns
     -------

@@ -25,7 +25,7 @@ from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import StoreError, write_json
 from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Score, Status, UsedModel, Verdict
-from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.optimisation.paper_part import CONTROL
 from tests.report import optimise_documents
 from tests.submodels.cutting import cutting_files

@@ -28,7 +28,7 @@ from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.structure import structured
-from pipeline.twin.cut_wear import ToolWear
+from pipeline.twin.cut.wear import ToolWear
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 

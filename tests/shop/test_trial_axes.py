@@ -22,8 +22,8 @@ from pipeline.shop.trial.job import TrialJob
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo.presliding import identify_presliding
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, CutJob, cut_program
-from pipeline.twin.cut_axes import CutFollowing, follow_cut
+from pipeline.twin.cut.axes import CutFollowing, follow_cut
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from pipeline.twin.drive import IdentifiedDrive
 from tests.gcode.following import follow
 from tests.shop.recorded_cut import AxesRecord, record_axes, write_axes

@@ -35,7 +35,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.verdict import UsedStatus, Verdict
-from pipeline.twin.cut_coefficients import (
+from pipeline.twin.cut.coefficients import (
     COEFFICIENTS,
     SCALES,
     ToolCoefficients,
