@@ -189,11 +189,8 @@ def _blanked(
 def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``growth/*.csv`` into ``folder``, when growth is recorded; the truth about it.
 
-    Returns
-    -------
-    dict
-        Where the sensors sit, their offsets and faults; of each record its kind, start, air, faults
-        and true growth.  Nothing when growth is not recorded.
+    Where the sensors sit, their offsets and faults; of each record its kind, start, air, faults and
+    true growth.  Nothing when growth is not recorded.
     """
     growth = parameters.growth
     if not growth.recorded:

@@ -170,23 +170,16 @@ def control_of(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """A run in T cycles of ``cycle`` [s].
-
-    Parameters
-    ----------
-    tip : (T, 3) array
-        Of the tool, as it is, in the coordinates of the work offset [mm].
-    line, tool : (T,) arrays of int
-        Of the program; in the spindle.
-    speed : (T,) array
-        Of the spindle as commanded, its ramps included [rev/min].
-    """
+    """A run in T cycles of ``cycle`` [s]."""
 
     cycle: float
     tip: Floats
+    """Tip of the tool, as it is, in the coordinates of the work offset [mm]; shape (T, 3)."""
     line: Ints
     tool: Ints
+    """Line of the program, tool in the spindle; shape (T,)."""
     speed: Floats
+    """Speed of the spindle as commanded, its ramps included [rev/min]; shape (T,)."""
 
 
 def track(plan: Plan, job: TrialJob, control: ControlParameters) -> Track:

@@ -40,22 +40,11 @@ def worn_forces(
 ) -> np.ndarray:  # fmt: skip
     """Forces at each step, shape (T, 5); columns X, Y, AXIAL, CHIP, RUBBING.
 
-    Parameters
-    ----------
-    edge, block
-        Force of the edge with a land of one metre, and the material.
-    radii : (F, S) array
-        Of each tooth in each slice [m].
-    sharpness, land : (F,) arrays
-        Factor of each tooth's own edge force [1], its flank wear [m].
-    lag : (S,) array
-        By which the edge in a slice is behind its tip [rad].
-    height : float
-        Of a slice [m].
-    angle, x : (T,) arrays
-        Of the first tooth's tip [rad], of the tool's centre [m].
-    feed : float
-        Of the tool for each radian of its turn [m].
+    The force of the ``edge`` is that with a land of one metre.  ``radii`` (F, S) are those of each
+    tooth in each slice [m], ``sharpness`` (F,) and ``land`` (F,) its own edge force [1] and flank
+    wear [m]; the edge in a slice, ``height`` [m], is ``lag`` (S,) behind its tip [rad].  The first
+    tooth's tip is at ``angle`` [rad], the tool's centre at ``x`` [m], (T,) each, moving by ``feed``
+    for each radian [m].
     """
     flutes, slices = radii.shape
     out = np.zeros((angle.size, 5))
@@ -96,18 +85,9 @@ def cut_forces(
     conditions: Conditions, mill: EndMill, material: Workpiece, land: Floats, motion: Motion,
     length: float,
 ) -> Floats:  # fmt: skip
-    """Forces on the tool at each step of a cut, shape (T, 5).
+    """Forces on the tool at each step of a cut as it truly is, shape (T, 5).
 
-    Parameters
-    ----------
-    conditions, mill, material
-        The cut as it truly is.
-    land : ndarray, shape (F,)
-        Flank wear of each tooth [um].
-    motion : Motion
-        Position of the tool at each step.
-    length : float
-        Of the block [mm].
+    ``land`` (F,) is the flank wear of each tooth [um], ``length`` that of the block [mm].
     """
     teeth = edges(mill, conditions.depth, min(SLICE, conditions.depth / 4))
     per_radian = (motion.x[-1] - motion.x[0]) / (motion.angle[-1] - motion.angle[0])

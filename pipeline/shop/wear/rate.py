@@ -71,20 +71,8 @@ def wear_rate(
 ) -> Floats:  # fmt: skip
     """Rate of the flank wear of each tooth after its break-in, shape (F,) [um/min].
 
-    Parameters
-    ----------
-    law : WearRate
-        Constants.
-    conditions : Conditions
-        Of the cut.
-    diameter : float
-        Of the tool [mm].
-    load : ndarray, shape (F,)
-        Of :func:`chip_loads`; its mean is the feed per tooth [1].
-    land : ndarray, shape (F,)
-        Flank wear so far [um].
-    hardness : float
-        Of the material against its usual one [1].
+    ``diameter`` is that of the tool [mm], ``load`` (F,) that of :func:`chip_loads` [1], ``land``
+    (F,) the flank wear so far [um], ``hardness`` that of the material against its usual one [1].
     """
     begin, end = engaged(conditions, diameter)
     v = pi * diameter * conditions.speed * 1e-3 / law.cutting_speed
@@ -99,20 +87,11 @@ def wear_rate(
 def flank_wear(
     law: WearRate, tool: WornTool, cuts: Sequence[Conditions], times: Floats, hardness: Floats
 ) -> Floats:
-    """Flank wear of each tooth at some times, shape (K, F) [um].
+    """Flank wear of each tooth of a tool, new at time 0, at ``times`` (K,) in the cut [min]; (K, F)
+    [um].
 
-    Parameters
-    ----------
-    law : WearRate
-        Constants.
-    tool : WornTool
-        New at time 0.
-    cuts : sequence of Conditions
-        Made by turns, each for as long as the others.
-    times : ndarray, shape (K,)
-        In the cut, ascending [min].
-    hardness : ndarray, shape (K,)
-        Of the material up to each time against its usual one [1].
+    The ``cuts`` are made by turns, each for as long as the others; ``hardness`` (K,) is that of the
+    material up to each time against its usual one [1].
     """
     land, now, found = np.zeros(tool.mill.flutes), 0.0, []
     loads = [chip_loads(tool.mill, one) for one in cuts]

@@ -156,12 +156,9 @@ def _motion(
 def write_wear(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``wear/*.parquet`` and ``wear/lives.csv`` into ``folder``, when wear is recorded.
 
-    Returns
-    -------
-    dict
-        Of each tool its runout, rates, gains of its mounting; of each record the land of its teeth,
-        hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
-        is not recorded.
+    The truth: of each tool its runout, rates, gains of its mounting; of each record the land of its
+    teeth, hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
+    is not recorded.
     """
     wear = parameters.wear
     if not wear.recorded:
