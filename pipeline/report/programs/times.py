@@ -8,9 +8,9 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import counted, duration, number, percent
+from pipeline.charts.numbers import counted, duration, percent
 from pipeline.report.programs.moves import ProgramMoves
-from pipeline.report.programs.panels import Classes, clock, tool_spans
+from pipeline.report.programs.panels import Classes, Panel, clock, tool_spans
 from pipeline.schema.program import SimulatedProgram, ToolTime
 
 BINS = 240  # columns over the program's time
@@ -114,10 +114,8 @@ def _feeds(shown: Timeline, classes: Classes, top: float) -> list[Markup]:
     known = np.concatenate([shown.programmed, shown.reached])
     known = known[np.isfinite(known)]
     high = 1.04 * float(known.max()) if len(known) else 1.0
-    parts = [svg.text(0, top - 7, "Feed, mm/min: programmed (line) and reached", "head")]
-    for mark in svg.ticks(0.0, high, most=4):
-        y = top + FEED * (1 - mark / high)
-        parts += [svg.across(y), svg.text(0, y + 4, number(round(mark)), "tick end", dx=-6)]
+    panel = Panel(head="Feed, mm/min: programmed (line) and reached", top=top, height=FEED,
+                  most=high)  # fmt: skip
     kind = classes.of(shown.reached)
     columns = [
         svg.tag("path", d=_columns(kind == index, 1 - shown.reached / high, None),
@@ -126,18 +124,16 @@ def _feeds(shown: Timeline, classes: Classes, top: float) -> list[Markup]:
     ]  # fmt: skip
     level = svg.FULL * (1 - np.repeat(shown.programmed, 2) / high)
     line = svg.curve(10 * np.repeat(np.arange(BINS + 1), 2)[1:-1], level, "asked")
-    return [*parts, svg.band(top, FEED, 10 * BINS, [*columns, line])]
+    return [*panel.frame(), panel.band([*columns, line], BINS)]
 
 
 def _shortfall(shown: Timeline, top: float) -> list[Markup]:
-    parts = [svg.text(0, top - 7, "Reached of the programmed feed, %", "head")]
-    for mark in (0, 50, 100):
-        y = top + SHARE * (1 - mark / 100)
-        parts += [svg.across(y), svg.text(0, y + 4, str(mark), "tick end", dx=-6)]
+    panel = Panel(head="Reached of the programmed feed, %", top=top, height=SHARE, most=100.0,
+                  marks=(0, 50, 100))  # fmt: skip
     known = np.isfinite(shown.share)
     gap = svg.tag("path", d=_columns(known, np.zeros(BINS), 1 - shown.share), class_="s-lost")
     met = svg.tag("path", d=_columns(known, 1 - shown.share, None), class_="s-met")
-    return [*parts, svg.band(top, SHARE, 10 * BINS, [met, gap])]
+    return [*panel.frame(), panel.band([met, gap], BINS)]
 
 
 def _columns(where: np.ndarray, upper: np.ndarray, lower: np.ndarray | None) -> str:

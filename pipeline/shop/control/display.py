@@ -63,7 +63,7 @@ class Display:
 def display(plan: Plan, operator: Operator, control: ControlParameters) -> Display:
     """Display of a run of ``plan`` with the actions of ``operator``."""
     time = clock(plan, operator, control)
-    line, tool, planned = _state(plan, time.program)
+    line, tool, planned = state_at(plan, time.program)
     commanded = planned * time.rate
     begun = time.execution.size if time.aborted is None else _cycles(time.aborted, control)
     speed = plan.spindle_speed(time.program)
@@ -144,7 +144,7 @@ def _middle(plan: Plan, line: int, cycle: float) -> float:
     raise ValueError(f"line {line} and those after it cut nothing: name a line before the last cut")
 
 
-def _state(plan: Plan, time: Floats) -> tuple[Ints, Ints, Floats]:
+def state_at(plan: Plan, time: Floats) -> tuple[Ints, Ints, Floats]:
     """Line, tool and commanded path speed [mm/s] at program times (T,), which ascend."""
     last = plan.spans[-1]
     line, tool = np.full(time.size, last.line), np.full(time.size, last.tool)

@@ -19,9 +19,7 @@ from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import DAY, ShopParameters, stamp
-from pipeline.shop.wear.force import cut_forces, workpiece
 from pipeline.shop.wear.parameters import PlannedLife, Wear
-from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool
 from pipeline.shop.wear.sensors import (
     FINE,
     LOST,
@@ -30,6 +28,14 @@ from pipeline.shop.wear.sensors import (
     mounted,
     recorded,
     truth,
+)
+from pipeline.shop.wear.teeth import (
+    WornTool,
+    conditions,
+    cut_forces,
+    flank_wear,
+    new_tool,
+    workpiece,
 )
 
 Window = Literal["inside", "entry", "exit"]

@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.wear.force import AXIAL, CHIP, RUBBING, X, Y
 from pipeline.shop.wear.parameters import CHANNELS, Mode, Sensors
+from pipeline.shop.wear.teeth import AXIAL, CHIP, RUBBING, X, Y
 
 FINE = 2
 """Steps of the simulation for each row."""
@@ -112,7 +112,7 @@ def channels(
 ) -> Floats:  # fmt: skip
     """What the sensors are exposed to, at each row, shape (T, 7) [N, m/s2, V].
 
-    ``force`` (FINE T, 5) is that of :func:`pipeline.shop.wear.force.cut_forces`, ``angle`` (FINE
+    ``force`` (FINE T, 5) is that of :func:`pipeline.shop.wear.teeth.cut_forces`, ``angle`` (FINE
     T,) that of the spindle [rad]; the cutting speed in [m/s].
     """
     rate = sensors.rate * FINE
