@@ -39,7 +39,8 @@ def machine_program_pages(facts: MachineFacts) -> Iterator[tuple[str, Standalone
         else:
             page = _part_page(facts, parts[name])
             if name in simulated:
-                section = time_section(simulated[name], classes, facts.shelf)
+                program = simulated[name]
+                section = time_section(program, classes, *program.sources(facts.shelf))
                 page = replace(page, sections=[*page.sections, section])
         yield file, replace(page, up=up, credit=facts.folders.credit)
 

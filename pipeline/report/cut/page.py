@@ -36,6 +36,7 @@ from pipeline.report.cut.tables import (
     warnings_pairs,
     worst_table,
 )
+from pipeline.report.programs.simulated import Program, feed_classes, time_section
 from pipeline.report.standalone_page import (
     StandalonePage,
     doubts,
@@ -53,16 +54,17 @@ NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's p
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedCut:
-    """The cut of a program on a machine; ``origin`` is ``simulated`` or ``recorded``.
-
-    ``verdicts`` are those on the sub-models that it rests on.
-    """
+    """The cut of a program on a machine."""
 
     program: str
     machine: str
     origin: str
+    """Origin of the machine's records, ``simulated`` or ``recorded``."""
     cut: ProgramCut
     verdicts: tuple[UsedModel, ...] = ()
+    """Verdicts on the sub-models that it rests on."""
+    time: Program | None = None
+    """The program through the machine's control; without it its time is not drawn."""
 
 
 def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -> None:
@@ -82,6 +84,7 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         verdicts_section(shown.verdicts),
         _load_section(shown.program, cut, sources),
         _stability_section(cut, sources),
+        None if shown.time is None else _time_section(shown.time, sources),
         Section(
             key="cost", title="Time, tool life and cost", blocks=present(cost_table(cut, sources))
         ),
@@ -101,6 +104,11 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         computed="Computed by Kerf from the program, the stock and the tools named above; nothing "
         "of it was measured in a cut.",
     )
+
+
+def _time_section(program: Program, sources: list[Source]) -> Section:
+    classes = feed_classes([] if program.moves is None else [program.moves])
+    return time_section(program, classes, sources, sources)
 
 
 def _verdict(cut: ProgramCut) -> tuple[str, str, list[str]]:

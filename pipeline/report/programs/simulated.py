@@ -10,7 +10,7 @@ import pyarrow as pa
 from pipeline.charts import svg
 from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, duration, number, percent
 from pipeline.charts.sections import Block, Figure, Figures, Section, present
-from pipeline.charts.sources import SourceRegistry, shown
+from pipeline.charts.sources import Source, SourceRegistry, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.cut.tables import sentence
 from pipeline.report.programs import times
@@ -71,12 +71,17 @@ class Program:
 
     summary: SimulatedProgram
     moves: ProgramMoves | None
-    files: tuple[Path, Path]
+    files: tuple[Path, Path] = (Path(), Path())
 
     @property
     def name(self) -> str:
         """Name of the program."""
         return self.summary.program
+
+    def sources(self, shelf: SourceRegistry) -> tuple[list[Source], list[Source]]:
+        """Files of the summary, and of the moves."""
+        summary, moves = self.files
+        return sources(shelf, summary), sources(shelf, moves)
 
     @property
     def refused(self) -> str:
@@ -194,7 +199,7 @@ def simulated_page(
             *(f"{sentence(w)}." for w in words if w),
         ],
         key_figures=_key_figures(summary),
-        sections=[time_section(program, classes, shelf)],
+        sections=[time_section(program, classes, *program.sources(shelf))],
         running="Kerf: time of a part program",
         computed="Computed by Kerf from the program and the model of the machine’s control.",
     )
@@ -222,16 +227,21 @@ def _tools(summary: SimulatedProgram) -> list[ToolTime]:
     return [used for used in summary.by_tool if used.tool != -1]
 
 
-def time_section(program: Program, classes: Classes, shelf: SourceRegistry) -> Section:
-    """Path and feed of a program, and its time by what bounds it, by tool and type of block."""
+def time_section(
+    program: Program, classes: Classes, summary: list[Source], moves: list[Source]
+) -> Section:
+    """Path and feed of a program, and its time by what bounds it, by tool and type of block.
+
+    The files of its ``summary`` and of its ``moves`` stand below the figures.
+    """
     figures = [
         figure
         for figure in (
-            _map(shelf, program, classes),
-            _bars(shelf, program, times.limit_bars(program.summary), "what bounds its speed"),
-            _timeline(shelf, program, classes),
-            _bars(shelf, program, times.tool_and_type_bars(program.summary),
-                  "tool and type of block"),
+            _map(program, classes, moves),
+            _bars(program, times.limit_bars(program.summary), "what bounds its speed", summary),
+            _timeline(program, classes, moves),
+            _bars(program, times.tool_and_type_bars(program.summary), "tool and type of block",
+                  summary),
         )
         if figure is not None
     ]  # fmt: skip
@@ -295,7 +305,7 @@ def _legend(moves: ProgramMoves, classes: Classes) -> list[tuple[str, str, str]]
     return [*legend, *([("l-rapid", "path of rapids", "line")] if moves.rapid.any() else [])]
 
 
-def _map(shelf: SourceRegistry, program: Program, classes: Classes) -> Figure | None:
+def _map(program: Program, classes: Classes, files: list[Source]) -> Figure | None:
     moves = program.moves
     if moves is None:
         return None
@@ -306,11 +316,11 @@ def _map(shelf: SourceRegistry, program: Program, classes: Classes) -> Figure | 
     return Figure(
         svg=map_figure(moves, classes, words),
         caption=f"{words}. Rapids may leave the frame, which holds what is cut.",
-        sources=sources(shelf, program.files[1]),
+        sources=files,
     )
 
 
-def _timeline(shelf: SourceRegistry, program: Program, classes: Classes) -> Figure | None:
+def _timeline(program: Program, classes: Classes, files: list[Source]) -> Figure | None:
     shown = None if program.moves is None else times.timeline(program.moves)
     if shown is None:
         return None
@@ -321,12 +331,12 @@ def _timeline(shelf: SourceRegistry, program: Program, classes: Classes) -> Figu
     return Figure(
         svg=times.timeline_figure(shown, classes, words),
         caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
-        sources=sources(shelf, program.files[1]),
+        sources=files,
     )
 
 
 def _bars(
-    shelf: SourceRegistry, program: Program, groups: list[times.Group], by: str
+    program: Program, groups: list[times.Group], by: str, files: list[Source]
 ) -> Figure | None:
     if not groups:
         return None
@@ -335,7 +345,7 @@ def _bars(
     return Figure(
         svg=times.bars_figure(groups, total, words),
         caption=f"{words}.",
-        sources=sources(shelf, program.files[0]),
+        sources=files,
     )
 
 
