@@ -219,6 +219,7 @@ def test_rapids_alone_go_through_the_material(project: Path) -> None:
     done = kerf(project, "simulate", "part.nc", *CUT, "--json", "c.json", "--page", "p.html")
     assert done.exit_code == 0, done.output
     assert "WARNING: rapids go through the material, 1 block, line 8. Retract" in done.stdout
+    assert "Where its time goes" in (project / "p.html").read_text()  # as in the report
     (project / "part.nc").write_text(text.replace("G0 Z-2.", "G0 Z2."))
     assert "no move cuts" in refused(project, "simulate", "part.nc", *CUT)
 

@@ -16,7 +16,7 @@ from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import JobRequest, Progress, part_program
 from pipeline.optimisation.optimise import optimise_worn
 from pipeline.optimisation.settings import OptimisationSettings
-from pipeline.report.optimised_page import write_optimised_page
+from pipeline.report.optimised.page import write_optimised_page
 from pipeline.schema.files import together
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import write_bytes, write_json

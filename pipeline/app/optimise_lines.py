@@ -7,7 +7,7 @@ from pipeline.app.lines import NONE, aligned, between, many, rounded
 from pipeline.app.programs import verdict_lines
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.part_sheet import ToolUse
-from pipeline.twin.cut_axes import half_widths
+from pipeline.twin.cut.axes import half_widths
 
 TOTALS = (
     ("time", "s", "time_s", 1, "time_percent"),

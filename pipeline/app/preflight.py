@@ -15,8 +15,8 @@ from pipeline.gcode.moves import METRE, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.settings import Part
-from pipeline.twin.cut import CHORD, rapid_speeds
-from pipeline.twin.cutting_path import cutting_path
+from pipeline.twin.cut.loads import CHORD, rapid_speeds
+from pipeline.twin.cut.path import cutting_path
 from pipeline.twin.preflight import (
     IN_MATERIAL,
     Preflight,

@@ -20,6 +20,8 @@ from pipeline.schema.store import write_json
 
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
+    from pipeline.machine.control.planner import Plan
+    from pipeline.report.programs.simulated import Program
     from pipeline.twin.corrected_program import CorrectedProgram
 
 
@@ -104,8 +106,24 @@ def _write(
         shown = SimulatedCut(
             program=request.program.stem, machine=request.machine, origin=simulated.on.origin,
             cut=document["cut"], verdicts=document["verdicts"],
+            time=planned_times(simulated.plan, request.program.stem),
         )  # fmt: skip
         write_cut_page(shown, request.page, None if request.json == standard else request.json)
+
+
+def planned_times(plan: "Plan", name: str) -> "Program":
+    """A planned program as its page draws it: times, and its moves."""
+    import pyarrow as pa
+
+    from pipeline.report.programs.moves import program_moves
+    from pipeline.report.programs.simulated import Program
+    from pipeline.schema.program import SimulatedProgram
+    from pipeline.schema.structure import structured
+    from pipeline.twin.simulation import block_table, summary
+
+    times = structured(summary(plan, name), SimulatedProgram, name)
+    table = pa.Table.from_pandas(block_table(plan), preserve_index=False)
+    return Program(summary=times, moves=program_moves(table, times.origin_mm))
 
 
 def simulate_lines(

@@ -56,7 +56,7 @@ def write_transfer_page(
 ) -> None:
     """Write the page of a transfer."""
     page = transfer_page(found, sources, credit)
-    write_text(rendered(page, "standalone.html.j2"), out)
+    write_text(rendered(page), out)
 
 
 def transfer_page(found: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:

@@ -16,8 +16,8 @@ from pipeline.machine.control.path import where
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import AxisInCut
 from pipeline.schema.limits import CutLimit, limit_words
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
+from pipeline.twin.cut.axes import NEWTON, CutFollowing, axes_in_cut, follow_cut
+from pipeline.twin.cut.loads import Cut
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual
 

@@ -13,9 +13,9 @@ from pipeline.optimisation.problem.limits import feed_for_marks
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL, CutLimit
 from pipeline.schema.part import LoadTrace
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_document import AssessedCut
-from pipeline.twin.cut_tables import stations_of_columns
+from pipeline.twin.cut.document import AssessedCut
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import stations_of_columns
 
 ROUNDING = 1e-3
 """Excess over a limit, as a share, up to which it is rounding."""

@@ -36,7 +36,7 @@ from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, recut
+from pipeline.twin.cut.loads import Cut, recut
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual
 

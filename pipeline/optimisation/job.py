@@ -22,14 +22,14 @@ from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
-from pipeline.twin.cut import CutJob
-from pipeline.twin.cut_coefficients import (
+from pipeline.twin.cut.coefficients import (
     identified_coefficients,
     identified_no_load,
     tool_coefficients,
 )
-from pipeline.twin.cut_document import CutBasis
-from pipeline.twin.cut_wear import ToolWear, worn_coefficients
+from pipeline.twin.cut.document import CutBasis
+from pipeline.twin.cut.loads import CutJob
+from pipeline.twin.cut.wear import ToolWear, worn_coefficients
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 from pipeline.twin.program_axes import Residual
 

@@ -12,8 +12,8 @@ from pipeline.cutting.catalogue import OPERATIONS, SLOTTING_IMMERSION
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import STEEP, CutBlocks
+from pipeline.twin.cut.blocks import STEEP, CutBlocks
+from pipeline.twin.cut.loads import Cut
 
 CODE = {name: code for code, name in enumerate(OPERATIONS)}
 """Operation -> its number in arrays of rows; -1 is none."""

@@ -27,8 +27,8 @@ from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
 from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
 from pipeline.optimisation.text.modal_words import reads_feed
 from pipeline.schema.arrays import Bools, Rows
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut.blocks import CutBlocks
+from pipeline.twin.cut.loads import Cut
 
 CYCLES: dict[int, Operation] = {
     73: "deep_drilling", 83: "deep_drilling", 81: "drilling", 82: "drilling", 74: "tapping",

@@ -66,9 +66,9 @@ from pipeline.optimisation.text.words import rounded_feeds, rounded_speeds
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import Objective
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, cut_program
-from pipeline.twin.cut_blocks import cut_blocks
-from pipeline.twin.cut_limits import missed_blank
+from pipeline.twin.cut.blocks import cut_blocks
+from pipeline.twin.cut.loads import Cut, cut_program
+from pipeline.twin.cut.warnings import missed_blank
 
 ANSWER, DIRECT = "answer", "direct"
 """Names of the answer and of the blockwise optimum among the methods."""

@@ -34,10 +34,10 @@ from pipeline.schema.part_sheet import (
     WorkOffset,
 )
 from pipeline.schema.program_cut import CutWarning, ToolTotals
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_document import AssessedCut
-from pipeline.twin.cut_tables import by_tool, figure, tool_totals
-from pipeline.twin.cutting_path import offset_of, work_frame
+from pipeline.twin.cut.document import AssessedCut
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.path import offset_of, work_frame
+from pipeline.twin.cut.tables import by_tool, figure, tool_totals
 
 if TYPE_CHECKING:
     from pipeline.optimisation.full_twin import Result

@@ -14,7 +14,7 @@ from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
 from pipeline.schema.ranges import Range, Ranged, Share
-from pipeline.twin.cut_wear import WearRule
+from pipeline.twin.cut.wear import WearRule
 
 OBJECTIVES: tuple[Objective, ...] = ("time", "cost", "energy", "wear")
 """In the order of every array that has one column for each."""

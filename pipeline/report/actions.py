@@ -7,7 +7,7 @@ from pipeline.charts.sections import Action, Role
 from pipeline.charts.sources import shown
 from pipeline.report.facts import MachineFacts
 from pipeline.report.logged import already
-from pipeline.report.page_names import PROGRAMS, RECORDS, evidence_page, link
+from pipeline.report.page_names import RECORDS, evidence_page, link
 from pipeline.report.part_programs import loadable, refused
 from pipeline.report.program_actions import gain, refusal
 from pipeline.report.scorecard import counting_figure
@@ -199,5 +199,5 @@ def _programs(facts: MachineFacts, trusted: bool, say: Texts) -> Iterator[Action
         yield ActionRow(
             action=Action(what=say(what, program=shown(one.program)), where=where, why=why,
                           until=until, who="process engineer"),
-            href=link(facts.folders.name, PROGRAMS, "part-programs"),
+            href=facts.program_files[one.label],
         )  # fmt: skip

@@ -13,9 +13,8 @@ from pipeline.report.corrected import corrected_section
 from pipeline.report.facts import MachineFacts, Truth
 from pipeline.report.logged import already
 from pipeline.report.page_names import PROGRAMS, RECORDS
-from pipeline.report.part_programs import part_key_figures
-from pipeline.report.part_section import part_programs_section
-from pipeline.report.programs.section import programs_section
+from pipeline.report.part_programs import part_key_figures, part_programs_section
+from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
 from pipeline.report.states import StateLine
 from pipeline.report.submodel_pages import ModelledPart
@@ -23,8 +22,6 @@ from pipeline.report.texts import ENGLISH
 from pipeline.report.work_section import work_section
 from pipeline.schema.model import SourceFile
 
-LOADS_PARTS = "cutting"
-"""Sub-model whose forces the predicted loads of optimised programs rest on."""
 STATUS = {
     "passed": "passed", "failed": "failed", "not decided": "unknown", "not judged": "unknown",
 }  # fmt: skip
@@ -46,6 +43,8 @@ class EvidencePage:
     """What else is to be known."""
     sections: list[Section] = field(default_factory=list)
     """In the order in which they are read."""
+    pages: list[tuple[str, str]] = field(default_factory=list)
+    """Address and title of pages below this one: those of the programs."""
 
 
 def evidence_pages(facts: MachineFacts, changed: Section, notes: list[str]) -> list[EvidencePage]:
@@ -75,8 +74,8 @@ def _submodel_page(one: ModelledPart) -> EvidencePage:
 
 def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
     sections = [
-        programs_section(facts.programs, facts.shelf, _assumed(facts)),
-        part_programs_section(facts.parts, facts.shelf, facts.verdict_of(LOADS_PARTS)),
+        programs_section(facts.programs, facts.shelf),
+        part_programs_section(facts.parts, facts.shelf),
         corrected_section(facts.folders.corrected, facts.shelf),
     ]
     present_ones = [section for section in sections if section is not None]
@@ -86,17 +85,9 @@ def _programs_page(facts: MachineFacts) -> list[EvidencePage]:
         EvidencePage(
             subject=PROGRAMS, title="Part programs", key_figures=part_key_figures(facts.parts),
             sections=present_ones,
+            pages=[(file, name) for name, file in facts.program_files.items()],
         )
     ]  # fmt: skip
-
-
-def _assumed(facts: MachineFacts) -> set[str]:
-    """Parameters of the control that its records determine for no axis."""
-    model = next((one.model for one in facts.models if one.name == "control"), None)
-    groups = {} if model is None else model.parameters
-    found = [(name.partition(" ")[0], p) for group in groups.values() for name, p in group.items()]
-    known = {name for name, p in found if p.determined}
-    return {name for name, _ in found} - known
 
 
 def _records_page(facts: MachineFacts, changed: Section, notes: list[str]) -> EvidencePage:

@@ -12,8 +12,9 @@ from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import MachineFolders
 from pipeline.report.logged import absent_items, logged_signals
+from pipeline.report.page_names import program_pages
 from pipeline.report.part_programs import PartPrograms, part_programs
-from pipeline.report.programs.section import Program, simulated_programs
+from pipeline.report.programs.simulated import Program, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
 from pipeline.report.submodel_pages import ModelledPart, Serving, modelled_parts, serving
 from pipeline.report.work import Work, work
@@ -91,6 +92,13 @@ class MachineFacts:
     def verdict_of(self, name: str) -> PartVerdict | None:
         """Verdict on a sub-model in words; None where there is none."""
         return next((one.page.verdict for one in self.models if one.name == name), None)
+
+    @property
+    def program_files(self) -> dict[str, str]:
+        """File of the page of each program that could be read, optimised ones first."""
+        names = [part.label for part in self.parts.programs]
+        names += [program.name for program in self.programs if not program.refused]
+        return program_pages(self.folders.name, names)
 
     @property
     def doubtful_items(self) -> list[Changed]:

@@ -1,7 +1,8 @@
 """Pages of the fleet and of each machine as HTML, with their key figures and metrics.
 
-Every page is one file that needs nothing else: styles and figures stand in it, it runs no script,
-and a content security policy forbids it to load anything.  Text from records is escaped.
+Every page is one file that needs nothing else: styles and figures stand in it, and a content
+security policy forbids it to load anything.  No script runs but the one that moves the mark along
+the path of an optimised program.  Text from records is escaped.
 """
 
 from collections.abc import Mapping
@@ -15,7 +16,8 @@ from pipeline.report.fleet_page import fleet_page, fleet_row
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.lead_page import lead_page
 from pipeline.report.page_names import evidence_page
-from pipeline.report.standalone_page import renderer
+from pipeline.report.program_pages import machine_program_pages
+from pipeline.report.standalone_page import rendered, renderer
 from pipeline.report.states import MachineVerdict, Status
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.report.verdict import machine_notes, machine_verdict
@@ -67,7 +69,8 @@ def write_report(
     """Write the pages of a fleet and ``out/report.json``.
 
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
-    ``<machine>_<sub-model>.html``, ``<machine>_programs.html`` and ``<machine>_records.html``.
+    ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
+    each part program ``<machine>_program_<name>.html``.
 
     Parameters
     ----------
@@ -140,7 +143,7 @@ def _machine_pages(
     for one in evidence:
         text = in_english("evidence.html.j2", page=one, lead=page, fleet=fleet)
         found[evidence_page(name, one.subject)] = text
-    return found
+    return found | {file: rendered(page) for file, page in machine_program_pages(facts)}
 
 
 def _compared(

@@ -1,18 +1,27 @@
-"""Optimised part programs of a machine: facts, trial cuts, and the words of the page's head."""
+"""Optimised part programs of a machine: facts, trial cuts, and the table over all of them."""
 
 from dataclasses import dataclass, field
 from math import comb
 from pathlib import Path
 
 from pipeline.charts.numbers import counted, signed
+from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import SourceRegistry
+from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
+from pipeline.report.cut.tables import figure
 from pipeline.report.folders import MachineFolders
-from pipeline.report.objectives import AIMS
+from pipeline.report.optimised import tables
+from pipeline.report.optimised.tables import AIMS, aim
 from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs
 SURE = 0.05  # chance of a load above its limit: with more nobody is told to load a program
 MODELS = "the program, its part in conf/machine and the machine’s models"
+WHAT = (
+    "F and S of each block were chosen again, inside the limits of the part; every other byte of "
+    "the program is as it was. Times are those of the control that was identified; loads rest on "
+    "the coefficients in the tables of uncertain quantities."
+)
 SURPRISE = 0.025  # chance below which trial cuts above the limit are no accident
 CUT = "the programs before and after, cut on the simulated shop floor"
 
@@ -146,3 +155,41 @@ def part_changes(found: PartPrograms) -> dict[str, float | int | None]:
         return {}
     before, after = found.seconds or (None, None)
     return {"parts": len(found.programs), "parts_before_s": before, "parts_after_s": after}
+
+
+def part_programs_section(parts: PartPrograms, shelf: SourceRegistry) -> Section | None:
+    """All optimised programs in a table."""
+    if not parts.programs:
+        return None
+    return Section(
+        key="part-programs", title="Part programs: faster or cheaper", text=[WHAT],
+        blocks=present(overview_table(parts, shelf)),
+    )  # fmt: skip
+
+
+def overview_table(parts: PartPrograms, shelf: SourceRegistry) -> Table | None:
+    """Every program: time, cost and peak load before and after, and what is proved."""
+    programs = parts.programs
+    currencies = {row.part.currency or "" for row in programs}
+    currency = currencies.pop() if len(currencies) == 1 else ""
+
+    def total(name: str, unit: str, key: str, digits: int) -> list[Column[PartProgram]]:
+        return [
+            Column("before", lambda row: tables.side(row.part, "before", key, digits), unit, name),
+            Column("after", lambda row: tables.side(row.part, "after", key, digits), unit, name),
+        ]
+
+    return tabulated("Part programs before and after", programs, (
+        Column("Program", lambda row: row.label),
+        Column("aim", lambda row: aim(row.part)),
+        *total("Time", "s", "time_s", 4),
+        Column("change", lambda row: tables.change(row.part.gain.time_percent), "", "Time"),
+        *total("Cost", currency, "cost", 4),
+        Column("change", lambda row: tables.change(row.part.gain.cost_percent), "", "Cost"),
+        *total("Peak load", "N", "peak_load_N", 3),
+        Column("limit", lambda row: figure(row.limit), "N"),
+        Column("same moves", lambda row: Cell(
+            text="proved" if row.proved else "not proved",
+            status="passed" if row.proved else "failed",
+        )),
+    ), sources(shelf, *(row.path for row in programs)))  # fmt: skip

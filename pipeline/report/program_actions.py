@@ -1,6 +1,6 @@
 """Why an optimised program is proposed or refused: gain, tool life, speed, origin of its forces."""
 
-from pipeline.report.objectives import AIMS
+from pipeline.report.optimised.tables import AIMS
 from pipeline.report.part_programs import PartProgram
 from pipeline.report.texts import Texts
 

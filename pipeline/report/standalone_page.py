@@ -26,23 +26,31 @@ SAFE = " ,;:/()[]=+*!@$'|"
 
 @dataclass(frozen=True, kw_only=True)
 class StandalonePage:
-    """Head, verdict, key figures (name, value, aside) and sections of the page.
-
-    ``origin`` is "simulated" or "recorded", ``credit`` whose records the machine's are.  The
-    ``script`` is the only one that the page's policy lets run, by its hash.
-    """
+    """Head, verdict, key figures and sections of the page of one program."""
 
     program: str
     machine: str
     about: str
     origin: str
+    """Origin of the machine's records, "simulated" or "recorded"."""
     status: str
     word: str
     sentences: list[str]
+    """Verdict: its CSS class, its word, and what a reader needs before anything else."""
     key_figures: list[tuple[str, str, str]]
+    """Name, value, aside."""
     sections: list[Section] = field(default_factory=list)
+    """Sections in the order in which they are read."""
+    running: str = ""
+    """Kind of page, at its head."""
+    computed: str = ""
+    """Sentence at its end on what was computed and what was measured."""
+    up: tuple[tuple[str, str], ...] = ()
+    """Address and words of the report's pages above it; empty for a page by itself."""
     credit: str = ""
+    """Names to be credited for the machine's records."""
     script: Markup | None = None
+    """The one script that the page's policy lets run, by its hash."""
 
     @property
     def script_hash(self) -> str:
@@ -119,9 +127,9 @@ def section_sources(section: Section) -> list[Source]:
     return list(found.values())
 
 
-def rendered(page: StandalonePage, template: str) -> str:
+def rendered(page: StandalonePage) -> str:
     """HTML of a standalone page."""
-    return renderer()(template, page=page)
+    return renderer()("standalone.html.j2", page=page)
 
 
 def source_of(path: Path) -> Source:

@@ -73,6 +73,13 @@ class Profile:
         t, v, a, j = time - self.time[k], self.speed[k], self.acceleration[k], self.jerk[k]
         return self.distance[k] + t * (v + t * (a / 2 + t * j / 6)), v + t * (a + t * j / 2)
 
+    def covered(self, time: Floats) -> Floats:
+        """Distance [mm] at ``time`` (T,), also after the end."""
+        inside = time < self.duration
+        distance: Floats = np.full(time.size, self.length)
+        distance[inside] = self.at(time[inside])[0]
+        return distance
+
     def lag(self, gain: float) -> float:
         """Following error of a drive of position gain ``gain`` [1/s] at the end [mm].
 

@@ -350,13 +350,6 @@ class LoggerParameters(Ranged, section="LoggerParameters"):
 class ShopParameters(Ranged, section="ShopParameters"):
     """A machine of the simulated shop and the weeks to simulate.
 
-    Parameters
-    ----------
-    trial_cuts : int
-        Parts that are cut by each program before and after it was optimised.
-    trial_drives : int
-        Times that the axes follow each command before and after it was corrected.
-
     Raises
     ------
     ValueError
@@ -371,7 +364,9 @@ class ShopParameters(Ranged, section="ShopParameters"):
     programs: tuple[str, ...] = ("O1101", "O2040", "O3307", "O4410")
     power_scale: Annotated[float, Range(least=0.05, most=5)] = 1.0  # of the cuts
     trial_cuts: Annotated[int, Range(least=1, most=1000)] = 20
+    """Parts that are cut by each program before and after it was optimised."""
     trial_drives: Annotated[int, Range(least=1, most=1000)] = 3
+    """Times that the axes follow each command before and after it was corrected."""
     spindle: SpindleParameters = field(default_factory=SpindleParameters)
     shift: ShiftParameters = field(default_factory=ShiftParameters)
     air: AirParameters = field(default_factory=AirParameters)

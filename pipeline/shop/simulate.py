@@ -32,24 +32,15 @@ from pipeline.shop.wear.records import write_wear
 def simulate(
     out: Path, truth: Path, parameters: ShopParameters, compute: Compute = "serial"
 ) -> None:
-    """Write what one machine of the simulated shop records, and the truth about it.
+    """Write what one machine of the simulated shop records into ``out``, and the truth about it.
 
-    Parameters
-    ----------
-    out : Path
-        Folder of the machine's raw records: ``Devices.xml``, ``agent/<day>.txt``,
-        ``thermocouples/<day>.csv``, ``programs/<name>.nc``, ``control/<run>.txt``,
-        ``servo/<trace>.csv``, ``motor/<trace>.csv``, ``feed/<trace>.csv``, ``shaft/<test>.csv``,
-        ``dynamometer/<test>.csv``, ``cutting/<program>.nc``, ``cutting/<run>.txt``,
-        ``growth/<profile>.csv``, ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``,
-        ``parts/<name>.nc``.  Made if it is missing; files of the same names are replaced.
-    truth : Path
-        File for the truth (JSON), outside ``out``: parameters, working days, cycles, and every
-        fault with its exact time.
-    parameters : ShopParameters
-        The machine, the weeks and the faults of the records.
-    compute : {"serial", "threads", "processes"}
-        Where kinds of records are written, each into files of its own.
+    Records are ``Devices.xml``, ``agent/<day>.txt``, ``thermocouples/<day>.csv``,
+    ``programs/<name>.nc``, ``control/<run>.txt``, ``servo/<trace>.csv``, ``motor/<trace>.csv``,
+    ``feed/<trace>.csv``, ``shaft/<test>.csv``, ``dynamometer/<test>.csv``,
+    ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``growth/<profile>.csv``,
+    ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``, ``parts/<name>.nc``; files of the same
+    names are replaced.  The file ``truth`` (JSON) has parameters, working days, cycles, and every
+    fault with its exact time.
 
     Raises
     ------
@@ -81,10 +72,7 @@ def _written(task: tuple[str, Path, ShopParameters]) -> Any:
 def write_work(out: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``agent/<day>.txt`` and ``thermocouples/<day>.csv`` of the weeks of work into ``out``.
 
-    Returns
-    -------
-    dict
-        Days, cycles, heat, and the faults of both loggers.
+    The truth: days, cycles, heat, and the faults of both loggers.
     """
     ambient = sensors.ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))

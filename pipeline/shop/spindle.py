@@ -207,18 +207,9 @@ def state_at_rest(ambient: float) -> Floats:
 
 
 def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1) -> Heat:
-    """Temperatures of all nodes for each second of ``inputs``.
+    """Temperatures of all nodes for each second of ``inputs``, in ``substeps`` Euler steps each.
 
-    Parameters
-    ----------
-    state : ndarray, shape (11,)
-        Temperatures [degC] before the first second and whether the chiller runs.
-    inputs : Inputs
-        Loads on it, arrays of shape (T,).
-    p : SpindleParameters
-        The spindle.
-    substeps : int
-        Euler steps in a second.
+    ``state`` (11,) are the temperatures before [degC], and whether the chiller runs.
     """
     table = _edges(p)
     ends = np.array([(a, b) for a, b, _, _ in table])

@@ -28,75 +28,47 @@ WHOLE = "whole run"
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFitFacts:
-    """How well a control explains the durations of segments.
-
-    Parameters
-    ----------
-    rmse_s : float or None
-        Of the residuals, without outliers beyond 10 times the noise [s].
-    segments : int
-        Number of segments.
-    condition : float or None
-        Condition number of the scaled Jacobian [1].
-    correlation : Correlation
-        Of the parameters that were fitted to durations.
-    """
+    """How well a control explains the durations of segments."""
 
     rmse_s: float | None
+    """Root mean square of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
     condition: float | None
+    """Condition number of the scaled Jacobian [1]."""
     correlation: Correlation
+    """Correlation of the parameters that were fitted to durations."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlModelFile(Model):
-    """The content of a control's ``model.json``.
-
-    Parameters
-    ----------
-    control : mapping of str to ControlParameters
-        By unit, where several machines of a kind are taken as one; else by ``""``.
-    fit : ControlFitFacts
-        How well they fit.
-    programs : mapping of str to str
-        Program that each training run executed.
-    intervals : Bands
-        Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
-        :data:`WHOLE`; empty where too few programs ran to tell.
-    ends : mapping of str to tuple of 2 ControlParameters
-        By unit, the control with what the runs do not determine at its slow and at its fast end.
-    """
+    """The content of a control's ``model.json``."""
 
     control: Mapping[str, ControlParameters]
+    """Controls by unit, where several machines of a kind are taken as one; else by ``""``."""
     fit: ControlFitFacts
     programs: Mapping[str, str]
+    """Program that each training run executed."""
     intervals: Bands = field(default_factory=dict)
+    """Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
+    :data:`WHOLE`; empty where too few programs ran to tell."""
     ends: Mapping[str, tuple[ControlParameters, ControlParameters]] = field(default_factory=dict)
+    """Controls, by unit, with what the runs do not determine at its slow and at its fast end."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControlRecords:
-    """Recordings of runs of programs, and the programs.
-
-    Parameters
-    ----------
-    logs : str
-        Pattern of the recordings' names below the machine's folder.
-    programs : str
-        Pattern of the part programs there.
-    units : mapping of str to str
-        Where several machines of a kind are taken as one: name -> pattern of its recordings.
-    default_unit : str
-        Whose control programs are simulated with when nobody names another.
-    simulate : tuple of str
-        Patterns of the programs that the report shows.
-    """
+    """Recordings of runs of programs, and the programs."""
 
     logs: str
+    """Pattern of the recordings' names below the machine's folder."""
     programs: str
+    """Pattern of the part programs there."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Recordings of each machine, name -> pattern, where several of a kind are taken as one."""
     default_unit: str = ""
+    """Unit whose control programs are simulated with when nobody names another."""
     simulate: tuple[str, ...] = ("*",)
+    """Patterns of the programs that the report shows."""
 
     def __post_init__(self) -> None:
         if self.units and self.default_unit not in self.units:

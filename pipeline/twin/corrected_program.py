@@ -47,20 +47,8 @@ def corrected_program(
     same time, so that a rapid keeps the path on which it lags today.  It takes the time that the
     slowest loop needs to forget: in a longer fade axes at their limits part more.  The axes stand
     for a moment before and after the program, at times below 0 and beyond its end.  The bounds are
-    the rapid speed and the acceleration that the control may command.
-
-    Parameters
-    ----------
-    plan : Plan
-        Of the program on its control.
-    drives : mapping of str to IdentifiedDrive
-        By the axis' letter.
-    residual : Residual, optional
-        What the twin leaves over.
-    settings : CorrectionSettings, optional
-        ``iterations`` and ``tolerance`` count.
-    longest : float
-        Time of the program that is corrected, from its start [s].
+    the rapid speed and the acceleration that the control may command.  ``longest`` [s] is the time
+    of the program that is corrected, from its start.
 
     Returns
     -------
@@ -101,16 +89,9 @@ def corrected_program(
 
 
 def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
-    """Samples of a corrected command in blocks that cut, shape (T,).
+    """Samples of a corrected command, at ``time`` (T,) [s], in blocks that cut; shape (T,).
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the program.
-    commanded : Trace
-        Its commanded positions.
-    time : ndarray, shape (T,)
-        Of the corrected command [s]; below 0 and beyond the end nothing is cut.
+    Below 0 and beyond the end of the program nothing is cut.
     """
     cuts = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))[commanded.row]
     period = float(commanded.time[1] - commanded.time[0])

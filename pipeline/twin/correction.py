@@ -45,13 +45,7 @@ END = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectionSettings(Ranged, section="correction"):
-    """How long the correction of a program is learnt.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range.
-    """
+    """How long the correction of a program is learnt."""
 
     iterations: Annotated[int, Range(least=1)] = 12
     """Greatest number of steps on the drive alone, and again with what the twin leaves over."""
@@ -63,13 +57,7 @@ class CorrectionSettings(Ranged, section="correction"):
 
 @dataclass(frozen=True, kw_only=True)
 class AxisBounds(Ranged, section="bounds"):
-    """Greatest speed and acceleration of a command [m/s], [m/s^2].
-
-    Raises
-    ------
-    ValueError
-        When one is not positive.
-    """
+    """Greatest speed and acceleration of a command [m/s], [m/s^2]."""
 
     speed: Annotated[float, Range(above=0.0, finite=False, unit="m/s")] = inf
     acceleration: Annotated[float, Range(above=0.0, finite=False, unit="m/s^2")] = inf
@@ -122,27 +110,9 @@ def corrected_command(
 ) -> CorrectedAxis:
     """The command with which an axis is predicted to be where the program wants it.
 
-    It begins and ends where the reference does.  Bounds that the reference itself passes are those
-    of the reference: the correction never asks for more than the greater of both.
-
-    Parameters
-    ----------
-    letter : str
-        Of the axis.
-    reference : (T,) array_like
-        Where it is wanted [m].
-    period : float
-        From sample to sample [s].
-    drive : IdentifiedDrive
-        With a servo.
-    residual : Residual, optional
-        What the twin leaves over.
-    bounds : AxisBounds, optional
-        Of the command; none by default.
-    settings : CorrectionSettings, optional
-        ``iterations`` and ``tolerance`` count.
-    share : (T,) array_like, optional
-        How much of the correction is made, 0 to 1 [1]; errors count as much.  All by default.
+    It begins and ends where the reference (T,) [m] does.  Bounds that the reference itself passes
+    are those of the reference: the correction never asks for more than the greater of both.
+    ``share`` (T,) says how much of the correction is made, 0 to 1 [1]; errors count as much.
 
     Raises
     ------
@@ -244,23 +214,14 @@ def smooth_step(s: Floats) -> Floats:
 def reference_response(
     servo: ServoParameters, feed_drive: FeedDriveParameters, omega: Floats
 ) -> Complexes:
-    """Position for a commanded position of the linear loop, its sampling left out [1].
+    """Position for a commanded position of the linear loop at ``omega`` (F,) [rad/s], complex [1].
 
     With s = i w, the plant H = k / (M s + b), the PI loop L = H (V + R / s) and the lags,
 
     G = (L (K + f_v s) / (1 + T_x s) + H f_a s^2) / (s (1 + L / (1 + T_v s)) + L K / (1 + T_x s)).
 
-    Parameters
-    ----------
-    servo, feed_drive
-        Of the axis, in slip and within its limit; b of its less viscous direction.
-    omega : (F,) array
-        Positive [rad/s].
-
-    Returns
-    -------
-    (F,) array
-        Complex.
+    Sampling is left out; the axis is in slip and within its limit, b that of its less viscous
+    direction.
     """
     s = 1j * omega
     sides = feed_drive.friction.positive.viscous, feed_drive.friction.negative.viscous
@@ -293,23 +254,9 @@ def bounded(
 
     Where it does not, the command follows the one that is asked for as near as the bounds let it.
     So that it ends where the reference ends, the correction is taken back earlier before the end
-    until it does; in the worst case from its beginning, which leaves none.
-
-    Parameters
-    ----------
-    reference, correction : (T,) arrays
-        [m]; the correction is zero at both ends.
-    period : float
-        [s].
-    bounds : AxisBounds
-        Of their sum; or what the reference itself reaches, where that is more.
-    reach : int
-        Samples before the end from which the correction is first taken back.
-
-    Returns
-    -------
-    (T,) array
-        [m].
+    until it does, first from ``reach`` samples before it; in the worst case from its beginning,
+    which leaves none.  Positions (T,) in [m], period in [s]; the correction is zero at both ends,
+    and what the reference itself reaches is no less than its bound.
     """
     from pipeline.machine.control.bounded import follow_within
 

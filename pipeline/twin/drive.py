@@ -28,20 +28,10 @@ from pipeline.schema.verdict import Fact
 
 
 def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
-    """G of axes, of their less viscous direction.
+    """G of axes, of their less viscous direction, shape (..., 5, 5).
 
-    Parameters
-    ----------
-    rows : (..., 21) array
-        Of :func:`pipeline.machine.axis.drive_parameters.drive_row`.
-    period : float
-        Of the servo [s].
-    substeps : int
-        Steps of the mechanics in it.
-
-    Returns
-    -------
-    (..., 5, 5) array
+    ``rows`` (..., 21) are those of :func:`pipeline.machine.axis.drive_parameters.drive_row`; the servo
+    samples with ``period`` [s], its mechanics make ``substeps`` in it.
     """
     K, V, R, M, k, T_v, T_x = (
         rows[..., column]
@@ -129,7 +119,7 @@ class IdentifiedDrive:
     """Its loops; None where the records do not determine them."""
     command_unit: str
     force_unit: str
-    """Of its command; of forces, the command's where the force constant is not listed."""
+    """Units of its command, and of forces: the command's where the force constant is not listed."""
     servo_reason: str = ""
     """Why there is no servo."""
     bandwidth_Hz: float | None = None
@@ -138,12 +128,12 @@ class IdentifiedDrive:
     delay: float = 0.0
     """Delay of its motion behind its command [s]."""
     presliding_stiffness: float | None = None
-    """Of its friction before it slides [N/m]; None where the records do not determine it, and
-    friction that sticks holds exactly."""
+    """Stiffness of its friction before it slides [N/m]; None where the records do not determine it,
+    and friction that sticks holds exactly."""
     presliding_time: float | None = None
-    """In which friction lets go of a standing axis, to 1/e [s]; None where it holds."""
+    """Time in which friction lets go of a standing axis, to 1/e [s]; None where it holds."""
     following_half_width: float | None = None
-    """Of the 90 % interval of its following error [m]; None where it is not known."""
+    """Half width of the 90 % interval of its following error [m]; None where it is not known."""
     speeds: Condition | None = None
     """Speeds of the recordings that it was learnt from, beyond which the interval is wider
     [mm/s]."""

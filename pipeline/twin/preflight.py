@@ -20,7 +20,7 @@ from pipeline.machine.control.parameters import LINEAR, ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import CutWarning
-from pipeline.twin.cutting_path import CuttingPath
+from pipeline.twin.cut.path import CuttingPath
 
 NEAR = 1e-6
 """Rounding of a position or a word, as a share of the limit and its range [1]."""

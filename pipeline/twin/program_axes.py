@@ -38,23 +38,10 @@ class Residual(Protocol):
         self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
         period: float,
     ) -> tuple[Floats, Floats]:  # fmt: skip
-        """Measured less modelled error, and half of its 90 % interval.
+        """Measured less modelled error, and half of its 90 % interval, (T,) each [m].
 
-        Parameters
-        ----------
-        letter : str
-            Of the axis.
-        reference : (T,) array
-            The command that is driven [m].
-        modelled_error, modelled_command : (T,) arrays
-            Of the twin along it [m], [A] or [V].
-        period : float
-            From sample to sample [s].
-
-        Returns
-        -------
-        residual, half_width : (T,) arrays
-            [m].
+        ``reference`` (T,) is the command that is driven [m], with what the twin makes of it: error
+        [m] and command [A] or [V]; ``period`` [s].
         """
 
 
@@ -91,16 +78,9 @@ class AxisFollowing:
 def follow_program(
     plan: Plan, drives: Mapping[str, IdentifiedDrive], residual: Residual | None = None
 ) -> dict[str, AxisFollowing]:
-    """Linear axes of ``drives`` that move in a program, in air.
+    """Linear axes of ``drives`` with a servo that move in a program, in air.
 
-    Parameters
-    ----------
-    plan : Plan
-        Of the control.
-    drives : mapping of str to IdentifiedDrive
-        By the axis' letter; those without a servo are left out.
-    residual : Residual, optional
-        What the drives' model leaves over; by default their model is all there is.
+    ``residual`` is what the drives' model leaves over; by default their model is all there is.
 
     Raises
     ------
@@ -112,7 +92,7 @@ def follow_program(
 
 @dataclass(frozen=True, kw_only=True)
 class AxisFigures:
-    """What an axis comes to along a program."""
+    """Figures of an axis along a program."""
 
     max_error: float
     rms_error: float
@@ -120,11 +100,11 @@ class AxisFigures:
     worst_row: int
     """Row of ``Moves`` in which the error is greatest."""
     max_command: float
-    """Of the motor [``command_unit``]."""
+    """Greatest command of the motor [``command_unit``]."""
     command_unit: str
     """A or V."""
     half_width: float | None
-    """Greatest of the 90 % interval of the error [m]; None where it is not known."""
+    """Greatest half width of the 90 % interval of the error [m]; None where it is not known."""
 
     @classmethod
     def of(cls, axis: AxisFollowing) -> "AxisFigures":
@@ -257,20 +237,9 @@ def followed(
 ) -> AxisFollowing:  # fmt: skip
     """One axis along its reference, from rest.
 
-    Parameters
-    ----------
-    letter : str
-        Of the axis.
-    drive : IdentifiedDrive
-        With a servo.
-    commanded : Trace
-        T samples of a plan.
-    load : (T * substeps,) array, optional
-        Against positive motion [N].
-    substeps : int
-        Samples of the servo in one of the trace.
-    residual : Residual, optional
-        Added to the error of the model; it gets what the model says under this load.
+    ``load`` (T * substeps,) acts against positive motion [N], ``substeps`` being samples of the
+    servo in one of the T of ``commanded``.  ``residual`` is added to the error of the model; it
+    gets what the model says under this load.
 
     Raises
     ------
@@ -323,27 +292,10 @@ def driven(
     letter: str, drive: IdentifiedDrive, reference: Floats, period: float, *,
     load: Floats | None = None, substeps: int = SUBSTEPS,
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """Where an axis is and what its motor is commanded along a reference, from rest.
+    """Position [m] and motor command of an axis along a reference (T,) [m], from rest; (T,) each.
 
-    Parameters
-    ----------
-    letter : str
-        Of the axis.
-    drive : IdentifiedDrive
-        With a servo.
-    reference : (T,) array
-        Commanded position [m].
-    period : float
-        From sample to sample [s].
-    load : (T * substeps,) array, optional
-        Against positive motion [N].
-    substeps : int
-        Samples of the servo in a period.
-
-    Returns
-    -------
-    position, command : (T,) arrays
-        [m], [``command_unit``].
+    ``period`` [s] is that of the reference, ``load`` (T * substeps,) acts against positive motion
+    [N].
 
     Raises
     ------
@@ -379,17 +331,8 @@ def driven_by_fuzzy(
 
     The gains that were identified are the middles of both ranges.  The inputs' scales are not
     published (Feed2025): here the greatest speed error of the PI along the same command, and the
-    greatest change of it, are the ends of the sets.
-
-    Parameters
-    ----------
-    letter, drive, reference, period, substeps
-        As of :func:`driven`.
-
-    Raises
-    ------
-    ValueError
-        When the drive has no servo, or is unstable.
+    greatest change of it, are the ends of the sets.  Arguments and errors are those of
+    :func:`driven`.
     """
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
@@ -413,20 +356,10 @@ def _spring(drive: IdentifiedDrive, stiffness: float | None) -> tuple[float, flo
 
 
 def between(values: Floats, substeps: int) -> Floats:
-    """Values at ``substeps`` places a sample on a smooth curve; the last one holds.
+    """Values (T,) at ``substeps`` places a sample on a smooth curve, (T * substeps,); the last one
+    holds.
 
     On straight lines the acceleration that is fed forward would be a row of spikes.
-
-    Parameters
-    ----------
-    values : (T,) array
-        Samples.
-    substeps : int
-        Places.
-
-    Returns
-    -------
-    (T * substeps,) array
     """
     from scipy.interpolate import CubicSpline
 

@@ -113,20 +113,11 @@ def features(
     sources: Sequence[str],
     extra: Sequence[str],
 ) -> Floats:
-    """Feature matrix, shape (T, features).
+    """Feature matrix, shape (T, features), in the order of :func:`feature_names`.
 
-    Parameters
-    ----------
-    inputs : DataFrame
-        Rows of :func:`smoothed_inputs` at the T steps.
-    physics : ndarray, shape (T,)
-        The network's temperature [degC].
-    start : float or ndarray, shape (T,)
-        Measured temperature the network was started from [degC].
-    at : ndarray, shape (T,)
-        Time since then [s].
-    sources, extra : sequence of str
-        Heat sources and further signals, as in :func:`feature_names`.
+    ``inputs`` are rows of :func:`smoothed_inputs` at the T steps; ``physics`` (T,) is the network's
+    temperature, ``start`` the measured one it was started from [degC], ``at`` (T,) the time since
+    [s].
     """
     names = feature_names(sources, extra)
     columns = [physics, np.broadcast_to(start, len(physics)), at]

@@ -62,11 +62,8 @@ def limit_words(plan: Plan) -> NDArray[np.str_]:
 def block_table(plan: Plan) -> "pd.DataFrame":
     """One row a move: where it ends [mm], what was programmed and reached [mm/min], time [s].
 
-    Returns
-    -------
-    DataFrame
-        Columns ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool
-        speed limit``; ``programmed_feed`` is NaN where no feed holds.
+    Columns ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool
+    speed limit``; ``programmed_feed`` is NaN where no feed holds.
     """
     import pandas as pd
 
@@ -182,26 +179,13 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
     """Write time [s], position [mm, deg], row and line at the interpolation period to Parquet.
 
     ``programmed_x`` and its like are before the filters, ``x`` and its like after them.  Only axes
-    that move have columns.
-
-    Parameters
-    ----------
-    plan : Plan
-        What is sampled.
-    path : Path
-        File to write.
-    progress : callable, optional
-        Called with the share that is written.
-
-    Returns
-    -------
-    int
-        Samples.
+    that move have columns.  ``progress`` is called with the share that is written; the number of
+    samples is returned.
 
     Raises
     ------
     ValueError
-        When the program has no rows.
+        When the program is too long.
     """
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:
@@ -261,28 +245,12 @@ def simulate_files(
     learnt: Mapping[str, Condition] | None = None,
     ends: Sequence[ControlParameters] = (),
 ) -> None:
-    """Simulate each of ``files``; a program that cannot be followed is stored as refused.
+    """Simulate each of ``files`` on a machine's control; one that cannot be followed is refused.
 
-    Parameters
-    ----------
-    files : mapping of str to Path
-        Part programs by the name of what is made of them.
-    raw : Path
-        Folder below which their places are told.
-    control : ControlParameters
-        Whose times they are.
-    setup : Setup
-        Of the machine before each program.
-    out : Path
-        Folder to write ``<name>.json`` and ``<name>.parquet`` into.
-    machine, origin : str
-        Whose control it is, and whether its records are simulated.
-    intervals : Bands, optional
-        Of the control's times.
-    learnt : mapping of str to Condition, optional
-        Conditions that they were learnt in.
-    ends : sequence of ControlParameters
-        The slowest and the fastest control that the learnt runs leave open.
+    ``files`` are part programs by the name of what is made of them, ``<name>.json`` and
+    ``<name>.parquet`` in ``out``; their places are named below ``raw``.  The interval of a time
+    comes from ``intervals`` of the control's times, the conditions ``learnt`` and the slowest and
+    the fastest control, ``ends``, that the learnt runs leave open.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():

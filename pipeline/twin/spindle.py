@@ -342,20 +342,12 @@ class SpindleModel:
         return smoothed_inputs(stretch.frame, stretch.step, names)
 
     def predict(self, state: pd.DataFrame, start_temperature: float) -> pd.DataFrame:
-        """Temperatures from a state table and one measured temperature at its beginning.
+        """Temperatures [degC] from a state table and one measured temperature at its first row
+        [degC].
 
-        Parameters
-        ----------
-        state : DataFrame
-            Index of UTC times, the columns that the model needs (``records.signals`` and what its
-            forest looks at).  No temperature of the spindle is read from it.
-        start_temperature : float
-            Measured at the first row [degC].
-
-        Returns
-        -------
-        DataFrame
-            Index of step times; ``spindle_temperature`` and ``physics`` [degC].
+        The state has an index of UTC times and the columns that the model needs
+        (``records.signals`` and what its forest looks at); no temperature of the spindle is read
+        from it.  Columns of the result are ``spindle_temperature`` and ``physics``.
 
         Raises
         ------

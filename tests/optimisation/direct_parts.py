@@ -22,9 +22,9 @@ from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.text.editable_blocks import editable_blocks
 from pipeline.schema.limits import Margins
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import CutJob, cut_program
-from pipeline.twin.cut_coefficients import ToolCoefficients
-from pipeline.twin.cut_document import CutBasis
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.document import CutBasis
+from pipeline.twin.cut.loads import CutJob, cut_program
 
 K_T, K_E = 1.23e9, 0.5  # A6061 of Sim2023 [N/m^2], [1]
 LAW = ForceLaw(K_tc=K_T, K_rc=K_E * K_T)

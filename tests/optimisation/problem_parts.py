@@ -16,9 +16,9 @@ from pipeline.optimisation.problem.feasible import problem_of
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.schema.limits import CutLimit, Margins
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, CutJob, cut_program
-from pipeline.twin.cut_coefficients import ToolCoefficients
-from pipeline.twin.cut_document import CutBasis
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.document import CutBasis
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from tests.gcode.following import follow
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX, TEN
 

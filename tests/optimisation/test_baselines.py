@@ -11,7 +11,7 @@ from pipeline.optimisation.methods.genetic import baselines
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import Grouping, SearchSettings
 from pipeline.schema.limits import CutLimit
-from pipeline.twin.cut_document import document_of
+from pipeline.twin.cut.document import document_of
 from tests.optimisation.problem_parts import basis_of, cut_on, problem_on
 from tests.optimisation.zigzags import zigzag_problem
 

@@ -9,9 +9,9 @@ from pipeline.machine.control.parameters import AxisParameters, ControlParameter
 from pipeline.machine.control.planner import plan
 from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.schema.limits import CutLimit
-from pipeline.twin.cut_blocks import cut_blocks, station_arcs
-from pipeline.twin.cut_cost import cost_of, electricity, tool_life
-from pipeline.twin.cut_document import document_of
+from pipeline.twin.cut.blocks import cut_blocks, station_arcs
+from pipeline.twin.cut.cost import cost_of, electricity, tool_life
+from pipeline.twin.cut.document import document_of
 from tests.optimisation.problem_parts import (
     MATERIAL,
     NO_MARGINS,

@@ -16,7 +16,7 @@ from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySett
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.structure import structured
-from pipeline.twin.cut_document import assessed, document_of
+from pipeline.twin.cut.document import assessed, document_of
 from tests.optimisation.paper_part import paper_job
 
 QUICK = OptimisationSettings(

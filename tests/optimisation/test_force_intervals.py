@@ -10,8 +10,8 @@ from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.program_cut import ForceInterval
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.loads import Cut
 from tests.optimisation.test_reliability import EDGES, SURE
 from tests.twin.cut_parts import cut_of
 

@@ -18,14 +18,14 @@ from pipeline.optimisation.job import machine_models
 from pipeline.optimisation.reliability.judged import FIGURES, judged_spread, used_models
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.report.optimised_page import optimised_page
+from pipeline.report.optimised.page import optimised_page
 from pipeline.schema.cutting import MAGNITUDE
 from pipeline.schema.drive import FOLLOWING
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import StoreError, write_json
 from pipeline.schema.structure import structured
 from pipeline.schema.verdict import Score, Status, UsedModel, Verdict
-from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.optimisation.paper_part import CONTROL
 from tests.report import optimise_documents
 from tests.submodels.cutting import cutting_files

@@ -23,8 +23,8 @@ from pipeline.optimisation.practice import practice_of
 from pipeline.parameters import structure
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import CutJob, cut_program
-from pipeline.twin.cut_blocks import cut_blocks
+from pipeline.twin.cut.blocks import cut_blocks
+from pipeline.twin.cut.loads import CutJob, cut_program
 from tests.gcode.following import follow
 from tests.optimisation.machinist import PROGRAMS
 from tests.twin.cut_parts import CONTROL, LAW, cut_of

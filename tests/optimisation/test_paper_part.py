@@ -8,8 +8,8 @@ from pipeline.shop.cutting.dynamometer import write_dynamometer
 from pipeline.shop.cutting.records import dynamometer_truth
 from pipeline.shop.trial.trials import prepare, trial
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import cut_program
-from pipeline.twin.cut_coefficients import identified_coefficients
+from pipeline.twin.cut.coefficients import identified_coefficients
+from pipeline.twin.cut.loads import cut_program
 
 from .paper_part import (
     CONTROL,

@@ -19,11 +19,11 @@ from pipeline.optimisation.optimise import ANSWER, DIRECT, optimise
 from pipeline.optimisation.part_sheet import path_trace
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
-from pipeline.report.optimised_program import feeds_table, loads_table
+from pipeline.report.optimised.changes import feeds_table, loads_table
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.structure import structured
-from pipeline.twin.cut_document import assessed
-from pipeline.twin.cut_tables import block_rows
+from pipeline.twin.cut.document import assessed
+from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job
 
 QUICK = OptimisationSettings(

@@ -31,7 +31,7 @@ from pipeline.optimisation.reliability.part_loads import (
 )
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.twin.cut_parts import SLOT, cut_of, pocket
 
 LIMIT = 100.0

@@ -12,7 +12,7 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool, tool_limits
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.problem.feasible import LimitsError
-from pipeline.report.optimised_tables import limits_table
+from pipeline.report.optimised.tables import limits_table
 from pipeline.schema.part import part_values
 from tests.optimisation.several_tools import (
     EIGHT,

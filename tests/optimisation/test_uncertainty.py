@@ -15,7 +15,7 @@ from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.cutting import MAGNITUDE, OTHERS, CuttingModel, StoredCutModel, ToolGeometry
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.verdict import Score, Verdict
-from pipeline.twin.cut_coefficients import ToolCoefficients
+from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.submodels.cutting import cutting_files
 
 LAW = ForceLaw.linear(K_tc=700.0, K_rc=200.0, K_ac=100.0, K_te=30.0, K_re=20.0, K_ae=2.0)

@@ -31,7 +31,7 @@ def pages(tmp_path_factory) -> list[Path]:
 
 
 def test_pages_load_nothing_else_and_report_no_error(browser, pages):
-    assert len(pages) == 15
+    assert len(pages) == 17
     for page in pages:
         look(browser, page, 1280, "light")
         urls = requests(browser)

@@ -16,7 +16,7 @@ from control_folders import (
     write_refused,
     write_validation,
 )
-from page_reader import every_word, evidence, outline, section
+from page_reader import every_word, evidence, outline, section, words
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.pages import write_report
@@ -118,8 +118,8 @@ def test_a_machine_with_nothing_else_is_judged_by_its_times(tmp_path):
 
 
 def test_a_program_says_where_its_time_goes(page):
-    text = every_word(page)
-    assert "plate.nc Predicted 6 min 59 s, of which 6 min 03 s cutting (87 %)" in text
+    text = words(page.with_name("mill01_program_plate.nc.html"))
+    assert "Time 6 min 59 s" in text and "Cutting 6 min 03 s 87 %" in text
     assert "corners slow it down: rounded ones, or a wider path tolerance, would help" in text
     assert "T4 2 min 14 s · 32 %" in text
     assert "programmed feed 5 min 29 s · 79 %" in text
@@ -128,7 +128,10 @@ def test_a_program_says_where_its_time_goes(page):
 def test_a_refused_program_stands_with_its_reason_and_is_not_drawn(page):
     text = section(page, "programs")
     assert "odd.nc line 14: G12.1 is not known; post it without polar mode" in text
-    assert "<h3>odd.nc</h3>" not in text and "<h3>plate.nc</h3>" in text
+    assert not page.with_name("mill01_program_odd.nc.html").exists()
+    assert (
+        'href="mill01_program_plate.nc.html"' in page.with_name("mill01_programs.html").read_text()
+    )
 
 
 def test_a_machine_of_refused_programs_alone_has_a_table_and_no_figure(tmp_path):
@@ -142,10 +145,9 @@ def test_every_figure_says_what_it_shows_and_is_small(page):
     tags = [tag for one in evidence(page) for tag in outline(one).tags]
     figures = [a for _, a in tags if a.get("role") == "img"]
     assert len(figures) > 10 and all(len(a["aria-label"]) > 40 for a in figures)
-    text = "".join(section(page, key) for key in ("control", "times", "programs"))
-    captions = re.findall(r"<(figcaption|caption|summary)>(.*?)</\1>", text, flags=re.S)
-    assert len(captions) > 15
-    assert max(map(len, re.findall(r"<figure id=.*?</figure>", text, flags=re.S))) < 250_000
+    text = "".join(one.read_text() for one in evidence(page))
+    assert len(re.findall(r"<(figcaption|caption|summary)>", text)) > 15
+    assert max(map(len, re.findall(r"<figure.*?</figure>", text, flags=re.S))) < 250_000
 
 
 def single(**to) -> Programmer:
@@ -162,9 +164,10 @@ def single(**to) -> Programmer:
 def test_the_smallest_programs_have_a_page(tmp_path, written):
     folders = empty_machine(tmp_path, "m", submodels=("control",))
     write_program(folders, "tiny", written)
-    assert "tiny.nc Predicted" in report(folders, tmp_path)
-    assert not re.search(r"(?<![a-z])nan(?![a-z])|inf(?![a-z])", section(
-        tmp_path / "out" / "m.html", "programs"), flags=re.I)  # fmt: skip
+    report(folders, tmp_path)
+    page = tmp_path / "out" / "m_program_tiny.nc.html"
+    assert "Where its time goes" in words(page)
+    assert not re.search(r"(?<![a-z])(nan|inf)(?![a-z])", words(page), flags=re.I)
 
 
 def test_unknown_feeds_are_grey_and_named(tmp_path):
@@ -173,18 +176,7 @@ def test_unknown_feeds_are_grey_and_named(tmp_path):
     folders = empty_machine(tmp_path, "m", submodels=("control",))
     write_program(folders, "tiny", program, total_time_s=None, origin_mm=None)
     text = report(folders, tmp_path)
-    assert "feed not known" in text and "Predicted not known" in text
-
-
-def test_only_the_longest_programs_are_drawn_and_the_table_has_all(tmp_path):
-    folders = empty_machine(tmp_path, "m", submodels=("control",))
-    for i in range(14):
-        write_program(folders, f"p{i:02d}", single(x=10.0 * (i + 1)))
-    text = report(folders, tmp_path)
-    shown = section(tmp_path / "out" / "m.html", "programs")
-    assert len(re.findall("<h3>", shown)) == 12 and "<h3>p00.nc</h3>" not in shown
-    assert "The 12 longest are drawn" in text and "p00.nc" in text
-    assert len(re.findall('<details class="block"><summary>4 figures', shown)) == 9
+    assert "feed not known" in text and "not known predicted" in text
 
 
 FILES = ("models/mill01/control/model.json", "models/mill01/control/verdict.json",

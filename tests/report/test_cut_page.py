@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.report.cut.figures import Panel
 from pipeline.report.cut.page import SimulatedCut, write_cut_page
 from pipeline.report.cut.tables import share, spans_of
+from pipeline.report.programs.panels import Panel
 from pipeline.schema.program_cut import (
     BasisRow,
     Blank,

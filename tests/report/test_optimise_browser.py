@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from optimise_documents import optimised, part
 
-from pipeline.report.optimised_page import write_optimised_page
+from pipeline.report.optimised.page import write_optimised_page
 from tests.browser import foreign, look, needs_browser, requests
 
 pytestmark = needs_browser

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from optimise_documents import blocks, group, optimised, part, trace
 
-from pipeline.report.optimised_figures import (
+from pipeline.report.optimised.figures import (
     MOST,
     compared,
     front_figure,
@@ -19,7 +19,7 @@ from pipeline.report.optimised_figures import (
     per_pair,
     words_figure,
 )
-from pipeline.report.optimised_verdict import verdict
+from pipeline.report.optimised.verdict import verdict
 from pipeline.schema.part import LoadTrace, WordCounts
 from pipeline.schema.structure import structured
 

@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 from optimise_documents import HASHES, change, group, optimised, part
 
-from pipeline.report.optimised_page import write_optimised_page
-from pipeline.report.optimised_path import SCRIPT
-from pipeline.report.optimised_program import feeds_table, increases, listing
-from pipeline.report.optimised_tables import methods_table
+from pipeline.report.optimised.changes import feeds_table, increases, listing
+from pipeline.report.optimised.page import write_optimised_page
+from pipeline.report.optimised.path import SCRIPT
+from pipeline.report.optimised.tables import methods_table
 from tests.report.page_reader import outline, words
 
 KEPT = {**optimised()["before"], "beyond": 0}
@@ -115,7 +115,7 @@ def test_a_page_without_a_path_runs_no_script(tmp_path):
 def test_increases_come_first_the_largest_first_and_no_decrease_among_them(tmp_path):
     found = increases(part(optimised()).changes)
     assert [round(row.factor, 6) for row in found] == [2.5, 1.5, 1.1]
-    assert [row.one.feed_after for row in found] == [500.0, 300.0, 220.0]
+    assert [row.change.feed_after for row in found] == [500.0, 300.0, 220.0]
     said_lines = [line for row in found for line in row.lines.split(" and ")[0].split(", ")]
     assert "11–12" in said_lines and "5–6" not in said_lines  # F 500, and F 100
     text = said(tmp_path, optimised())
@@ -195,8 +195,7 @@ def test_the_set_up_sheet_names_tools_offsets_blank_and_warnings(tmp_path):
     sheet = text[text.index("Set-up sheet") :]
     for word in ("60 × 40 × 10 mm (X 0 to 60, Y 0 to 40, Z -10 to 0)", "zero is that of G54",
                  "T1 SLOT", "127.711", "-410", "G55",
-                 "Warning: Rapids go through the material",
-                 "Retract further. Line 7–9, 21."):  # fmt: skip
+                 "Rapids go through the material", "Lines 7–9, 21."):  # fmt: skip
         assert word in sheet, word
 
 

@@ -1,21 +1,21 @@
 """What the pages say of optimised part programs, and of what the shop floor cut."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from optimise_documents import optimised
-from page_reader import every_word, section
+from optimise_documents import optimised, part
+from page_reader import every_word
 from report_folders import FLEET, empty_machine, machine
 
 from pipeline.report.folders import MachineFolders
+from pipeline.report.optimised.page import write_optimised_page
 from pipeline.report.pages import write_report
 from pipeline.schema.store import write_json
 from tests.submodels.cutting import cutting_files
-
-KEY = "part-programs"
 
 
 def cuts(above_before: int = 20, above_after: int = 0, seeds: int = 20) -> dict[str, Any]:
@@ -57,7 +57,7 @@ def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
     assert "Above the limit of 60.0 N – 20 of 20 0.71 % 1 of 20" in text
     # 24.51 / 24.60 - 1
     assert "it took 24.60 s instead of 29.90 s, and its time was predicted with an error of" in text
-    assert "an error of −0.4 %. 3 moves" in text
+    assert "an error of −0.4 %." in text
     assert "passed the limit of the load in 1 of them, the program as it was in 20" in text
 
 
@@ -66,9 +66,20 @@ def test_each_program_is_told_with_gain_price_and_proof(tmp_path: Path) -> None:
     text = every_word(found)
     assert "SLOT least cost 29.48 24.51 −16.9 % 120.1 76.40 −36.4 % 71.2 57.9 60.0 proved" in text
     assert "in 0.71 % of parts (0.30 % to 1.4 %), 1 % is allowed; being that sure costs" in text
-    assert "3 moves stayed as programmed: threads keep their feed" in text
-    assert "a1" * 32 in text and "Load along the path of BORE" in text
-    assert "cut on the simulated shop floor" not in section(found, KEY)
+    assert "a1" * 32 in text
+    programs = found.with_name("m_programs.html").read_text()
+    assert all(f'href="m_program_{name}.html"' in programs for name in ("SLOT", "BORE"))
+    assert "cut on the simulated shop floor" not in text
+
+
+def test_a_program_s_page_in_the_report_is_that_of_the_command(tmp_path: Path) -> None:
+    found = page(tmp_path, {"SLOT": optimised()}).with_name("m_program_SLOT.html")
+    alone = tmp_path / "alone.html"
+    write_optimised_page(part(optimised()), alone, tmp_path / "parts/m/SLOT.json")
+    both = [re.findall(r'<section id="([a-z-]+)"', one.read_text()) for one in (found, alone)]
+    assert both[0] == both[1] and len(both[0]) > 8
+    figures = [re.findall(r"<svg.*?</svg>", one.read_text(), re.S) for one in (found, alone)]
+    assert figures[0] == figures[1]
 
 
 def test_the_head_says_which_program_to_load(tmp_path: Path) -> None:

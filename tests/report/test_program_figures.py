@@ -9,8 +9,8 @@ from control_folders import Programmer, part
 from test_program_paths import moves
 
 from pipeline.report.programs.map import map_figure
-from pipeline.report.programs.moves import UNKNOWN, FeedClasses, feed_classes
-from pipeline.report.programs.section import lost_seconds
+from pipeline.report.programs.panels import UNKNOWN, Classes
+from pipeline.report.programs.simulated import feed_classes, lost_seconds
 from pipeline.report.programs.times import (
     BINS,
     bars_figure,
@@ -42,7 +42,7 @@ def test_bounds_of_classes_are_round_and_few(values, bounds):
 
 
 def test_what_lies_on_a_bound_is_of_the_faster_class_and_nothing_of_none():
-    classes = FeedClasses(bounds=(100.0, 200.0))
+    classes = Classes(bounds=(100.0, 200.0))
     assert classes.of(np.array([99.9, 100.0, 200.0, np.nan])).tolist() == [0, 1, 2, UNKNOWN]
     assert [classes.words(i) for i in (0, 1, 2, UNKNOWN)] == [
         "below 100 mm/min", "100 to 200", "200 mm/min and more", "feed not known"

@@ -10,8 +10,6 @@ that the integral takes back within 0.1 s, changes the chip by far less than a b
 """
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +17,7 @@ from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.drives.axis import follow
 from pipeline.shop.drives.commands import smoothed
 from pipeline.shop.drives.parameters import RATE
-from pipeline.shop.drives.records import Column, axis_columns, trace_head, write_trace
+from pipeline.shop.drives.records import Column, axis_columns
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.blank import Swept, swept
 from pipeline.shop.trial.cutting import Chance, _cuts, chance, check_cut
@@ -38,34 +36,21 @@ SETTLE = 0.3
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesRecord:
-    """Axes X, Y, Z at T samples of the servo tool, its noise and steps included.
-
-    Parameters
-    ----------
-    time : (T,) array
-        [s].
-    line : (T,) array of int
-        Of the program.
-    cutting : (T,) array of bool
-        Samples in which a tooth cuts.
-    command, position : (T, 3) arrays
-        In the machine's frame [mm].
-    current : (T, 3) array
-        That makes torque [A].
-    force : (T, 3) array
-        On the tool, its mean over a tick of the position loop [N].
-    columns : tuple of Column
-        As the tool writes them.
-    """
+    """Axes X, Y, Z at T samples of the servo tool, its noise and steps included."""
 
     time: Floats
+    """Time [s]."""
     line: Ints
+    """Line of the program."""
     cutting: Bools
+    """Samples in which a tooth cuts."""
     command: Floats
     position: Floats
+    """Positions in the machine's frame [mm]; shape (T, 3)."""
     current: Floats
+    """Current that makes torque [A]; shape (T, 3)."""
     force: Floats
-    columns: tuple[Column, ...]
+    """Force on the tool, its mean over a tick of the position loop [N]; shape (T, 3)."""
 
     @property
     def following_error(self) -> Floats:
@@ -79,18 +64,7 @@ def record_axes(
 ) -> AxesRecord:  # fmt: skip
     """Record the axes while one part is cut, or while the same program runs in air.
 
-    Parameters
-    ----------
-    text, name : bytes or str, str
-        Of the program.
-    job : TrialJob
-        Blank, tools, material.
-    parameters : ShopParameters
-        The machine.
-    seed : int
-        Of the part's differences.
-    cut : bool
-        Whether there is a blank.
+    ``seed`` is that of the differences of the part; without ``cut`` there is no blank.
 
     Raises
     ------
@@ -132,14 +106,7 @@ def record_axes(
     return AxesRecord(
         time=time[rows], line=line[rows], cutting=np.any(force != 0, axis=1)[rows],
         command=command[rows], position=position, current=current, force=force[rows],
-        columns=tuple(columns),
     )  # fmt: skip
-
-
-def write_axes(path: Path, record: AxesRecord, parameters: ShopParameters) -> dict[str, Any]:
-    """Write a record as the servo tool does, without faults; rows and length of the file."""
-    head = trace_head(parameters.machine, parameters.drives.axes, RATE)
-    return write_trace(path, head, list(record.columns), RATE, parameters.drives.tool, None)
 
 
 def mean_forces(

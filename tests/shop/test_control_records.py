@@ -16,7 +16,7 @@ from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.control.records import write_control
 from pipeline.shop.parameters import ControlParameters
 
-from .conftest import Simulated, shop_parameters
+from .conftest import Simulated
 
 Log = dict[str, list[tuple[datetime, str]]]
 ITEMS = {"exec", "ln", "tool", "fovr", "rovr", "S1n", "vpath"}
@@ -268,9 +268,3 @@ def test_the_control_has_chances_of_its_own(week: Simulated, tmp_path: Path) -> 
     assert len(written) == 12
     for path in written:
         assert path.read_bytes() == (week.folder / path.relative_to(tmp_path)).read_bytes()
-
-
-def test_the_siblings_have_two_controls() -> None:
-    first, second = (shop_parameters(m).control for m in ("mill01", "mill02"))
-    assert first != second
-    assert {first.spindle_wait, second.spindle_wait} == {"at_m3", "before_cutting"}

@@ -232,12 +232,6 @@ def test_a_recording_too_short_for_the_tool_is_named(tmp_path: Path) -> None:
         write_cutting(tmp_path, shop_parameters("mill01", cutting=short))
 
 
-def test_nothing_is_written_unless_recorded(tmp_path: Path) -> None:
-    quiet = shop_parameters("mill01", cutting={"recorded": False})
-    assert write_cutting(tmp_path, quiet) == {}
-    assert not list(tmp_path.iterdir())
-
-
 @pytest.mark.parametrize("frequency", [50.0, 1000.0, 2000.0])
 def test_a_channel_answers_as_its_mode(frequency: float) -> None:
     """Gain 1 / sqrt((1 - r2)2 + (2 zeta r)2) once it has settled.

@@ -20,7 +20,7 @@ from pipeline.shop.drives.parameters import FeedRecords
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 
-from .conftest import NO_DRIVES, Simulated, digests, shop_parameters
+from .conftest import Simulated, digests, shop_parameters
 
 CONF = Path(__file__).parents[2] / "conf" / "machine"
 RATE = 500
@@ -143,11 +143,6 @@ def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path: Path) -
     one, again, other = (digests(tmp_path / name) for name in ("one", "again", "other"))
     assert one == again and len(one) == 4
     assert one.keys() == other.keys() and not set(one.values()) & set(other.values())
-
-
-def test_without_the_servo_tool_nothing_is_written(tmp_path: Path) -> None:
-    assert write_feed(tmp_path, shop_parameters("mill01", **NO_DRIVES)) == {}
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_program_too_short_for_its_stretches_is_named(tmp_path: Path) -> None:

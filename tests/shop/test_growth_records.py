@@ -44,26 +44,6 @@ def _machine(warm: Simulated) -> dict[str, Any]:
     return read
 
 
-@pytest.mark.proof
-def test_the_same_bytes_every_time(warm: Simulated, tmp_path: Path) -> None:
-    again = write_growth(tmp_path, shop_parameters(warm.parameters.machine))
-    assert digests(tmp_path) == digests(warm.folder)
-    assert [f["true_growth_um"] for f in again["files"]] == [
-        f["true_growth_um"] for f in warm.truth["files"]
-    ]
-
-
-def test_the_siblings_grow_differently(tmp_path: Path) -> None:
-    first, second = (shop_parameters(m).growth for m in ("mill01", "mill02"))
-    for part in ("body", "expansion", "paths", "season", "instruments"):
-        assert getattr(first, part) != getattr(second, part)
-
-
-def test_nothing_is_written_when_growth_is_not_recorded(tmp_path: Path) -> None:
-    silent = shop_parameters("mill01", growth={"recorded": False})
-    assert write_growth(tmp_path, silent) == {} and not list(tmp_path.iterdir())
-
-
 def test_a_chosen_record_is_that_of_the_whole_year(warm: Simulated, tmp_path: Path) -> None:
     """Before a sensor fails, no record depends on which others are made."""
     few = shop_parameters(warm.parameters.machine, growth={"numbers": [2, 9]})

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,9 @@ import pytest
 
 from pipeline.parallel import Compute
 from pipeline.shop.cutting.records import write_cutting
+from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.growth.parameters import Growth
+from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import (
     LoggerParameters,
     ShiftParameters,
@@ -19,6 +22,7 @@ from pipeline.shop.parameters import (
 )
 from pipeline.shop.simulate import simulate
 from pipeline.shop.trial.job import write_parts
+from pipeline.shop.wear.records import write_wear
 
 from .conftest import (
     NO_CUTS,
@@ -114,7 +118,26 @@ def test_the_siblings_are_two_machines() -> None:
     first, second = shop_parameters("mill01"), shop_parameters("mill02")
     assert first.c_axis and not second.c_axis
     assert (first.log.kind, second.log.kind) == ("agent", "adapter")
+    assert (first.control.spindle_wait, second.control.spindle_wait) == ("at_m3", "before_cutting")
     assert first.spindle != second.spindle
+    for kind, parts in {
+        "growth": ("body", "expansion", "paths", "season", "instruments"),
+        "wear": ("workpiece", "cutters", "lives", "rate", "sensors", "microscope"),
+    }.items():
+        own, other = (getattr(p, kind) for p in (first, second))
+        assert all(getattr(own, part) != getattr(other, part) for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("write", "changes"),
+    [(write_wear, NO_WEAR), (write_growth, NO_GROWTH), (write_cutting, NO_CUTS),
+     (write_feed, NO_DRIVES)],
+)  # fmt: skip
+def test_nothing_is_written_of_what_is_not_recorded(
+    write: Callable[[Path, ShopParameters], Any], changes: dict[str, Any], tmp_path: Path
+) -> None:
+    assert write(tmp_path, shop_parameters("mill01", **changes)) == {}
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(

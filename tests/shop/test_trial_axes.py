@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,11 +21,11 @@ from pipeline.shop.trial.job import TrialJob
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from pipeline.submodels.drive.servo.presliding import identify_presliding
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, CutJob, cut_program
-from pipeline.twin.cut_axes import CutFollowing, follow_cut
+from pipeline.twin.cut.axes import CutFollowing, follow_cut
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from pipeline.twin.drive import IdentifiedDrive
 from tests.gcode.following import follow
-from tests.shop.recorded_cut import AxesRecord, record_axes, write_axes
+from tests.shop.recorded_cut import AxesRecord, record_axes
 from tests.twin.shop_drives import shop_drives
 
 MACHINE = ShopParameters(machine="mill77")
@@ -133,24 +132,6 @@ def test_the_motor_draws_what_the_cut_takes(slot: AxesRecord) -> None:
     both = slot.following_error[steady, 0].mean(), air.following_error[steady, 0].mean()
     assert both[0] == pytest.approx(both[1], abs=1e-3)
     np.testing.assert_array_equal(slot.command, air.command)
-
-
-def test_the_record_is_a_file_of_the_servo_tool(slot: AxesRecord, tmp_path: Path) -> None:
-    done = write_axes(tmp_path / "servo/cut-P.csv", slot, MACHINE)
-    lines = (tmp_path / "servo/cut-P.csv").read_text().splitlines()
-    assert done["rows"] == len(slot.time) and lines[0].endswith("(simulated)")
-    head = next(line for line in lines if line.startswith("Time"))
-    assert head.split(",")[1:] == [f"{a}_{q}" for a in "XYZ" for q in ("PosSet", "PosAct", "Iq")]
-
-
-def test_the_same_seed_is_the_same_record() -> None:
-    one, again = (record_axes(SLOT, "P", JOB, MACHINE, 4) for _ in range(2))
-    np.testing.assert_array_equal(one.current, again.current)
-
-
-def test_a_spindle_that_stands_is_refused() -> None:
-    with pytest.raises(ValueError, match="cuts while the spindle stands"):
-        record_axes(SLOT.replace(" M3", ""), "P", JOB, MACHINE, 1)
 
 
 def compared(text: str, seed: int) -> dict[str, float]:

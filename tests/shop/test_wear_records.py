@@ -16,20 +16,23 @@ import yaml
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.force import Motion
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.wear.force import X, Y, cut_forces, workpiece
 from pipeline.shop.wear.parameters import PlannedLife, Wear
-from pipeline.shop.wear.rate import (
+from pipeline.shop.wear.records import BLOCK, course, write_wear
+from pipeline.shop.wear.teeth import (
     WornTool,
+    X,
+    Y,
     chip_loads,
     conditions,
+    cut_forces,
     flank_wear,
     new_tool,
+    workpiece,
 )
-from pipeline.shop.wear.records import BLOCK, course, write_wear
 from pipeline.signals.formats import RecordSource
 from pipeline.stages.ingest import ingest
 
-from .conftest import CONF, Simulated, digests, shop_parameters
+from .conftest import CONF, Simulated, shop_parameters
 
 MACHINES = pytest.mark.parametrize("machine", ["mill01", "mill02"])
 
@@ -65,22 +68,6 @@ def even(tool: WornTool) -> WornTool:
     """The tool without runout, tilt and differences between its teeth."""
     mill = replace(tool.mill, runout=0.0, tilt=0.0, sharpness=(1.0,) * tool.mill.flutes)
     return WornTool(mill=mill, teeth=np.ones(tool.mill.flutes))
-
-
-def test_the_same_bytes_every_time(lives: Simulated, tmp_path: Path) -> None:
-    again = write_wear(tmp_path, lives.parameters)
-    assert digests(tmp_path) == digests(lives.folder) and again == lives.truth
-
-
-def test_nothing_is_written_when_wear_is_not_recorded(tmp_path: Path) -> None:
-    silent = shop_parameters("mill01", wear={"recorded": False})
-    assert write_wear(tmp_path, silent) == {} and not list(tmp_path.iterdir())
-
-
-def test_the_siblings_wear_differently() -> None:
-    first, second = (shop_parameters(m).wear for m in ("mill01", "mill02"))
-    for part in ("workpiece", "cutters", "lives", "rate", "sensors", "microscope"):
-        assert getattr(first, part) != getattr(second, part)
 
 
 @MACHINES

@@ -5,7 +5,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.twin.control import planned_program
-from pipeline.twin.cut import Cut, CutJob, cut_program
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from tests.gcode.following import follow
 
 K_T, K_E = 1.23e9, 0.5  # A6061 of Sim2023 [N/m^2], [1]

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.engagement.stock import Box
-from pipeline.twin.cut import recut
-from pipeline.twin.cut_blocks import cut_blocks, station_arcs
-from pipeline.twin.cut_tables import cut_trace
+from pipeline.twin.cut.blocks import cut_blocks, station_arcs
+from pipeline.twin.cut.loads import recut
+from pipeline.twin.cut.tables import cut_trace
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, cut_of, pocket
 
 

@@ -9,10 +9,10 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
-from pipeline.twin.cut import with_force_laws
-from pipeline.twin.cut_blocks import station_arcs
-from pipeline.twin.cut_coefficients import ToolCoefficients
-from pipeline.twin.cut_wear import (
+from pipeline.twin.cut.blocks import station_arcs
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.loads import with_force_laws
+from pipeline.twin.cut.wear import (
     KnownWear,
     LandGrowth,
     MachineWear,

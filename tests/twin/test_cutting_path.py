@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.setup import Tool
-from pipeline.twin.cutting_path import cutting_path
+from pipeline.twin.cut.path import cutting_path
 from tests.gcode.following import follow
 
 OFFSETS = {

@@ -16,7 +16,7 @@ from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import MachiningPractice
 from pipeline.schema.part import HeldRows
-from pipeline.twin.cut import Cut
+from pipeline.twin.cut.loads import Cut
 
 CONSTRAINTS = (
     "load limit", "deflection", "roughness", "greatest chip", "least chip", "spindle torque",

@@ -41,9 +41,9 @@ from pipeline.optimisation.problem.spindle import (
 )
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_document import CutBasis
+from pipeline.twin.cut.blocks import CutBlocks
+from pipeline.twin.cut.document import CutBasis
+from pipeline.twin.cut.loads import Cut
 
 AT_ONCE = 1 << 18
 """Rows of all individuals of one pass, so that they stay in the cache."""

@@ -22,9 +22,9 @@ from pipeline.machine.spindle import CUTTING, run_up_time
 from pipeline.optimisation.problem.arrays import Editable, Ranges
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.limits import CutLimit
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_stability import table_of
+from pipeline.twin.cut.blocks import CutBlocks
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.stability import table_of
 
 NEAR = 1e-9
 """Rounding, as a share: two speeds count as one, a margin as kept."""

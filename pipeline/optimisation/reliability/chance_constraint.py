@@ -35,7 +35,7 @@ from pipeline.optimisation.reliability.part_loads import (
 from pipeline.optimisation.reliability.uncertainty import Uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
-from pipeline.twin.cut import Cut
+from pipeline.twin.cut.loads import Cut
 
 NOMINAL = 0.5
 """Epsilon from which on nominal values are taken."""

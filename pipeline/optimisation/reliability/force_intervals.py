@@ -17,9 +17,9 @@ from pipeline.optimisation.reliability.uncertainty import CutRange, Uncertainty
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.program_cut import ForceInterval
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_coefficients import ToolCoefficients
-from pipeline.twin.cut_tables import figure
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import figure
 
 DRAWS = 256
 """Draws of each tool: a 5 % quantile errs by a tenth of the half width."""

@@ -30,8 +30,8 @@ from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncer
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.cache import keep, kept
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import STEEP
+from pipeline.twin.cut.blocks import STEEP
+from pipeline.twin.cut.loads import Cut
 
 ALIKE_RAD = np.pi / 36
 """Angle by which engaged arcs of one class may differ at their ends [rad]."""

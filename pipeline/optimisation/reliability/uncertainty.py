@@ -36,7 +36,7 @@ from pipeline.schema.cutting import CutConditions, CuttingModel
 from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.si import UM
 from pipeline.schema.verdict import UsedStatus, Verdict
-from pipeline.twin.cut_coefficients import (
+from pipeline.twin.cut.coefficients import (
     COEFFICIENTS,
     SCALES,
     ToolCoefficients,

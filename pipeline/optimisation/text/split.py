@@ -13,7 +13,7 @@ from pipeline.optimisation.settings import Grouping
 from pipeline.optimisation.text.modal_words import LineRuns, cuts_at_feed
 from pipeline.optimisation.text.words import FeedText, ProgramWords, digits
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.twin.cut import Cut
+from pipeline.twin.cut.loads import Cut
 
 SECONDS = 60.0
 """In a minute."""

@@ -4,4 +4,4 @@ The document is what ``kerf simulate --json`` writes with a stock; nothing else 
 in [N], depths in [mm], angles in [deg], speeds in [rev/min], power in [kW], shares in [1].
 """
 
-__all__ = ["edges", "figures", "page", "tables"]
+__all__ = ["page"]

@@ -9,7 +9,6 @@ import numpy as np
 from pipeline.charts.numbers import counted, duration, number
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
-from pipeline.report.cut.edges import edge_words, edges_table
 from pipeline.report.cut.figures import (
     DRIVE_LEGEND,
     ENGAGEMENT_LEGEND,
@@ -23,10 +22,13 @@ from pipeline.report.cut.figures import (
     values_of,
 )
 from pipeline.report.cut.tables import (
+    MOST_SPANS,
     NO_COST,
     axes_table,
     basis_table,
     cost_table,
+    edge_words,
+    edges_table,
     forces_table,
     intervals_table,
     sentence,
@@ -34,6 +36,7 @@ from pipeline.report.cut.tables import (
     warnings_pairs,
     worst_table,
 )
+from pipeline.report.programs.simulated import Program, feed_classes, time_section
 from pipeline.report.standalone_page import (
     StandalonePage,
     doubts,
@@ -51,23 +54,24 @@ NOTHING = "Nothing is cut: the tool never meets the stock. Look at the stock's p
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedCut:
-    """The cut of a program on a machine; ``origin`` is ``simulated`` or ``recorded``.
-
-    ``verdicts`` are those on the sub-models that it rests on.
-    """
+    """The cut of a program on a machine."""
 
     program: str
     machine: str
     origin: str
+    """Origin of the machine's records, ``simulated`` or ``recorded``."""
     cut: ProgramCut
     verdicts: tuple[UsedModel, ...] = ()
+    """Verdicts on the sub-models that it rests on."""
+    time: Program | None = None
+    """The program through the machine's control; without it its time is not drawn."""
 
 
 def write_cut_page(shown: SimulatedCut, out: Path, source: Path | None = None) -> None:
     """Write the page of a cut; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
     page = cut_page(shown, sources)
-    write_text(rendered(page, "cut.html.j2"), out)
+    write_text(rendered(page), out)
 
 
 def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
@@ -80,7 +84,10 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         verdicts_section(shown.verdicts),
         _load_section(shown.program, cut, sources),
         _stability_section(cut, sources),
-        Section(key="cost", title="Time, tool life and cost", blocks=[cost_table(cut, sources)]),
+        None if shown.time is None else _time_section(shown.time, sources),
+        Section(
+            key="cost", title="Time, tool life and cost", blocks=present(cost_table(cut, sources))
+        ),
         _basis_section(cut, sources),
     ]
     return StandalonePage(
@@ -93,11 +100,19 @@ def cut_page(shown: SimulatedCut, sources: list[Source]) -> StandalonePage:
         sentences=sentences,
         key_figures=_key_figures(cut),
         sections=[s for s in sections if s is not None],
+        running="Kerf: cut of a part program",
+        computed="Computed by Kerf from the program, the stock and the tools named above; nothing "
+        "of it was measured in a cut.",
     )
 
 
+def _time_section(program: Program, sources: list[Source]) -> Section:
+    classes = feed_classes([] if program.moves is None else [program.moves])
+    return time_section(program, classes, sources, sources)
+
+
 def _verdict(cut: ProgramCut) -> tuple[str, str, list[str]]:
-    grave = [one for one in cut.warnings if one.grave]
+    grave = [warning for warning in cut.warnings if warning.grave]
     unsaid = [f"Not known: {', '.join(one.what for one in cut.not_known)}."] * bool(cut.not_known)
     if not cut.by_tool:
         return "failed", "cuts nothing", [NOTHING]
@@ -187,13 +202,13 @@ def _load_section(program: str, cut: ProgramCut, sources: list[Source]) -> Secti
             "that no peak is lost.",
             *edge_words(cut.edges),
         ],
-        pairs=warnings_pairs(cut),
+        pairs=warnings_pairs(cut.warnings, MOST_SPANS),
         blocks=[
             Figures(figures=[load], legend=legend, kind="one wide"),
             Figures(figures=[engagement], legend=ENGAGEMENT_LEGEND, kind="one wide"),
-            forces_table(cut, sources),
-            *([intervals_table(cut, sources)] if cut.forces else []),
             *present(
+                forces_table(cut, sources),
+                intervals_table(cut, sources),
                 edges_table(cut.edges, sources),
                 worst_table(cut, sources),
                 axes_table(cut.axes, sources),
@@ -251,6 +266,6 @@ def _basis_section(cut: ProgramCut, sources: list[Source]) -> Section:
         title="What these numbers rest on",
         text=list(cut.notes),
         pairs=left_out,
-        blocks=[basis_table(cut, sources)],
+        blocks=present(basis_table(cut, sources)),
         closing=True,
     )

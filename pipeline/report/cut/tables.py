@@ -1,26 +1,54 @@
-"""Tables of a cut: loads and cost by tool, blocks nearest to a limit, sources of the numbers."""
+"""Tables of a cut: loads and cost by tool, sharp and worn edges, blocks nearest to a limit."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from typing import Protocol
 
-from pipeline.charts.numbers import (
-    NARROW,
-    NOT_KNOWN,
-    TOGETHER,
-    counted,
-    duration,
-    fixed,
-    number,
-)
+from pipeline.charts.numbers import NARROW, NOT_KNOWN, TOGETHER, counted, duration, fixed, number
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import Cell, Column, Head, Table, cells, names, numbers, tabulated
+from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.schema.drive import AxisInCut
-from pipeline.schema.program_cut import CutCost, CutTotals, ProgramCut, ToolTotals, WorstBlock
+from pipeline.schema.program_cut import (
+    BasisRow,
+    CutCost,
+    CutTotals,
+    CutWarning,
+    EdgeForces,
+    ForceInterval,
+    ProgramCut,
+    ToolEdge,
+    ToolTotals,
+    WorstBlock,
+)
 
-NOTHING = 1e-6  # of the greatest of its kind: less is rounding
-MOST_SPANS = 8  # stretches of lines that a warning names
+ROUNDING = 1e-6
+"""Share of the greatest of its kind below which a force is rounding [1]."""
+MOST_SPANS = 8
+"""Stretches of lines that a warning names."""
 NONE = "–"
 NO_COST = CutCost(time=None, tools=None, energy=None, sum=None)
+
+
+class Numbered(Protocol):
+    """A row that belongs to a tool."""
+
+    @property
+    def tool(self) -> int:
+        """Number of the tool."""
+
+    @property
+    def name(self) -> str:
+        """Name of the tool."""
+
+
+def tool_words(row: Numbered) -> str:
+    """Number and name of a tool."""
+    return f"T{row.tool} {row.name}".strip()
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number as it stands in a table; a dash where there is none."""
+    return NONE if value is None else number(value, digits)
 
 
 def share(value: float | None) -> str:
@@ -32,190 +60,15 @@ def share(value: float | None) -> str:
     return f"{number(100 * value, 2)}{NARROW}%"
 
 
-def between(row: object, key: str, said: Callable[[float], str]) -> str:
+def between(row: object, key: str, words: Callable[[float], str]) -> str:
     """The ends of the interval of a quantity, in brackets; nothing where it has none."""
     low, high = (getattr(row, f"{key}_{end}", None) for end in ("low", "high"))
-    return "" if low is None or high is None else f" ({said(low)} to {said(high)})"
+    return "" if low is None or high is None else f" ({words(low)} to {words(high)})"
 
 
-def _figure(value: float | None) -> str:
-    return NONE if value is None else number(value)
-
-
-def _cleared(rows: Sequence[ToolTotals]) -> list[ToolTotals]:
-    """The rows with 0 for forces that are nothing but rounding beside the greatest."""
-    pairs = [(row.peak_load_N, row.axial_force_N) for row in rows]
-    least = NOTHING * max((abs(x) for pair in pairs for x in pair if x is not None), default=0.0)
-
-    def cleared(value: float | None) -> float | None:
-        return 0 if value is not None and abs(value) < least else value
-
-    return [
-        replace(row, peak_load_N=cleared(peak), axial_force_N=cleared(axial))
-        for row, (peak, axial) in zip(rows, pairs, strict=True)
-    ]
-
-
-def forces_table(cut: ProgramCut, sources: list[Source]) -> Table:
-    """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
-    return Table(
-        caption="By tool: the worst of its blocks, at the highest feed that a block reaches",
-        heads=[
-            *names("Tool"),
-            *numbers(("blocks that cut", ""), ("in the material", ""), ("in air", "")),
-            *numbers(("feed per tooth", "mm"), ("thickest", "mm"), group="Chip"),
-            *numbers(("axial", "mm"), ("radial", "mm"), group="Depth"),
-            *numbers(("in the plane", "N"), ("axial", "N"), group="Peak force"),
-            *numbers(
-                ("torque", f"N{TOGETHER}m"), ("power", "kW"), ("of the drive", ""), group="Spindle"
-            ),
-            *numbers(("deflection", "µm"), ("stability", "")),
-        ],
-        rows=[_force_row(row) for row in _cleared(cut.by_tool)],
-        sources=sources,
-        note="Stability is how much deeper the block could cut before it chatters; negative where "
-        "it does. Deflection is of the tool alone, clamped in its holder.",
-    )
-
-
-def intervals_table(cut: ProgramCut, sources: list[Source]) -> Table:
-    """By tool: peak and mean force in the plane with 90 % intervals, and what was not learnt."""
-    ends = numbers(("predicted", "N"), ("from", "N"), ("to", "N"), group="Peak force")
-    return Table(
-        caption="By tool: how sure the greatest forces are",
-        heads=[
-            *names("Tool"), *ends,
-            *numbers(("predicted", "N"), ("from", "N"), ("to", "N"), group="Mean force"),
-            *names("Outside of what was learnt"),
-        ],
-        rows=[
-            cells(
-                f"T{row.tool} {row.name}".strip(),
-                *(_figure(value) for value in (
-                    row.peak_load_N, row.peak_load_low_N, row.peak_load_high_N, row.mean_load_N,
-                    row.mean_load_low_N, row.mean_load_high_N,
-                )),
-                "; ".join(row.outside) or "nothing",
-            )
-            for row in cut.forces
-        ],
-        sources=sources,
-        note="90 % intervals: coefficients and law of the chip, wear of the edge, runout, "
-        "axial depth and the errors of the model on recordings left out, drawn as for the load "
-        "limit of an optimisation; predicted is the median. Tables of loads have the runout of the "
-        "tool table alone. Wider where feed, speed or depth were not learnt.",
-    )  # fmt: skip
-
-
-def _force_row(row: ToolTotals) -> list[Cell]:
-    return cells(
-        f"T{row.tool} {row.name}".strip(),
-        number(row.blocks),
-        duration(row.in_material_s),
-        share(row.air_share),
-        _figure(row.feed_per_tooth_mm),
-        _figure(row.chip_thickness_mm),
-        _figure(row.axial_depth_mm),
-        _figure(row.radial_depth_mm),
-        _figure(row.peak_load_N),
-        _figure(row.axial_force_N),
-        _figure(row.torque_Nm),
-        _figure(row.power_kW),
-        share(row.drive_share),
-        _figure(row.deflection_um),
-        share(row.stability_margin),
-    )
-
-
-def cost_table(cut: ProgramCut, sources: list[Source]) -> Table:
-    """By tool: time, volume, share of its life, cost by cause, energy."""
-    currency = cut.currency or ""
-    return Table(
-        caption="By tool: what the part costs",
-        heads=[
-            *names("Tool"),
-            *numbers(("time", ""), ("removed", "cm³"), ("rate while cutting", "cm³/min")),
-            *numbers(("tool life used", "")),
-            *numbers(
-                ("time", currency), ("tools", currency), ("energy", currency), ("sum", currency),
-                group="Cost",
-            ),
-            *numbers(("energy", "kWh")),
-        ],
-        rows=[
-            *(_cost_row(row, f"T{row.tool} {row.name}".strip()) for row in cut.by_tool),
-            _cost_row(cut.summary, "the part"),
-        ],
-        sources=sources,
-        note="In brackets what the spread of the tools’ lives allows.",
-    )  # fmt: skip
-
-
-def _cost_row(row: CutTotals, name: str) -> list[Cell]:
-    cost = row.cost or NO_COST
-    return cells(
-        name,
-        duration(row.time_s),
-        _figure(row.volume_cm3),
-        _figure(row.removal_rate_cm3_min),
-        share(row.tool_life_share) + between(row, "tool_life_share", share),
-        *(_figure(one) for one in (cost.time, cost.tools, cost.energy)),
-        _figure(cost.sum) + between(cost, "sum", _figure),
-        _figure(row.energy_kWh),
-    )
-
-
-def worst_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
-    """The blocks that come nearest to a limit, or beyond it."""
-    if not cut.worst:
-        return None
-    return Table(
-        caption="The blocks that come nearest to what binds them: the worst of each run of blocks",
-        heads=[
-            *names("Line", "Tool", "what binds"),
-            *numbers(("of the limit", ""), ("blocks alike", ""), ("peak load", "N"),
-                     ("feed reached", "mm/min"), ("speed", "rev/min"), ("feed per tooth", "mm"),
-                     ("axial depth", "mm"), ("radial depth", "mm"), ("power", "kW"),
-                     ("deflection", "µm")),
-        ],
-        rows=[_worst_row(row, measured=cut.dynamics_measured) for row in cut.worst],
-        sources=sources,
-    )  # fmt: skip
-
-
-def _worst_row(row: WorstBlock, *, measured: bool) -> list[Cell]:
-    used, binds = row.used, row.binds or NOT_KNOWN
-    grave = measured or binds != "stability"
-    status = "" if used is None or used <= 1 else "failed" if grave else "attention"
-    return cells(
-        str(row.line),
-        f"T{row.tool}",
-        Cell(text=binds, status=status),
-        share(used),
-        number(row.alike),
-        _figure(row.peak_load_N),
-        _figure(row.reached_feed_mm_min),
-        number(round(row.speed_rpm or 0)),
-        _figure(row.feed_per_tooth_mm),
-        _figure(row.axial_depth_mm),
-        _figure(row.radial_depth_mm),
-        _figure(row.power_kW),
-        _figure(row.deflection_um),
-    )
-
-
-def warnings_pairs(cut: ProgramCut) -> list[tuple[str, str]]:
-    """What to look at before the part is cut: what, and in which lines."""
-    found = []
-    for row in cut.warnings:
-        spans = spans_of(row.lines)
-        words = f"Line{'s' if len(spans) > 1 or '–' in ''.join(spans) else ''} " if spans else ""
-        words += ", ".join(spans[:MOST_SPANS])
-        if len(spans) > MOST_SPANS:
-            words += f" and {counted(len(spans) - MOST_SPANS, 'stretch', 'stretches')} more"
-        many = "" if row.blocks is None else f" {counted(row.blocks, 'block')}."
-        found.append((sentence(row.what), f"{row.do}{many} {words}{'.' if words else ''}".strip()))
-    return found
+def sentence(words: str) -> str:
+    """The words with a capital at their beginning."""
+    return words[:1].upper() + words[1:]
 
 
 def spans_of(lines: Iterable[int]) -> list[str]:
@@ -229,9 +82,189 @@ def spans_of(lines: Iterable[int]) -> list[str]:
     return [str(a) if a == b else f"{a}–{b}" for a, b in spans]
 
 
-def sentence(words: str) -> str:
-    """The words with a capital at their beginning."""
-    return words[:1].upper() + words[1:]
+def lines_words(lines: Iterable[int], most: int) -> str:
+    """``line 33``, ``lines 33–35, 40 and 2 more``; empty without lines."""
+    spans = spans_of(lines)
+    if not spans:
+        return ""
+    single = len(spans) == 1 and "–" not in spans[0]
+    more = f" and {len(spans) - most} more" if len(spans) > most else ""
+    return f"line{'' if single else 's'} {', '.join(spans[:most])}{more}"
+
+
+def warnings_pairs(warnings: Sequence[CutWarning], most: int) -> list[tuple[str, str]]:
+    """What to look at before the part is cut: what, its remedy, and in which lines."""
+    return [
+        (sentence(row.what), " ".join(filter(None, (
+            row.do,
+            "" if row.blocks is None else f"{counted(row.blocks, 'block')}.",
+            f"{sentence(where)}." if (where := lines_words(row.lines, most)) else "",
+        ))))
+        for row in warnings
+    ]  # fmt: skip
+
+
+def _quantity(
+    name: str, key: str, unit: str = "", group: str = "",
+    words: Callable[[float | None], str] = figure,
+) -> Column[object]:  # fmt: skip
+    """Column of one field of the rows."""
+    return Column(name, lambda row: words(getattr(row, key)), unit, group)
+
+
+def _cleared(rows: Sequence[ToolTotals]) -> list[ToolTotals]:
+    """The rows with 0 for forces that are nothing but rounding beside the greatest."""
+    pairs = [(row.peak_load_N, row.axial_force_N) for row in rows]
+    least = ROUNDING * max((abs(x) for pair in pairs for x in pair if x is not None), default=0.0)
+
+    def cleared(value: float | None) -> float | None:
+        return 0 if value is not None and abs(value) < least else value
+
+    return [
+        replace(row, peak_load_N=cleared(peak), axial_force_N=cleared(axial))
+        for row, (peak, axial) in zip(rows, pairs, strict=True)
+    ]
+
+
+def forces_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
+    """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
+    return tabulated(
+        "By tool: the worst of its blocks, at the highest feed that a block reaches",
+        _cleared(cut.by_tool), FORCES, sources,
+        note="Stability is how much deeper the block could cut before it chatters; negative where "
+        "it does. Deflection is of the tool alone, clamped in its holder.",
+    )  # fmt: skip
+
+
+FORCES: tuple[Column[ToolTotals], ...] = (
+    Column("Tool", tool_words),
+    _quantity("blocks that cut", "blocks", words=figure),
+    _quantity("in the material", "in_material_s", words=duration),
+    _quantity("in air", "air_share", words=share),
+    _quantity("feed per tooth", "feed_per_tooth_mm", "mm", "Chip"),
+    _quantity("thickest", "chip_thickness_mm", "mm", "Chip"),
+    _quantity("axial", "axial_depth_mm", "mm", "Depth"),
+    _quantity("radial", "radial_depth_mm", "mm", "Depth"),
+    _quantity("in the plane", "peak_load_N", "N", "Peak force"),
+    _quantity("axial", "axial_force_N", "N", "Peak force"),
+    _quantity("torque", "torque_Nm", f"N{TOGETHER}m", "Spindle"),
+    _quantity("power", "power_kW", "kW", "Spindle"),
+    _quantity("of the drive", "drive_share", group="Spindle", words=share),
+    _quantity("deflection", "deflection_um", "µm"),
+    _quantity("stability", "stability_margin", words=share),
+)
+
+
+def intervals_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
+    """By tool: peak and mean force in the plane with 90 % intervals, and what was not learnt."""
+    return tabulated(
+        "By tool: how sure the greatest forces are", cut.forces, INTERVALS, sources,
+        note="90 % intervals: coefficients and law of the chip, wear of the edge, runout, "
+        "axial depth and the errors of the model on recordings left out, drawn as for the load "
+        "limit of an optimisation; predicted is the median. Tables of loads have the runout of the "
+        "tool table alone. Wider where feed, speed or depth were not learnt.",
+    )  # fmt: skip
+
+
+INTERVALS: tuple[Column[ForceInterval], ...] = (
+    Column("Tool", tool_words),
+    *(
+        _quantity(name, f"{load}{key}_N", "N", group)
+        for load, group in (("peak_load", "Peak force"), ("mean_load", "Mean force"))
+        for name, key in (("predicted", ""), ("from", "_low"), ("to", "_high"))
+    ),
+    Column("Outside of what was learnt", lambda row: "; ".join(row.outside) or "nothing"),
+)
+
+
+def edges_table(edges: Sequence[ToolEdge], sources: list[Source], whose: str = "") -> Table | None:
+    """Greatest load and power of each tool, sharp and worn; None where no growth is known."""
+    rows = [(edge, edge.forces) for edge in edges if edge.forces is not None]
+    caption = sentence(f"{whose}force of each tool, sharp and worn")
+    return tabulated(caption, rows, EDGES, sources, note="The greatest of the tool’s blocks. "
+        "The range holds for the growth of the force with wear alone, 95 % of it.")  # fmt: skip
+
+
+def _um(value: float) -> str:
+    return f"{number(value)}{NARROW}µm"
+
+
+EDGES: tuple[Column[tuple[ToolEdge, EdgeForces]], ...] = (
+    Column("Tool", lambda row: tool_words(row[0])),
+    Column("counted", lambda row: f"worn, {_um(row[0].wear_um)}" if row[0].wear_um else "sharp"),
+    Column("compared at", lambda row: _um(row[1].wear_um), ""),
+    Column("sharp", lambda row: figure(row[1].peak_load_sharp_N), "N", "Peak load"),
+    Column("worn", lambda row: figure(row[1].peak_load_N), "N", "Peak load"),
+    Column("range", lambda row: f"{figure(row[1].peak_load_low_N)} to "
+           f"{figure(row[1].peak_load_high_N)}", "N", "Peak load"),
+    Column("sharp", lambda row: figure(row[1].power_sharp_kW), "kW", "Power of the cut"),
+    Column("worn", lambda row: figure(row[1].power_kW), "kW", "Power of the cut"),
+)  # fmt: skip
+
+
+def edge_words(edges: Sequence[ToolEdge]) -> list[str]:
+    """Which wear the figures hold for, one sentence for tools alike."""
+    alike: dict[str, list[str]] = {}
+    for edge in edges:
+        words = f"{edge.edge}{f' ({edge.caution})' if edge.caution and edge.wear_um else ''}"
+        alike.setdefault(words, []).append(f"T{edge.tool}")
+    return [
+        f"{', '.join(tools)} {'counts' if len(tools) == 1 else 'count'} as {words}."
+        for words, tools in alike.items()
+    ]
+
+
+def cost_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
+    """By tool: time, volume, share of its life, cost by cause, energy."""
+    currency = cut.currency or ""
+
+    def cost(key: str) -> Callable[[CutTotals], str]:
+        return lambda row: figure(getattr(row.cost or NO_COST, key))
+
+    rows: list[CutTotals] = [*cut.by_tool, cut.summary]
+    return tabulated("By tool: what the part costs", rows, (
+        Column("Tool", lambda row: tool_words(row) if isinstance(row, ToolTotals) else "the part"),
+        _quantity("time", "time_s", words=duration),
+        _quantity("removed", "volume_cm3", "cm³"),
+        _quantity("rate while cutting", "removal_rate_cm3_min", "cm³/min"),
+        Column("tool life used", lambda row: share(row.tool_life_share)
+               + between(row, "tool_life_share", share), ""),
+        *(Column(key, cost(key), currency, "Cost") for key in ("time", "tools", "energy")),
+        Column("sum", lambda row: cost("sum")(row) + between(row.cost or NO_COST, "sum", figure),
+               currency, "Cost"),
+        _quantity("energy", "energy_kWh", "kWh"),
+    ), sources, note="In brackets what the spread of the tools’ lives allows.")  # fmt: skip
+
+
+def worst_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
+    """The blocks that come nearest to a limit, or beyond it."""
+
+    def binds(row: WorstBlock) -> Cell:
+        beyond = row.used is not None and row.used > 1
+        grave = cut.dynamics_measured or row.binds != "stability"
+        status = ("failed" if grave else "attention") if beyond else ""
+        return Cell(text=row.binds or NOT_KNOWN, status=status)
+
+    return tabulated(
+        "The blocks that come nearest to what binds them: the worst of each run of blocks",
+        cut.worst,
+        (
+            Column("Line", lambda row: str(row.line)),
+            Column("Tool", lambda row: f"T{row.tool}"),
+            Column("what binds", binds),
+            _quantity("of the limit", "used", words=share),
+            _quantity("blocks alike", "alike"),
+            _quantity("peak load", "peak_load_N", "N"),
+            _quantity("feed reached", "reached_feed_mm_min", "mm/min"),
+            Column("speed", lambda row: number(round(row.speed_rpm or 0)), "rev/min"),
+            _quantity("feed per tooth", "feed_per_tooth_mm", "mm"),
+            _quantity("axial depth", "axial_depth_mm", "mm"),
+            _quantity("radial depth", "radial_depth_mm", "mm"),
+            _quantity("power", "power_kW", "kW"),
+            _quantity("deflection", "deflection_um", "µm"),
+        ),
+        sources,
+    )
 
 
 def axes_table(axes: Sequence[AxisInCut], sources: list[Source]) -> Table | None:
@@ -255,8 +288,13 @@ def _with(value: float, row: AxisInCut) -> str:
     return f"{number(value)}{NARROW}{row.command_unit}"
 
 
-def basis_table(cut: ProgramCut, sources: list[Source]) -> Table:
+def basis_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
     """What the numbers rest on: stock, force law of each tool, limits, what is not known."""
-    rows = [cells(row.what, row.value, row.source or NONE) for row in cut.basis]
-    heads = [Head(name="What"), Head(name="value"), Head(name="where it comes from")]
-    return Table(caption="What these numbers rest on", heads=heads, rows=rows, sources=sources)
+    return tabulated("What these numbers rest on", cut.basis, BASIS, sources)
+
+
+BASIS: tuple[Column[BasisRow], ...] = (
+    Column("What", lambda row: row.what),
+    Column("value", lambda row: row.value),
+    Column("where it comes from", lambda row: row.source or NONE),
+)

@@ -1,7 +1,7 @@
-"""Simulated part programs on a machine's page: paths, feed over time, time by cause.
+"""Page of a simulated part program: its path, its feed over time, and where its time goes.
 
-Positions are in the machine's frame [mm], feeds in [mm/min], times in [s].  Summaries are read as
-:class:`~pipeline.schema.program.SimulatedProgram`, moves from the Parquet file beside each.
+Moves are those of the table that ``simulate_programs`` writes, positions in the machine's frame
+[mm], feeds in [mm/min], times in [s].
 """
 
-__all__ = ["map", "moves", "section", "times"]
+__all__ = ["moves", "simulated"]

@@ -1,12 +1,14 @@
 """Path of a program from above and from the front, coloured by the feed that it reaches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.report.programs.moves import UNKNOWN, FeedClasses, Pieces, ProgramMoves, pieces, radii
+from pipeline.report.programs.moves import Pieces, ProgramMoves, pieces, radii
+from pipeline.report.programs.panels import UNKNOWN, Classes
 
 UNITS = 1200  # across a map, so that a unit is less than a pixel
 BUDGET = 120_000  # bytes of one view's paths; beyond it the grid that points lie on gets coarser
@@ -26,8 +28,8 @@ class View:
 def view(moves: ProgramMoves) -> View:
     """A frame around what is cut, or around all moves where nothing is; rapids may leave it."""
     drawn = moves.cutting if moves.cutting.any() else np.ones(len(moves.time), dtype=bool)
-    shown = pieces(moves, _coarse(moves)).of(drawn)
-    points = np.concatenate([shown.a, shown.b])
+    shown = pieces(moves, _coarse(moves))
+    points = np.concatenate([end[drawn[shown.row]] for end in (shown.a, shown.b)])
     if len(points) == 0:
         points = np.zeros((1, 3))
     return framed(points.min(axis=0), points.max(axis=0))
@@ -49,16 +51,36 @@ def _coarse(moves: ProgramMoves) -> float:
     return 1e-3 * max(extent, float(radius.max(initial=0.0)), 1e-3)
 
 
-def map_figure(moves: ProgramMoves, classes: FeedClasses, label: str) -> Markup:
+Axes = tuple[int, int]
+"""The two of X, Y, Z that a view shows across and up."""
+VIEWS: tuple[tuple[Axes, str], ...] = (((0, 1), "From above"), ((0, 2), "From the front"))
+
+
+def panel(
+    shown: View, axes: Axes, strokes: list[Markup], label: str, *,
+    behind: Sequence[Markup] = (), above: Sequence[Markup] = (),
+) -> Markup:  # fmt: skip
+    """One view: its grid, ``strokes`` on the map's grid, what stands behind and above them."""
+    wide, high = shown.span[list(axes)]
+    inside = svg.tag(
+        "svg", svg.group(strokes), x=0, y=0, width="100%", height="100%",
+        viewBox=f"0 0 {UNITS} {round(UNITS * high / wide)}",
+    )  # fmt: skip
+    across, up = ("XYZ"[axis] for axis in axes)
+    head = svg.text(0, -7, f"{label.partition(':')[0]}: {up} over {across}, mm", "head")
+    widest = HIGHEST * float(shown.span[0] / shown.span[1])
+    parts = [*behind, *grid(shown, axes), inside, head, *above]
+    return svg.map_plot(parts, wide=float(wide / high), most=widest, label=label)
+
+
+def map_figure(moves: ProgramMoves, classes: Classes, label: str) -> Markup:
     """The view from above and, below it with the same X, the view from the front."""
     shown = view(moves)
     cut = pieces(moves, 0.3 * float(shown.span[0]) / UNITS)
     kind = np.where(moves.cutting, classes.of(moves.reached), UNKNOWN)
     drawn = PathMap(cut=cut, moves=moves, kind=kind, classes=classes, shown=shown)
-    widest = HIGHEST * float(shown.span[0] / shown.span[1])
     return svg.group([
-        drawn.panel(axes, widest, f"{words}: {label}")
-        for axes, words in (((0, 1), "From above"), ((0, 2), "From the front"))
+        panel(shown, axes, drawn.strokes(axes), f"{words}: {label}") for axes, words in VIEWS
     ])  # fmt: skip
 
 
@@ -69,28 +91,15 @@ class PathMap:
     cut: Pieces
     """Straight pieces of the path."""
     moves: ProgramMoves
-    """That they belong to."""
+    """Moves that they belong to."""
     kind: np.ndarray
     """Class of the feed of each move."""
-    classes: FeedClasses
+    classes: Classes
     """Classes of the machine's programs."""
     shown: View
-    """The frame."""
+    """Frame of the map."""
 
-    def panel(self, axes: tuple[int, int], widest: float, label: str) -> Markup:
-        """One view, across and up two of the axes X, Y, Z."""
-        wide, high = self.shown.span[list(axes)]
-        tall = round(UNITS * high / wide)
-        inside = svg.tag(
-            "svg", svg.group(self.strokes(axes)), x=0, y=0, width="100%", height="100%",
-            viewBox=f"0 0 {UNITS} {tall}",
-        )  # fmt: skip
-        names = "XYZ"[axes[0]], "XYZ"[axes[1]]
-        head = f"{label.partition(':')[0]}: {names[1]} over {names[0]}, mm"
-        parts = [*grid(self.shown, axes), inside, svg.text(0, -7, head, "head")]
-        return svg.map_plot(parts, wide=float(wide / high), most=widest, label=label)
-
-    def strokes(self, axes: tuple[int, int]) -> list[Markup]:
+    def strokes(self, axes: Axes) -> list[Markup]:
         """Rapids, then classes of feed from fast to slow, so that what is slow lies on top."""
         coarse = 1
         while True:
@@ -99,7 +108,7 @@ class PathMap:
                 return drawn
             coarse *= 2
 
-    def _drawn(self, axes: tuple[int, int], coarse: int) -> list[Markup]:
+    def _drawn(self, axes: Axes, coarse: int) -> list[Markup]:
         cut, moves, classes = self.cut, self.moves, self.classes
         a, b = (grid_points(p, self.shown, axes, coarse) for p in (cut.a, cut.b))
         cutting, along = moves.cutting[cut.row], self.kind[cut.row]
@@ -112,9 +121,7 @@ class PathMap:
         return [svg.tag("path", d=data, class_=f"curve {name}") for name, data in found if data]
 
 
-def grid_points(
-    points: np.ndarray, shown: View, axes: tuple[int, int], coarse: int
-) -> np.ndarray:  # fmt: skip
+def grid_points(points: np.ndarray, shown: View, axes: Axes, coarse: int) -> np.ndarray:
     """Points (N, 2) on the map's grid of whole numbers, y downwards."""
     u, v = axes
     scale = UNITS / float(shown.span[0]) / coarse
@@ -126,39 +133,29 @@ def grid_points(
     return found
 
 
-def _along_axis(cut: Pieces, axes: tuple[int, int]) -> np.ndarray:
+def _along_axis(cut: Pieces, axes: Axes) -> np.ndarray:
     """Which pieces go along the tool's axis alone: a dot from above, as a drilled hole is."""
     step = np.abs(cut.b - cut.a)
     found: np.ndarray = (axes == (0, 1)) & (step[:, :2].max(axis=1) < 1e-3) & (step[:, 2] > 1e-3)
     return found
 
 
-def grid(shown: View, axes: tuple[int, int]) -> list[Markup]:
+def grid(shown: View, axes: Axes) -> list[Markup]:
     """Lines at round positions of both axes, and their numbers [mm]."""
     parts = []
-    for place, axis in enumerate(axes):
+    for across, axis in zip((True, False), axes, strict=True):
         low, span = float(shown.low[axis]), float(shown.span[axis])
         for mark in svg.ticks(low, low + span, most=3 if axis == 2 else 5):
             share = 100 * (mark - low) / span
+            at = f"{share if across else 100 - share:.2f}%"
             words = f"{round(mark, 6) + 0.0:g}".replace("-", "−")
-            parts += _across_x(share, words) if place == 0 else _across_y(100 - share, words)
+            if across:
+                parts.append(svg.tag("line", x1=at, x2=at, y1=0, y2="100%", class_="grid"))
+                parts.append(svg.tag("text", words, x=at, y="100%", dy=15, class_="tick mid"))
+            else:
+                parts.append(svg.tag("line", x1=0, x2="100%", y1=at, y2=at, class_="grid"))
+                parts.append(svg.tag("text", words, x=0, y=at, dx=-6, dy=4, class_="tick end"))
     return parts
-
-
-def _across_x(x: float, words: str) -> list[Markup]:
-    at = f"{x:.2f}%"
-    return [
-        svg.tag("line", x1=at, x2=at, y1=0, y2="100%", class_="grid"),
-        svg.tag("text", words, x=at, y="100%", dy=15, class_="tick mid"),
-    ]
-
-
-def _across_y(y: float, words: str) -> list[Markup]:
-    at = f"{y:.2f}%"
-    return [
-        svg.tag("line", x1=0, x2="100%", y1=at, y2=at, class_="grid"),
-        svg.tag("text", words, x=0, y=at, dx=-6, dy=4, class_="tick end"),
-    ]
 
 
 def stroke(a: np.ndarray, b: np.ndarray) -> str:

@@ -6,9 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from pipeline.charts import svg
-from pipeline.charts.numbers import number
-
 COLUMNS = (
     "kind", "x", "y", "z", "cx", "cy", "cz", "angle", "plane",
     "programmed_feed", "reached_feed", "time", "tool",
@@ -18,10 +15,6 @@ CUTTING = ("feed", "arc", "probe", "thread")
 IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 """First and second axis of a plane: XY, ZX, YZ."""
 MOST_PIECES = 720  # of one arc or helix
-COLOURS = 6  # of the scale in style.css, f0 slow to f5 fast
-SERIES = ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
-"""Round bounds within a decade, the finest first."""
-UNKNOWN = -1  # class of a cutting move whose feed is not known
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,11 +60,6 @@ class Pieces:
     b: np.ndarray
     row: np.ndarray
 
-    def of(self, rows: np.ndarray) -> "Pieces":
-        """Those pieces whose move is chosen by ``rows`` (M,) of bool."""
-        keep = rows[self.row]
-        return Pieces(a=self.a[keep], b=self.b[keep], row=self.row[keep])
-
 
 def program_moves(table: pa.Table, origin: tuple[float, float, float] | None) -> ProgramMoves:
     """Rows of ``table`` with :data:`COLUMNS`; ``origin`` is where the first move starts [mm].
@@ -87,8 +75,10 @@ def program_moves(table: pa.Table, origin: tuple[float, float, float] | None) ->
     )
     kind = pc.fill_null(table.column("kind").cast(pa.string()), "")
     time = _floats(table, "time")
+    if len(end):  # without an origin nothing is drawn before the first end
+        first = end[0] if origin is None else np.array(origin)
     return ProgramMoves(
-        start=np.vstack([_point(origin, end), end[:-1]]) if len(end) else end,
+        start=np.vstack([first, end[:-1]]) if len(end) else end,
         end=end,
         centre=centre,
         angle=np.nan_to_num(_floats(table, "angle"), posinf=0.0, neginf=0.0),
@@ -109,11 +99,6 @@ def _floats(table: pa.Table, name: str) -> np.ndarray:
 def _feeds(table: pa.Table, name: str) -> np.ndarray:
     feed = _floats(table, name)
     return np.where(np.isfinite(feed) & (feed > 0), feed, np.nan)
-
-
-def _point(origin: tuple[float, float, float] | None, end: np.ndarray) -> np.ndarray:
-    """The origin, or the first known end without one: then nothing is drawn before it."""
-    return end[0] if origin is None else np.array(origin)
 
 
 def pieces(moves: ProgramMoves, tolerance: float) -> Pieces:
@@ -191,63 +176,3 @@ def lengths(moves: ProgramMoves) -> np.ndarray:
     normal = np.select([moves.plane == 18, moves.plane == 19], [step[:, 1], step[:, 0]], step[:, 2])
     turned = np.abs(moves.angle) * (r_0 + r_1) / 2
     return np.where(_arcs(moves), np.sqrt(turned**2 + normal**2 + (r_1 - r_0) ** 2), length)
-
-
-@dataclass(frozen=True, kw_only=True)
-class FeedClasses:
-    """Classes of reached feed between ``bounds`` [mm/min], ascending; the first is the slowest."""
-
-    bounds: tuple[float, ...]
-
-    def __len__(self) -> int:
-        return len(self.bounds) + 1
-
-    def of(self, feed: np.ndarray) -> np.ndarray:
-        """Class of each feed; :data:`UNKNOWN` where it is not known."""
-        found = np.searchsorted(np.array(self.bounds), feed, side="right")
-        return np.where(np.isfinite(feed), found, UNKNOWN)
-
-    def colour(self, index: int) -> str:
-        """CSS name of a class's colour; few classes lie as far apart as many."""
-        if index == UNKNOWN:
-            return "f-none"
-        return f"f{round(index * (COLOURS - 1) / max(1, len(self) - 1))}"
-
-    def words(self, index: int) -> str:
-        """What a class holds, in words."""
-        ends = [number(round(b) if b >= 1 else b) for b in self.bounds]
-        if index == UNKNOWN:
-            return "feed not known"
-        if not ends:
-            return "at one feed"
-        if index == 0:
-            return f"below {ends[0]} mm/min"
-        if index == len(ends):
-            return f"{ends[-1]} mm/min and more"
-        return f"{ends[index - 1]} to {ends[index]}"
-
-
-def feed_classes(programs: list[ProgramMoves]) -> FeedClasses:
-    """At most six classes over the feeds that take 95 of 100 seconds of cutting."""
-    chosen = [m.cutting & np.isfinite(m.reached) & (m.time > 0) for m in programs]
-    feed = np.concatenate([*(m.reached[c] for m, c in zip(programs, chosen, strict=True)), []])
-    time = np.concatenate([*(m.time[c] for m, c in zip(programs, chosen, strict=True)), []])
-    if len(feed) == 0:
-        return FeedClasses(bounds=())
-    order = np.argsort(feed)
-    passed = np.cumsum(time[order]) / time.sum()
-    low, high = (float(feed[order][np.searchsorted(passed, q)]) for q in (0.025, 0.97))
-    return FeedClasses(bounds=tuple(_bounds(low, high)))
-
-
-def _bounds(low: float, high: float) -> list[float]:
-    """Round feeds inside ``low`` to ``high``: evenly spaced within a span, else by ratio."""
-    if high < 4 * low:
-        even = [b for b in svg.ticks(low, high, most=5) if low < b < high]
-        return even[: COLOURS - 1] if high > 1.02 * low else []
-    decades = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
-    for series in SERIES:
-        inside = [m * 10.0**k for k in decades for m in series if low < m * 10.0**k < high]
-        if len(inside) <= COLOURS + 1:  # one or two too many: what is slowest is one class
-            break
-    return inside[-(COLOURS - 1) :]

@@ -8,19 +8,16 @@ import numpy as np
 from markupsafe import Markup
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import counted, duration, number, percent
-from pipeline.charts.svg import anchor
-from pipeline.report.programs.moves import FeedClasses, ProgramMoves
+from pipeline.charts.numbers import counted, duration, percent
+from pipeline.report.programs.moves import ProgramMoves
+from pipeline.report.programs.panels import Classes, Panel, clock, tool_spans
 from pipeline.schema.program import SimulatedProgram, ToolTime
 
 BINS = 240  # columns over the program's time
 TOP, FEED, SHARE, STRIP, GAP = 18, 150, 64, 14, 28  # px: head, heights of the bands, between them
 SEEN = 0.05  # share of a column's time that must be cutting for a feed to be drawn
-NAMED = 0.035  # share of the program's time above which a tool's span is named
 DOING = ("s-cut", "s-rapid", "s-still")
 """CSS classes of cutting, rapids, and all else."""
-STEPS = ((120, 1), (7200, 60), (1e300, 3600))
-"""Up to how many seconds the clock counts in seconds, minutes, hours."""
 ROW, HEAD, BETWEEN = 21, 24, 14  # px: a bar, the head above a group, between groups
 FILL = 66.0  # percent of the width that the longest bar takes; its time stands beside it
 MOST = 10  # bars in a group; the rest are one
@@ -99,13 +96,13 @@ def _tools(tool: np.ndarray, at: np.ndarray) -> list[tuple[int, float, float]]:
     ]  # fmt: skip
 
 
-def timeline_figure(shown: Timeline, classes: FeedClasses, label: str) -> Markup:
+def timeline_figure(shown: Timeline, classes: Classes, label: str) -> Markup:
     """Three bands over the program's time: feed, how much of it is missing, what goes on."""
     share_top = TOP + FEED + GAP
     strip_top = share_top + SHARE + GAP
     bottom = strip_top + STRIP
     parts = [
-        *_clock(shown.total, bottom),
+        *clock(shown.total, TOP, bottom),
         *_feeds(shown, classes, TOP),
         *_shortfall(shown, share_top),
         *_strip(shown, strip_top),
@@ -113,25 +110,12 @@ def timeline_figure(shown: Timeline, classes: FeedClasses, label: str) -> Markup
     return svg.figure(parts, height=bottom + 36, label=label, kind="golden")
 
 
-def _clock(total: float, bottom: float) -> list[Markup]:
-    unit = next(size for most, size in STEPS if total < most)
-    words = {1: "Time, s", 60: "Time, min", 3600: "Time, h"}[unit]
-    parts = [svg.text(50, bottom + 31, words, "tick mid")]
-    for mark in svg.ticks(0.0, total / unit, most=6):
-        x = 100 * mark * unit / total
-        parts.append(svg.down(x, TOP, bottom))
-        parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", anchor(x)))
-    return parts
-
-
-def _feeds(shown: Timeline, classes: FeedClasses, top: float) -> list[Markup]:
+def _feeds(shown: Timeline, classes: Classes, top: float) -> list[Markup]:
     known = np.concatenate([shown.programmed, shown.reached])
     known = known[np.isfinite(known)]
     high = 1.04 * float(known.max()) if len(known) else 1.0
-    parts = [svg.text(0, top - 7, "Feed, mm/min: programmed (line) and reached", "head")]
-    for mark in svg.ticks(0.0, high, most=4):
-        y = top + FEED * (1 - mark / high)
-        parts += [svg.across(y), svg.text(0, y + 4, number(round(mark)), "tick end", dx=-6)]
+    panel = Panel(head="Feed, mm/min: programmed (line) and reached", top=top, height=FEED,
+                  most=high)  # fmt: skip
     kind = classes.of(shown.reached)
     columns = [
         svg.tag("path", d=_columns(kind == index, 1 - shown.reached / high, None),
@@ -140,18 +124,16 @@ def _feeds(shown: Timeline, classes: FeedClasses, top: float) -> list[Markup]:
     ]  # fmt: skip
     level = svg.FULL * (1 - np.repeat(shown.programmed, 2) / high)
     line = svg.curve(10 * np.repeat(np.arange(BINS + 1), 2)[1:-1], level, "asked")
-    return [*parts, svg.band(top, FEED, 10 * BINS, [*columns, line])]
+    return [*panel.frame(), panel.band([*columns, line], BINS)]
 
 
 def _shortfall(shown: Timeline, top: float) -> list[Markup]:
-    parts = [svg.text(0, top - 7, "Reached of the programmed feed, %", "head")]
-    for mark in (0, 50, 100):
-        y = top + SHARE * (1 - mark / 100)
-        parts += [svg.across(y), svg.text(0, y + 4, str(mark), "tick end", dx=-6)]
+    panel = Panel(head="Reached of the programmed feed, %", top=top, height=SHARE, most=100.0,
+                  marks=(0, 50, 100))  # fmt: skip
     known = np.isfinite(shown.share)
     gap = svg.tag("path", d=_columns(known, np.zeros(BINS), 1 - shown.share), class_="s-lost")
     met = svg.tag("path", d=_columns(known, 1 - shown.share, None), class_="s-met")
-    return [*parts, svg.band(top, SHARE, 10 * BINS, [met, gap])]
+    return [*panel.frame(), panel.band([met, gap], BINS)]
 
 
 def _columns(where: np.ndarray, upper: np.ndarray, lower: np.ndarray | None) -> str:
@@ -165,17 +147,12 @@ def _columns(where: np.ndarray, upper: np.ndarray, lower: np.ndarray | None) -> 
 
 
 def _strip(shown: Timeline, top: float) -> list[Markup]:
-    parts = []
     content = [
         svg.tag("path", d=_columns(shown.doing == i, np.zeros(BINS), None), class_=kind)
         for i, kind in enumerate(DOING) if (shown.doing == i).any()
     ]  # fmt: skip
-    parts.append(svg.band(top, STRIP, 10 * BINS, content))
-    for tool, start, end in shown.tools:
-        parts.append(svg.down(100 * start, top - 14, top + STRIP, "grid change"))
-        if end - start > NAMED and tool >= 0:
-            parts.append(svg.text(50 * (start + end), top - 5, f"T{tool}", "tick mid"))
-    return parts
+    parts = [svg.band(top, STRIP, 10 * BINS, content)]
+    return [*parts, *tool_spans(shown.tools, top + STRIP, top - 14, top - 5)]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,41 +41,29 @@ class Clock:
 
 @dataclass(frozen=True, kw_only=True)
 class Display:
-    """Display of the control in each cycle; arrays of shape (T,), the first at the run's start.
-
-    Parameters
-    ----------
-    execution, line, tool : (T,) arrays of int
-    feedrate : (T,) array
-        Along the path [mm/s], of the axes, which lag behind their commands.
-    commanded : (T,) array
-        The same as commanded.
-    speed : (T,) array
-        Of the spindle [rev/min].
-    feed_override, rapid_override : (T,) arrays
-        [percent]; nan before the knob is first turned.
-    tool_before : int
-        In the spindle before the run.
-    clock : Clock
-        Program time of the run.
-    """
+    """Display of the control in each cycle; arrays of shape (T,), the first at the run's start."""
 
     execution: Ints
     line: Ints
     tool: Ints
     feedrate: Floats
+    """Speed of the axes along the path, which lag behind their commands [mm/s]."""
     commanded: Floats
+    """The same as commanded [mm/s]."""
     speed: Floats
+    """Speed of the spindle [rev/min]."""
     feed_override: Floats
     rapid_override: Floats
+    """Overrides [percent]; nan before the knob is first turned."""
     tool_before: int
+    """Tool in the spindle before the run."""
     clock: Clock
 
 
 def display(plan: Plan, operator: Operator, control: ControlParameters) -> Display:
     """Display of a run of ``plan`` with the actions of ``operator``."""
     time = clock(plan, operator, control)
-    line, tool, planned = _state(plan, time.program)
+    line, tool, planned = state_at(plan, time.program)
     commanded = planned * time.rate
     begun = time.execution.size if time.aborted is None else _cycles(time.aborted, control)
     speed = plan.spindle_speed(time.program)
@@ -156,7 +144,7 @@ def _middle(plan: Plan, line: int, cycle: float) -> float:
     raise ValueError(f"line {line} and those after it cut nothing: name a line before the last cut")
 
 
-def _state(plan: Plan, time: Floats) -> tuple[Ints, Ints, Floats]:
+def state_at(plan: Plan, time: Floats) -> tuple[Ints, Ints, Floats]:
     """Line, tool and commanded path speed [mm/s] at program times (T,), which ascend."""
     last = plan.spans[-1]
     line, tool = np.full(time.size, last.line), np.full(time.size, last.tool)
@@ -216,20 +204,10 @@ def log_lines(
     run: Display, start: np.datetime64, control: ControlParameters, random: np.random.Generator,
     torn: bool = False, load: Floats | None = None,
 ) -> list[str]:  # fmt: skip
-    """Lines of a log, ``timestamp|item|value``.
+    """Lines of a log, ``timestamp|item|value``, of a program that was started at ``start`` (UTC).
 
-    Parameters
-    ----------
-    run : Display
-        Display of the control.
-    start : datetime64
-        When the program was started (UTC).
-    control, random
-        Settings of the polling, and its chance.
-    torn : bool
-        Whether one line in the middle is cut short.
-    load : (T,) array, optional
-        Of the spindle [percent], where the adapter polls that too.
+    With ``torn`` one line in the middle is cut short; ``load`` (T,) is that of the spindle
+    [percent], where the adapter polls it too.
     """
     polls = _polls(run.line.size * control.cycle, control, random)
     cycle = np.floor(polls / control.cycle).astype(int)

@@ -233,6 +233,15 @@ class Span:
     section: Section | None = None
     axes: tuple[Profile, ...] = ()
 
+    def positions(self, time: Floats) -> Floats:
+        """Position (T, 3) [mm] at times since the start of a rapid or wait, also after its end."""
+        position = np.tile(np.array(self.begin), (time.size, 1))
+        profiles = iter(self.axes)
+        for k, (a, b) in enumerate(zip(self.begin, self.target, strict=True)):
+            if self.axes and abs(b - a) > SHORTEST:
+                position[:, k] += np.sign(b - a) * next(profiles).covered(time)
+        return position
+
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:

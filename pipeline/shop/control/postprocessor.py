@@ -40,7 +40,7 @@ class Step:
     """Programmed X Y Z after it [mm]; an infinite Z is that of the reference position."""
     centre: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
-    """Of an arc in X and Y: centre [mm], angle swept anticlockwise [rad]; 0 for none."""
+    """Centre of an arc in X and Y [mm], angle swept anticlockwise [rad]; 0 for none."""
     feed: float = 0.0
     """Feed [mm/min]."""
     number: int = 0
@@ -76,19 +76,13 @@ def word(letter: str, value: float) -> str:
 
 @dataclass(kw_only=True)
 class Post:
-    """A program that is being written.
-
-    Parameters
-    ----------
-    numbered, spaced : bool
-        Whether lines have N words, and blanks between words.
-    peck_clearance : float
-        Height above the last depth at which G83 ends its rapid [mm].
-    """
+    """A program that is being written."""
 
     numbered: bool
     spaced: bool
+    """Whether lines have N words, and blanks between words."""
     peck_clearance: float
+    """Height above the last depth at which G83 ends its rapid [mm]."""
     lines: list[str] = field(default_factory=list)
     steps: list[Step] = field(default_factory=list)
     tools: list[Tool] = field(default_factory=list)

@@ -37,10 +37,7 @@ class Play:
 def write_control(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``programs/*.nc`` and ``control/*.txt`` into ``folder``.
 
-    Returns
-    -------
-    dict
-        The truth about them: settings of the control, events of each run.
+    The truth about them: settings of the control, events of each run.
     """
     programs, edited = part_programs(parameters.control, parameters.generator("part programs"))
     for program in programs:

@@ -143,18 +143,8 @@ def amplified(
 ) -> Floats:  # fmt: skip
     """Output of the amplifier at each row, before the converter, shape (T, 3) [N].
 
-    Parameters
-    ----------
-    on_tool : (FINE T + lead, 4) array
-        Forces of :func:`.cutting_force.forces`, FINE steps a row.
-    mixed : (3, 3) array
-        Of :func:`crosstalk`.
-    own, dynamometer
-        Of the recording and of the whole.
-    lead : int
-        First steps, in which the modes settle, and which are not shown.
-    random
-        For the noise.
+    ``on_tool`` (FINE T + lead, 4) are forces of :mod:`.force`, FINE steps a row, ``mixed`` (3, 3)
+    those of :func:`crosstalk`; in the first ``lead`` steps, which are not shown, the modes settle.
     """
     force = plate_force(on_tool, dynamometer)
     modes = (dynamometer.x, dynamometer.y, dynamometer.z)
@@ -198,22 +188,11 @@ def converted(values: Floats, ends: float, bits: int) -> tuple[Floats, dict[str,
 def write_recording(
     path: Path, forces: Floats, *, start: float, measured: float, decimal: str, breaks: bool
 ) -> None:
-    """Write Fx, Fy, Fz of a recording.
+    """Write Fx, Fy, Fz (T, 3) [N] of a recording.
 
-    Parameters
-    ----------
-    path : Path
-        Of the file.
-    forces : (T, 3) array
-        [N].
-    start : float
-        Time of the first row since the measurement began [s].
-    measured : float
-        Length of the whole measurement, of which the rows are a part [s].
-    decimal : {".", ","}
-        With a comma the separator is a semicolon.
-    breaks : bool
-        Whether the file breaks off inside its last row.
+    The first row is at ``start`` since the measurement began, of which the rows are a part and
+    which took ``measured`` [s].  With a decimal comma the separator is a semicolon; with ``breaks``
+    the file breaks off inside its last row.
     """
     separator, name = ";" if decimal == "," else ",", path.stem
     time = start + np.arange(len(forces)) / RATE

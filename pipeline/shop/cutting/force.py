@@ -64,20 +64,8 @@ def chip_thickness(
 ) -> float:  # fmt: skip
     """Thickness of the chip at slice ``s`` of a tooth at the angle of ``sine`` and ``cosine`` [m].
 
-    Parameters
-    ----------
-    radii : (F, S) array
-        Of each tooth in each slice [m].
-    tooth, s : int
-        Which of them.
-    sine, cosine : float
-        Of the edge point's angle [1].
-    feed : float
-        Of the tool for each radian of its turn [m].
-    x : float
-        Of the tool's centre [m].
-    block : Block
-        The material.
+    ``radii`` (F, S) are those of each tooth in each slice [m]; the tool moves by ``feed`` for each
+    radian of its turn and has its centre at ``x`` [m].
     """
     flutes, own = radii.shape[0], radii[tooth, s]
     across, ahead = own * cosine, x + own * sine
@@ -108,20 +96,10 @@ def forces(
 ) -> np.ndarray:  # fmt: skip
     """Forces on the tool at each step, shape (T, 4).
 
-    Parameters
-    ----------
-    edge, block
-        Force of the edge, and the material.
-    radii : (F, S) array
-        Of each tooth in each slice [m].
-    sharpness : (F,) array
-        Factor of each tooth's own edge force.
-    lag : (S,) array
-        By which the edge in a slice is behind its tip [rad].
-    height : float
-        Of a slice [m].
-    angle, x, feed : (T,) arrays
-        Of the first tooth's tip [rad], of the tool's centre [m], the latter for each radian [m].
+    ``radii`` (F, S) are those of each tooth in each slice [m], ``sharpness`` (F,) the factor of its
+    own edge force; the edge in a slice, ``height`` [m], is ``lag`` (S,) behind its tip [rad].  The
+    first tooth's tip is at ``angle`` [rad], the tool's centre at ``x`` [m], moving by ``feed`` for
+    each radian [m]; (T,) each.
     """
     flutes, slices = radii.shape
     out = np.zeros((angle.size, 4))
@@ -210,18 +188,8 @@ def pass_forces(
 ) -> Floats:  # fmt: skip
     """Forces on the tool and torque at each step, shape (T, 4); columns X, Y, AXIAL, TORQUE.
 
-    Parameters
-    ----------
-    conditions, tool, workpiece
-        Tool and material; of the conditions only immersion, depth and width count.
-    motion : Motion
-        Position of the tool at each step.
-    VB : float
-        Width of the flank's land [m].
-    length : float
-        Of the block [mm].
-    slice_height : float
-        Greatest height of a slice [mm].
+    Of the conditions only immersion, depth and width count; the flank's land is ``VB`` wide [m],
+    the block ``length`` long, a slice at most ``slice_height`` high [mm].
     """
     teeth = edges(tool, conditions.depth, slice_height)
     out: Floats = forces(

@@ -79,19 +79,13 @@ def _z() -> ChannelMode:
 
 @dataclass(frozen=True, kw_only=True)
 class Series(Ranged, section="Series"):
-    """Tests on the dynamometer: slots and half immersions at two speeds, two depths, several feeds.
-
-    Raises
-    ------
-    ValueError
-        When there are not 2 speeds, 2 depths and 4 feeds above 0.
-    """
+    """Tests on the dynamometer: slots and half immersions, two speeds and depths, several feeds."""
 
     speeds: tuple[float, ...] = (4000.0, 6000.0)
     depths: tuple[float, ...] = (2.0, 3.0)
-    """[rev/min], [mm]."""
+    """Speeds [rev/min] and depths [mm]."""
     feeds: tuple[float, ...] = (0.03, 0.05, 0.08, 0.12)
-    """For each tooth [mm]."""
+    """Feeds for each tooth [mm]."""
     seconds: Annotated[float, Range(least=0.1, most=60, unit="s")] = 0.8
     """Length of a recording inside the material."""
     block: Annotated[float, Range(least=20, most=1000, unit="mm")] = 80.0
@@ -109,50 +103,37 @@ class Series(Ranged, section="Series"):
 
 @dataclass(frozen=True, kw_only=True)
 class Dynamometer(Ranged, section="Dynamometer"):
-    """The dynamometer under the workpiece and all behind it.
-
-    Parameters
-    ----------
-    along : {"x", "y"}
-        Its axis that points along the feed; x of the other one to the right of it.
-    axial : {"lift", "pressure"}
-        Force that its z channel counts positive.
-    x, y, z : ChannelMode
-        Of its channels.
-    crosstalk : float
-        Greatest share of a force that another channel shows.
-    speed_error, speed_wander : float
-        Of the spindle in a cut: greatest offset from the speed that is commanded, standard
-        deviation about it.
-    depth_error : float
-        Of the tool's length as it was measured for a test, standard deviation.
-    offset, drift : float
-        Of the amplifier, standard deviations from test to test.
-    range, low_range, bits : float, float, int
-        Force at the converter's end, the one that was left set too low in one test, resolution.
-    decimal : {".", ","}
-        Of its files.
-    """
+    """The dynamometer under the workpiece and all behind it."""
 
     along: Literal["x", "y"] = "x"
+    """Axis that points along the feed; x of the other one to the right of it."""
     axial: Literal["lift", "pressure"] = "lift"
+    """Force that its z channel counts positive."""
     series: Series = field(default_factory=Series)
     x: ChannelMode = field(default_factory=ChannelMode)
     y: ChannelMode = field(default_factory=lambda: ChannelMode(frequency=1840.0, damping=0.035))
     z: ChannelMode = field(default_factory=_z)
+    """Modes of its channels."""
     crosstalk: Annotated[float, Range(least=0, most=0.2)] = 0.018
+    """Greatest share of a force that another channel shows."""
     speed_error: Annotated[float, Range(least=0, most=0.05)] = 1e-3
     speed_wander: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    """Greatest offset of the spindle in a cut from the speed that is commanded, standard deviation
+    about it."""
     depth_error: Annotated[float, Range(least=0, most=200, unit="um")] = 8.0
+    """Standard deviation of the tool's length as it was measured for a test."""
     offset: Annotated[float, Range(least=0, most=100, unit="N")] = 3.0
     drift: Annotated[float, Range(least=0, most=50, unit="N/s")] = 0.8
+    """Standard deviations of the amplifier from test to test."""
     noise: Annotated[float, Range(least=0, most=50, unit="N")] = 1.2
     hum: Annotated[float, Range(least=0, most=50, unit="N")] = 0.7
     mains: Annotated[float, Range(least=15, most=70, unit="Hz")] = 50.0
     range: Annotated[float, Range(least=10, most=1e5, unit="N")] = 1000.0
     low_range: Annotated[float, Range(least=1, most=1e5, unit="N")] = 320.0
     bits: Annotated[int, Range(least=8, most=24)] = 16
+    """Force at the converter's end, the one that was left set too low in one test, resolution."""
     decimal: Literal[".", ","] = "."
+    """Decimal mark of its files."""
 
 
 PASSES = (
@@ -169,13 +150,7 @@ PASSES = (
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleTests(Ranged, section="SpindleTests"):
-    """Passes with a cut, speeds without one, and the load meter that shows them.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or there is no pass or no speed.
-    """
+    """Passes with a cut, speeds without one, and the load meter that shows them."""
 
     passes: tuple[Conditions, ...] = PASSES
     """Passes of the program; shoulders that get deeper are cut in the reverse order."""
@@ -183,15 +158,15 @@ class SpindleTests(Ranged, section="SpindleTests"):
     """Length of the blank."""
     speeds: tuple[float, ...] = SPEEDS
     hold: Annotated[float, Range(least=1, most=600, unit="s")] = 8.0
-    """Of the warm-up [rev/min], and the time of each."""
+    """Speeds of the warm-up [rev/min], and the time of each."""
     efficiency: Annotated[float, Range(least=0.3, most=1)] = 0.94
-    """From motor to tool, of the power of the cut."""
+    """Efficiency from motor to tool, of the power of the cut."""
     oil_temperature: Annotated[float, Range(least=0, most=100, unit="degC")] = 34.0
     """Oil temperature of the bearings, after the warm-up."""
     lag: Annotated[float, Range(least=0.01, most=10, unit="s")] = 0.25
     noise: Annotated[float, Range(least=0, most=20, unit="percent")] = 0.15
     step: Annotated[float, Range(least=0.01, most=10, unit="percent")] = 0.1
-    """Of the meter: time constant, standard deviation, resolution."""
+    """Time constant, standard deviation and resolution of the meter."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -204,34 +179,25 @@ class SpindleTests(Ranged, section="SpindleTests"):
 
 @dataclass(frozen=True, kw_only=True)
 class Workpiece(Ranged, section="Workpiece"):
-    """The material: force of an edge for each width of chip, sharp and worn.
-
-    Parameters
-    ----------
-    tangential, radial, axial : float
-        Force for each section of chip where it is ``thickness`` thick.
-    exponent : float
-        By which that falls with the thickness: the size effect.
-    edge_tangential, edge_radial, edge_axial : float
-        Ploughing of a new edge under a thick chip.
-    ploughing : float
-        Thickness of the chip at which 63 % of it is there.
-    flank_pressure, flank_friction : float
-        On the land of a worn flank.
-    """
+    """The material: force of an edge for each width of chip, sharp and worn."""
 
     name: str = "EN AW-7050 T7451"
     tangential: Annotated[float, Range(least=50, most=1e4, unit="N/mm2")] = 796.0
     radial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 169.0
     axial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 222.0
+    """Force for each section of chip where it is ``thickness`` thick."""
     thickness: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
     exponent: Annotated[float, Range(least=0, most=0.9)] = 0.08
+    """Exponent by which that falls with the thickness: the size effect."""
     edge_tangential: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 27.7
     edge_radial: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 30.8
     edge_axial: Annotated[float, Range(least=-100, most=500, unit="N/mm")] = 1.4
+    """Ploughing of a new edge under a thick chip."""
     ploughing: Annotated[float, Range(least=0.01, most=100, unit="um")] = 3.0
+    """Thickness of the chip at which 63 % of the ploughing is there."""
     flank_pressure: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 330.0
     flank_friction: Annotated[float, Range(least=0, most=1.5)] = 0.35
+    """Pressure and friction on the land of a worn flank."""
 
     @property
     def cutting(self) -> tuple[float, float, float]:
@@ -253,36 +219,24 @@ class Workpiece(Ranged, section="Workpiece"):
 class EndMill(Ranged, section="EndMill"):
     """A right-hand end mill in its holder, with its wear.
 
-    Parameters
-    ----------
-    number : int
-        In the control's tool table.
-    runout, runout_angle : float
-        Offset of its axis at the tip, and its angle from the first tooth in the sense in which the
-        teeth move.
-    tilt, tilt_angle : float
-        Change of that offset with each millimetre up, and its angle.
-    sharpness : tuple of float
-        Edge force of each tooth against the mean one.
-    break_in, break_in_length, wear_rate : float
-        Flank wear is break_in (1 - exp(-L / break_in_length)) + wear_rate L after the length L in
-        the material.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or ``sharpness`` does not have one value for each tooth.
+    Flank wear is break_in (1 - exp(-L / break_in_length)) + wear_rate L after the length L in the
+    material.
     """
 
     number: Annotated[int, Range(least=1, most=999)] = 4
+    """Number in the control's tool table."""
     diameter: Annotated[float, Range(least=1, most=100, unit="mm")] = 12.0
     flutes: Annotated[int, Range(least=1, most=12)] = 3
     helix: Annotated[float, Range(least=0, most=65, unit="deg")] = 30.0
     runout: Annotated[float, Range(least=0, most=200, unit="um")] = 6.5
     runout_angle: Annotated[float, Range(least=-360, most=360, unit="deg")] = 48.0
+    """Offset of its axis at the tip, and its angle from the first tooth in the sense in which the
+    teeth move."""
     tilt: Annotated[float, Range(least=0, most=20, unit="um/mm")] = 0.6
     tilt_angle: Annotated[float, Range(least=-360, most=360, unit="deg")] = 165.0
+    """Change of that offset with each millimetre up, and its angle."""
     sharpness: tuple[float, ...] = (1.0, 1.13, 0.87)
+    """Edge force of each tooth against the mean one."""
     break_in: Annotated[float, Range(least=0, most=500, unit="um")] = 9.0
     break_in_length: Annotated[float, Range(least=0.1, most=1e4, unit="m")] = 12.0
     wear_rate: Annotated[float, Range(least=0, most=10, unit="um/m")] = 0.05
@@ -308,13 +262,7 @@ class EndMill(Ranged, section="EndMill"):
 
 @dataclass(frozen=True, kw_only=True)
 class Cutting(Ranged, section="Cutting"):
-    """Cutting tests of a machine: nothing of them is written unless they are ``recorded``.
-
-    Raises
-    ------
-    ValueError
-        When a test takes more of the tool's width than there is.
-    """
+    """Cutting tests of a machine: nothing of them is written unless they are ``recorded``."""
 
     recorded: bool = True
     workpiece: Workpiece = field(default_factory=Workpiece)

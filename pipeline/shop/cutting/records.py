@@ -149,12 +149,9 @@ def _channels(cutting: Cutting) -> dict[str, str]:
 def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``dynamometer/*.csv`` and ``cutting/*`` into ``folder``, when cuts are recorded.
 
-    Returns
-    -------
-    dict
-        ``parameters``: what a linear-edge model should recover; ``spindle``: the same of power
-        without a cut and specific force, with the passes; ``more``: what such a model leaves out,
-        how both are defined, and the truth about each file.  Nothing when cuts are not recorded.
+    The truth: ``parameters``, what a linear-edge model should recover; ``spindle``, the same of
+    power without a cut and specific force, with the passes; ``more``, what such a model leaves out,
+    how both are defined, and the truth about each file.  Nothing when cuts are not recorded.
 
     Raises
     ------

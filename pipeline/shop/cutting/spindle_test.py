@@ -158,10 +158,7 @@ def run(
 ) -> tuple[list[str], Floats]:  # fmt: skip
     """Let the control run ``program`` from ``start`` (UTC) on and an adapter listen.
 
-    Returns
-    -------
-    list of str, (T,) array
-        Lines of the log; displayed load in each cycle of the control [percent].
+    Lines of the log; displayed load in each cycle of the control, (T,) [percent].
     """
     control, spindle = parameters.control, parameters.spindle
     plan = Control(
@@ -197,14 +194,8 @@ def shown_load(
 ) -> Floats:  # fmt: skip
     """Load that the meter shows in each cycle, shape (T,) [percent].
 
-    Parameters
-    ----------
-    speed, cutting : (T,) arrays
-        Of the spindle [rev/min], power of the cut at the tool [W].
-    cycle : float
-        [s].
-    spindle, tests, random
-        The spindle, its meter, and chance.
+    ``speed`` (T,) is that of the spindle [rev/min], ``cutting`` (T,) the power of the cut at the
+    tool [W], ``cycle`` in [s].
     """
     acceleration = np.gradient(speed * RPM, cycle) * speed * RPM * spindle.motor.inertia
     steady = no_load_power(speed, spindle, tests.oil_temperature)

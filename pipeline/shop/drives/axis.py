@@ -121,16 +121,9 @@ def followed(
 ) -> np.ndarray:  # fmt: skip
     """Motion of an axis, shape (T, 9), at the ticks of its position loop, from standstill.
 
-    Its columns are the fields of :class:`Followed`.
-
-    Parameters
-    ----------
-    m, c : Mechanics, Loops
-        The axis.
-    reference, load, extra : (T,) arrays
-        Commanded position [m], force against positive motion [N], mass on the carriage [kg].
-    noise : (T velocity_ticks,) array
-        Of the current [A].
+    Its columns are the fields of :class:`Followed`.  The commanded position ``reference`` [m], the
+    force ``load`` against positive motion [N] and the mass ``extra`` on the carriage [kg] have
+    shape (T,), the ``noise`` of the current [A] (T velocity_ticks,).
     """
     out = np.empty((reference.size, 9))
     x_c = reference[0]
@@ -176,7 +169,7 @@ class Followed:
     measured: Floats
     """Position that closes the loop [m]."""
     current: Floats
-    """That makes torque [A]."""
+    """Current that makes torque [A]."""
     motor: Floats
     motor_speed: Floats
     carriage: Floats
@@ -185,27 +178,17 @@ class Followed:
     friction: Floats
     bristle: Floats
     force: Floats
-    """Of the guideways [N], deflection before sliding [m], of the motor [N]."""
+    """Friction of the guideways [N], deflection before sliding [m], force of the motor [N]."""
 
 
 def follow(
     axis: Axis, reference: Floats, random: np.random.Generator, load: Floats | None = None,
     extra: Floats | None = None, injected: Floats | None = None,
 ) -> Followed:  # fmt: skip
-    """Motion of an axis that follows its commands, from standstill.
+    """Motion of an axis that follows its commands ``reference`` (T,) [m], from standstill.
 
-    Parameters
-    ----------
-    axis : Axis
-        Screw, guideways, motor and loops.
-    reference : (T,) array
-        Commanded positions at the ticks of the position loop [m].
-    random : Generator
-        Of the current's noise.
-    load, extra : (T,) arrays or None
-        Force against positive motion [N], mass on the carriage [kg]; none by default.
-    injected : (T,) array or None
-        Current that is added to the command of the current loop, to excite the axis [A].
+    ``load`` (T,) acts against positive motion [N], ``extra`` (T,) lies on the carriage [kg];
+    ``injected`` (T,) is added to the command of the current loop, to excite the axis [A].
     """
     nothing: Floats = np.zeros(reference.size)
     ticks = axis.cascade.velocity_frequency // axis.cascade.position_frequency

@@ -11,9 +11,9 @@ from math import pi
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.control.planner import SHORTEST, Control, Section, Span
+from pipeline.shop.control.planner import Control, Section, Span
 from pipeline.shop.control.postprocessor import PartProgram
-from pipeline.shop.motion import Profile, change_time, rest_to_rest
+from pipeline.shop.motion import change_time, rest_to_rest
 from pipeline.shop.parameters import Bounds, ShopParameters
 
 BELL = (0.008, 0.004)
@@ -41,17 +41,9 @@ def travel(moves: Sequence[Move], bounds: Bounds, frequency: int) -> Floats:
     place = 0.0
     edges = pairwise([*np.searchsorted(time, starts[:-1]).tolist(), time.size])
     for (first, last), start, move, one in zip(edges, starts[:-1], moves, profiles, strict=True):
-        position[first:last] = place + np.sign(move.length) * covered(one, time[first:last] - start)
+        position[first:last] = place + np.sign(move.length) * one.covered(time[first:last] - start)
         place += move.length
     return smoothed(position, frequency)
-
-
-def covered(profile: Profile, time: Floats) -> Floats:
-    """Distance along a profile [mm] at times (T,), also after its end."""
-    inside = time < profile.duration
-    distance: Floats = np.full(time.size, profile.length)
-    distance[inside] = profile.at(time[inside])[0]
-    return distance
 
 
 def smoothed(position: Floats, frequency: int) -> Floats:
@@ -122,24 +114,14 @@ def commanded(
         if first < last:
             within, path = time[first:last] - span.start, span.section
             position[first:last] = (
-                _rapid_position(span, within) if path is None else _cut_position(span, path, within)
+                span.positions(within) if path is None else _cut_position(span, path, within)
             )
     return np.stack([smoothed(position[:, k], frequency) for k in range(3)], axis=1)
 
 
-def _rapid_position(span: Span, time: Floats) -> Floats:
-    """Position (T, 3) [mm] at times since the start of a rapid, also after its end."""
-    position = np.tile(np.array(span.begin), (time.size, 1))
-    profiles = iter(span.axes)
-    for k, (a, b) in enumerate(zip(span.begin, span.target, strict=True)):
-        if abs(b - a) > SHORTEST:
-            position[:, k] += np.sign(b - a) * covered(next(profiles), time)
-    return position
-
-
 def _cut_position(span: Span, section: Section, time: Floats) -> Floats:
     """Position (T, 3) [mm] at times since the start of a cut, also after its end."""
-    along, ends, points = covered(section.motion, time), section.ends, section.points
+    along, ends, points = section.motion.covered(time), section.ends, section.points
     block = np.minimum(np.searchsorted(ends, along), len(ends) - 1)
     begins = np.concatenate([[0.0], ends[:-1]])
     share = np.clip((along - begins[block]) / (ends - begins)[block], 0, 1)

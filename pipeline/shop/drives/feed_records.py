@@ -30,11 +30,8 @@ MOTION = 0.25
 def write_feed(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``feed/*.csv`` into ``folder``, when feeds are recorded.
 
-    Returns
-    -------
-    dict
-        ``files``: of each its faults, and the stroke or the program's stretch that it holds.
-        Nothing when feeds are not recorded.
+    Of each of the ``files`` its faults, and the stroke or the program's stretch that it holds;
+    nothing when feeds are not recorded.
 
     Raises
     ------

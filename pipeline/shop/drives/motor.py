@@ -142,15 +142,9 @@ def driven(
 ) -> np.ndarray:
     """Motion of the motor, shape (T, 7): currents and speed at each tick, voltages from it on.
 
-    Voltages are computed one period ahead, as digital loops do; integrals rest while the current
-    or the voltage is at its limit.
-
-    Parameters
-    ----------
-    m : Machine
-        Motor, inverter, loops.
-    speed_ref, current_ref, load : (T,) arrays
-        Commanded speed [rad/s] and i_d [A], torque of the load [N m].
+    Voltages are computed one period ahead, as digital loops do; integrals rest while the current or
+    the voltage is at its limit.  Commanded are speed [rad/s] and i_d [A], ``load`` is a torque [N
+    m]; (T,) each.
     """
     out = np.empty((speed_ref.size, 7))
     x = (0.0, 0.0, 0.0, 0.0, 0.0)

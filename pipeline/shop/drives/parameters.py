@@ -38,49 +38,36 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, kw_only=True)
 class AxisMotor(Ranged, section="AxisMotor"):
-    """Synchronous motor with magnets on its rotor; currents are amplitudes of a phase.
-
-    Parameters
-    ----------
-    resistance : float
-        Of a phase at 20 degC.
-    inductance_d, inductance_q : float
-        Without current across.
-    saturation : float
-        Share that L_q loses at ``saturation_current``; grows with its square.
-    current_lag, current_noise : float
-        Of the closed current loop: time constant, standard deviation.
-    cogging, cogging_period : float, int
-        Amplitude of the torque without current, and its periods a turn (a third of it at twice
-        that).
-    torque_ripple : float
-        Share of the torque, six periods in each electrical one.
-    heat_capacity, cooling : float
-        Of the winding.
-    bus_voltage, dead_time_error : float
-        Of the inverter: voltage between its rails, voltage that a phase loses against its current.
-    top_speed : float
-        Of the axis' rapid, about.
-    """
+    """Synchronous motor with magnets on its rotor; currents are amplitudes of a phase."""
 
     torque_constant: Annotated[float, Range(least=0.01, most=20, unit="N m/A")] = 1.26
     pole_pairs: Annotated[int, Range(least=1, most=50)] = 4
     resistance: Annotated[float, Range(least=1e-3, most=100, unit="ohm")] = 0.62
+    """Phase resistance at 20 degC."""
     inductance_d: Annotated[float, Range(least=0.01, most=500, unit="mH")] = 5.1
     inductance_q: Annotated[float, Range(least=0.01, most=500, unit="mH")] = 5.9
+    """Inductances without current across."""
     saturation: Annotated[float, Range(least=0, most=0.3)] = 0.03
+    """Share that L_q loses at ``saturation_current``; grows with its square."""
     saturation_current: Annotated[float, Range(least=0.1, most=1e3, unit="A")] = 20.0
     current_lag: Annotated[float, Range(least=0.01, most=5, unit="ms")] = 0.18
     current_noise: Annotated[float, Range(least=0, most=1, unit="A")] = 0.02
+    """Time constant and standard deviation of the closed current loop."""
     cogging: Annotated[float, Range(least=0, most=10, unit="N m")] = 0.06
     cogging_period: Annotated[int, Range(least=1, most=1000)] = 72
+    """Amplitude of the torque without current, and its periods a turn (a third of it at twice
+    that)."""
     torque_ripple: Annotated[float, Range(least=0, most=0.2)] = 0.006
+    """Share of the torque, six periods in each electrical one."""
     heat_capacity: Annotated[float, Range(least=1, most=1e6, unit="J/K")] = 420.0
     cooling: Annotated[float, Range(least=0, most=1e4, unit="W/K")] = 9.0
+    """Heat capacity and cooling of the winding."""
     bus_voltage: Annotated[float, Range(least=10, most=2e3, unit="V")] = 560.0
     dead_time_error: Annotated[float, Range(least=0, most=50, unit="V")] = 0.5
+    """Voltage between the inverter's rails, voltage that a phase loses against its current."""
 
     top_speed: Annotated[float, Range(least=100, most=2e4, unit="rev/min")] = 2250.0
+    """Speed of the axis' rapid, about."""
 
     @property
     def flux(self) -> float:
@@ -90,44 +77,29 @@ class AxisMotor(Ranged, section="AxisMotor"):
 
 @dataclass(frozen=True, kw_only=True)
 class Cascade(Ranged, section="Cascade"):
-    """Position loop P, velocity loop PI, with the rates at which they run.
-
-    Parameters
-    ----------
-    position_gain, velocity_gain, integral_gain : float
-        In the list of the control's parameters.
-    position_scale, velocity_scale, integral_scale : float
-        Factors of the loops on them: the maker's own scalings, which the list leaves out.
-    velocity_feedforward : float
-        Share of the commanded velocity.
-    feedback : {"scale", "motor"}
-        Sensor that closes the position loop: a scale at the carriage, or the motor's encoder.
-    steps_per_turn : int
-        Of the motor's encoder, from which the velocity comes.
-    velocity_filter : float
-        Time constant.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or the rates do not divide one another.
-    """
+    """Position loop P, velocity loop PI, with the rates at which they run."""
 
     position_frequency: Annotated[int, Range(least=RATE, most=INTEGRATION, unit="Hz")] = 2000
     velocity_frequency: Annotated[int, Range(least=RATE, most=INTEGRATION, unit="Hz")] = 8000
     position_gain: Annotated[float, Range(least=1, most=500, unit="1/s")] = 40.0
     velocity_gain: Annotated[float, Range(least=1, most=1e5, unit="A s/m")] = 500.0
     integral_gain: Annotated[float, Range(least=0, most=1e7, unit="A/m")] = 48e3
+    """Gains in the list of the control's parameters."""
     position_scale: Annotated[float, Range(least=0.2, most=5)] = 0.825
     velocity_scale: Annotated[float, Range(least=0.2, most=5)] = 1.17
     integral_scale: Annotated[float, Range(least=0.2, most=5)] = 0.86
+    """Factors of the loops on them: the maker's own scalings, which the list leaves out."""
     velocity_feedforward: Annotated[float, Range(least=0, most=1)] = 0.6
+    """Share of the commanded velocity."""
     acceleration_feedforward: Annotated[float, Range(least=0, most=100, unit="A s2/m")] = 1.3
     current_limit: Annotated[float, Range(least=0.1, most=1e3, unit="A")] = 40.0
     feedback: Literal["scale", "motor"] = "scale"
+    """Sensor that closes the position loop: a scale at the carriage, or the motor's encoder."""
     scale_step: Annotated[float, Range(least=1e-3, most=10, unit="um")] = 0.1
     steps_per_turn: Annotated[int, Range(least=1000, most=2**26)] = 2**20
+    """Steps of the motor's encoder, from which the velocity comes."""
     velocity_filter: Annotated[float, Range(least=0.01, most=10, unit="ms")] = 0.4
+    """Time constant."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -142,41 +114,26 @@ class Cascade(Ranged, section="Cascade"):
 
 @dataclass(frozen=True, kw_only=True)
 class ServoTool(Ranged, section="ServoTool"):
-    """Servo tuning tool: its files, their faults, and its recordings.
-
-    Parameters
-    ----------
-    style : {"plain", "bracketed"}
-        Maker's format: ``X_PosAct`` and seconds, or ``APOS(X)`` and milliseconds.
-    clock_error : float
-        Of its stamps: positive where its clock goes fast.
-    position_step, current_step : float
-        Resolution of the written values.
-    dropped, torn : int, str
-        Gaps in each file; the file that ends inside a row.
-    speeds : tuple of float
-        Of the strokes [mm/s]; rapid comes after them.
-    workpiece : float
-        That is set down between strokes.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or no speed of the strokes is positive.
-    """
+    """Servo tuning tool: its files, their faults, and its recordings."""
 
     style: Literal["plain", "bracketed"] = "plain"
+    """Maker's format: ``X_PosAct`` and seconds, or ``APOS(X)`` and milliseconds."""
     decimal: Literal[".", ","] = "."
     clock_error: Annotated[float, Range(least=-1e3, most=1e3, unit="ppm")] = 50.0
+    """Error of its stamps: positive where its clock goes fast."""
     position_step: Annotated[float, Range(least=0.01, most=10, unit="um")] = 0.1
     current_step: Annotated[float, Range(least=1e-5, most=1, unit="A")] = 0.005
+    """Resolution of the written values."""
     current_noise: Annotated[float, Range(least=0, most=1, unit="A")] = 0.03
     dropped: Annotated[int, Range(least=0, most=100)] = 3
     torn: Literal["", "circle-20mm", "circle-80mm", "inertia-step-X"] = "circle-80mm"
+    """Gaps in each file; the file that ends inside a row."""
     speeds: tuple[float, ...] = (
         0.2, 0.4, 0.8, 1.5, 3.0, 6.0, 12.0, 25.0, 50.0, 100.0, 180.0, 300.0, 450.0,
     )  # fmt: skip
+    """Speeds of the strokes [mm/s]; rapid comes after them."""
     workpiece: Annotated[float, Range(least=1, most=1e4, unit="kg")] = 160.0
+    """Mass that is set down between strokes."""
     load_cell_noise: Annotated[float, Range(least=0, most=100, unit="N")] = 4.0
     load_cell_offset: Annotated[float, Range(least=-100, most=100, unit="N")] = 3.0
 
@@ -188,40 +145,24 @@ class ServoTool(Ranged, section="ServoTool"):
 
 @dataclass(frozen=True, kw_only=True)
 class FeedRecords(Ranged, section="FeedRecords"):
-    """Recordings of feeds by the servo tool: strokes at cutting feeds, part programs in air.
-
-    Parameters
-    ----------
-    rate : int
-        Sampling rate that the tool is set to, a whole fraction of its greatest.
-    feeds : tuple of (float, int)
-        Feed of the strokes [mm/min] and number of recordings at it, of each axis.
-    length, times : float, int
-        Of a stroke; number of strokes there and back in a recording.
-    spread : float
-        From the work offset, the strokes begin as far away at most.
-    seconds : float
-        That the recorder holds while a part program runs.
-    stretches : tuple of int
-        Number of stretches that are recorded of each part program.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, the rate does not divide the tool's, no feed is told, or a
-        feed or a number is out of range.
-    """
+    """Recordings of feeds by the servo tool: strokes at cutting feeds, part programs in air."""
 
     recorded: bool = True
     rate: Annotated[int, Range(least=100, most=RATE, unit="Hz")] = 500
+    """Sampling rate that the tool is set to, a whole fraction of its greatest."""
     feeds: tuple[tuple[float, int], ...] = (
         (500.0, 1), (1000.0, 1), (1500.0, 2), (2000.0, 1), (3000.0, 2), (4500.0, 1), (6000.0, 1),
     )  # fmt: skip
+    """Feed of the strokes [mm/min] and number of recordings at it, of each axis."""
     length: Annotated[float, Range(least=1, most=250, unit="mm")] = 100.0
     times: Annotated[int, Range(least=1, most=20)] = 2
+    """Length of a stroke; number of strokes there and back in a recording."""
     spread: Annotated[float, Range(least=0, most=250, unit="mm")] = 100.0
+    """Greatest distance from the work offset at which the strokes begin."""
     seconds: Annotated[float, Range(least=2, most=600, unit="s")] = 12.0
+    """Time that the recorder holds while a part program runs."""
     stretches: tuple[int, int, int, int] = (2, 2, 3, 1)
+    """Number of stretches that are recorded of each part program."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -242,48 +183,27 @@ class ShaftRecords(Ranged, section="ShaftRecords"):
 
     Errors of a ground screw of class C3 to C5 (ISO 3408-3), of a sealed scale of 20 um, and of an
     encoder's coupling; a scale is set up beside the axis where none closes its loop.
-
-    Parameters
-    ----------
-    sweep : float
-        Amplitude of the swept sine on the current.
-    scale_step, scale_noise, interpolation : float
-        Of the scale: resolution, noise, error within a period of its grating.
-    eccentricity : float
-        Of the motor's encoder, once a turn, at the carriage.
-    pitch, pitch_ripple : float
-        Error of the screw along a metre, and once a turn.
-    growth : float
-        Of the screw from its warmth, over a recording.
     """
 
     recorded: bool = True
     sweep: Annotated[float, Range(least=0, most=100, unit="A")] = 3.0
+    """Amplitude of the swept sine on the current."""
     scale_step: Annotated[float, Range(least=1e-3, most=10, unit="um")] = 0.05
     scale_noise: Annotated[float, Range(least=0, most=10, unit="um")] = 0.03
     interpolation: Annotated[float, Range(least=0, most=10, unit="um")] = 0.06
+    """Resolution and noise of the scale, error within a period of its grating."""
     eccentricity: Annotated[float, Range(least=0, most=10, unit="um")] = 0.12
+    """Error of the motor's encoder, once a turn, at the carriage."""
     pitch: Annotated[float, Range(least=-100, most=100, unit="um/m")] = 9.0
     pitch_ripple: Annotated[float, Range(least=0, most=10, unit="um")] = 0.5
+    """Error of the screw along a metre, and once a turn."""
     growth: Annotated[float, Range(least=-10, most=10, unit="um")] = 0.4
+    """Growth of the screw from its warmth, over a recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Friction(Ranged, section="Friction"):
-    """LuGre friction of guideways and nut, for motion in positive and in negative direction.
-
-    Parameters
-    ----------
-    bristle_stiffness, bristle_damping : float
-        Of the contact before it slides; the damping fades as it slides (Olsson 1996).
-    pitch_ripple : float
-        Share of the level by which it goes up and down once a turn of the screw.
-
-    Raises
-    ------
-    ValueError
-        When static friction is less than Coulomb's.
-    """
+    """LuGre friction of guideways and nut, for motion in positive and in negative direction."""
 
     coulomb_positive: Annotated[float, Range(least=1, most=1e4, unit="N")] = 318.0
     coulomb_negative: Annotated[float, Range(least=1, most=1e4, unit="N")] = 332.0
@@ -295,7 +215,9 @@ class Friction(Ranged, section="Friction"):
     viscous_negative: Annotated[float, Range(least=0, most=1e5, unit="N s/m")] = 910.0
     bristle_stiffness: Annotated[float, Range(least=1, most=500, unit="N/um")] = 30.0
     bristle_damping: Annotated[float, Range(least=0, most=1e3, unit="N s/mm")] = 70.0
+    """Contact before it slides; the damping fades as it slides (Olsson 1996)."""
     pitch_ripple: Annotated[float, Range(least=0, most=0.5)] = 0.02
+    """Share of the level by which it goes up and down once a turn of the screw."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -310,31 +232,22 @@ class Friction(Ranged, section="Friction"):
 
 @dataclass(frozen=True, kw_only=True)
 class Axis(Ranged, section="Axis"):
-    """One axis: a motor that turns a screw, which moves a carriage.
-
-    Parameters
-    ----------
-    inertia : float
-        Of rotor, coupling and screw.
-    stiffness, damping : float
-        Of coupling, screw, its bearings and nut, in the direction of motion.
-    backlash : float
-        Between screw and carriage; 0 for a preloaded nut.
-    motor_viscous : float
-        Of the bearings of motor and screw.
-    counterbalance : float
-        Share of the weight that something else carries; a vertical axis has positive up.
-    """
+    """One axis: a motor that turns a screw, which moves a carriage."""
 
     lead: Annotated[float, Range(least=1, most=100, unit="mm")] = 16.0
     inertia: Annotated[float, Range(least=1e-5, most=1, unit="kg m2")] = 5.2e-3
+    """Inertia of rotor, coupling and screw."""
     carriage: Annotated[float, Range(least=1, most=1e5, unit="kg")] = 520.0
     stiffness: Annotated[float, Range(least=1, most=5e3, unit="N/um")] = 180.0
     damping: Annotated[float, Range(least=0, most=1e3, unit="N s/mm")] = 14.0
+    """Coupling, screw, its bearings and nut, in the direction of motion."""
     backlash: Annotated[float, Range(least=0, most=500, unit="um")] = 0.0
+    """Play between screw and carriage; 0 for a preloaded nut."""
     motor_viscous: Annotated[float, Range(least=0, most=1, unit="N m s/rad")] = 1.4e-3
+    """Friction of the bearings of motor and screw."""
     vertical: bool = False
     counterbalance: Annotated[float, Range(least=0, most=1)] = 0.0
+    """Share of the weight that something else carries; a vertical axis has positive up."""
     friction: Friction = field(default_factory=Friction)
     motor: AxisMotor = field(default_factory=AxisMotor)
     cascade: Cascade = field(default_factory=Cascade)
@@ -391,20 +304,7 @@ def _z() -> Axis:
 
 @dataclass(frozen=True, kw_only=True)
 class Drives(Ranged, section="Drives"):
-    """The axes of a machine, and the tool that records them when ``recorded``.
-
-    Parameters
-    ----------
-    feed : FeedRecords
-        Its recordings of feeds, which it makes when those are ``recorded`` too.
-    shaft : ShaftRecords
-        Recordings of both ends of each drive, made when those are ``recorded`` too.
-
-    Raises
-    ------
-    ValueError
-        When the position loops of the axes do not run at one rate.
-    """
+    """The axes of a machine, and the tool that records them when ``recorded``."""
 
     recorded: bool = True
     x: Axis = field(default_factory=Axis)
@@ -412,7 +312,9 @@ class Drives(Ranged, section="Drives"):
     z: Axis = field(default_factory=_z)
     tool: ServoTool = field(default_factory=ServoTool)
     feed: FeedRecords = field(default_factory=FeedRecords)
+    """Its recordings of feeds, which it makes when those are ``recorded`` too."""
     shaft: ShaftRecords = field(default_factory=ShaftRecords)
+    """Recordings of both ends of each drive, made when those are ``recorded`` too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -82,11 +82,8 @@ def write_trace(
 ) -> dict[str, Any]:  # fmt: skip
     """Write one file of T rows at ``rate`` [Hz] of true time; with faults when ``random`` is given.
 
-    Returns
-    -------
-    dict
-        Its faults: rows written, gaps (before which row of the full table, rows lost),
-        rows with the stamp of the one before, whether the last row is torn.
+    Its faults: rows written, gaps (before which row of the full table, rows lost), rows with the
+    stamp of the one before, whether the last row is torn.
     """
     size = columns[0].values.size
     stamps = np.arange(size) / rate * (1 + tool.clock_error * 1e-6)
@@ -255,24 +252,8 @@ def axis_columns(
 ) -> list[Column]:  # fmt: skip
     """Reference, position and current of an axis as the tool writes them, and the load cell's.
 
-    Parameters
-    ----------
-    letter : str
-        Of the axis.
-    axis : Axis
-        Screw, guideways, motor and loops.
-    command : (T,) array
-        Commanded positions at the ticks of the position loop [mm].
-    tool : ServoTool
-        Its steps and noise.
-    random : Generator
-        Of the noise.
-    load, extra : (T,) arrays or None
-        Force against positive motion [N], mass on the carriage [kg].
-    load_cell : bool
-        Whether the force is recorded.
-    rate : int
-        Of the samples, a divisor of the position loop's [Hz].
+    ``command`` (T,) is at the ticks of the position loop [mm], of which ``rate`` [Hz] is a divisor;
+    ``load`` (T,) acts against positive motion [N], ``extra`` (T,) lies on the carriage [kg].
     """
     out = follow(axis, command * 1e-3, random, load, extra)
     rows = slice(None, None, axis.cascade.position_frequency // rate)
@@ -320,12 +301,9 @@ def write_motor(folder: Path, parameters: ShopParameters) -> tuple[dict[str, Any
 def write_drives(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``servo/*.csv`` and ``motor/*.csv`` into ``folder``, when the drives are recorded.
 
-    Returns
-    -------
-    dict
-        ``axes``: what a fit of one mass should recover of each, in SI; ``motor``: the same of the
-        motor of X; ``more``: what such a model leaves out, the tool, the files and their faults.
-        Nothing when the drives are not recorded.
+    The truth: ``axes``, what a fit of one mass should recover of each, in SI; ``motor``, the same
+    of the motor of X; ``more``, what such a model leaves out, the tool, the files and their faults.
+    Nothing when the drives are not recorded.
     """
     drives = parameters.drives
     if not drives.recorded:

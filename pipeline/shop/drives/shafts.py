@@ -116,19 +116,7 @@ def _written(
 def both_ends(
     axis: Axis, out: Followed, shaft: ShaftRecords, random: np.random.Generator
 ) -> dict[str, Floats]:
-    """Positions of the motor and of the carriage as both encoders read them [mm]; shape (T,).
-
-    Parameters
-    ----------
-    axis : Axis
-        Screw and encoders.
-    out : Followed
-        Its motion.
-    shaft : ShaftRecords
-        Errors of encoders and screw.
-    random : Generator
-        Of the scale's noise.
-    """
+    """Positions of the motor and of the carriage as both encoders read them [mm]; shape (T,)."""
     turn = axis.gear * out.motor
     motor = out.motor + shaft.eccentricity * 1e-6 * np.sin(turn + 0.4)
     warm = shaft.growth * 1e-6 * np.linspace(0, 1, turn.size)

@@ -35,50 +35,39 @@ SENSORS = 9
 
 @dataclass(frozen=True, kw_only=True)
 class Body(Ranged, section="Body"):
-    """Shaft, housing, head and column as rows of cells.
-
-    Parameters
-    ----------
-    shaft_length, shaft_radius, bore_radius : float
-        Of the shaft, from its nose to its end.
-    front, middle, rear : float
-        Places of the bearings behind the nose; the front two locate the shaft.
-    motor_begin, motor_end : float
-        Of rotor and stator.
-    rotor_radius, housing_radius, housing_wall : float
-        Outer radius of the rotor; of the housing, and its wall.
-    flange : float
-        Where the housing is bolted to the head.
-    head_length, head_section, head_perimeter : float
-        From the flange to the mean of the guide carriages.
-    column_height, column_section, column_perimeter : float
-        From the bed to the head's carriages.
-    column_share : float
-        Part of the column's growth that lifts the nose away from the probe.
-    stand : float
-        Height of the probe's stand on the table.
-    """
+    """Shaft, housing, head and column as rows of cells; places are counted from the nose."""
 
     shaft_length: Annotated[float, Range(least=0.2, most=2, unit="m")] = 0.6
     shaft_radius: Annotated[float, Range(least=0.01, most=0.2, unit="m")] = 0.035
     bore_radius: Annotated[float, Range(least=0.001, most=0.1, unit="m")] = 0.012
+    """Shaft, from its nose to its end."""
     front: Annotated[float, Range(least=0.02, most=1, unit="m")] = 0.1
     middle: Annotated[float, Range(least=0.02, most=1, unit="m")] = 0.16
+    """Places of the bearings that locate the shaft."""
     motor_begin: Annotated[float, Range(least=0.05, most=1.5, unit="m")] = 0.22
     motor_end: Annotated[float, Range(least=0.1, most=1.8, unit="m")] = 0.43
+    """Ends of rotor and stator."""
     rear: Annotated[float, Range(least=0.1, most=1.9, unit="m")] = 0.51
+    """Place of the rear bearing."""
     rotor_radius: Annotated[float, Range(least=0.02, most=0.4, unit="m")] = 0.06
+    """Outer radius of the rotor."""
     housing_radius: Annotated[float, Range(least=0.03, most=0.5, unit="m")] = 0.115
     housing_wall: Annotated[float, Range(least=0.005, most=0.1, unit="m")] = 0.028
+    """Outer radius of the housing, and its wall."""
     flange: Annotated[float, Range(least=0.05, most=1.5, unit="m")] = 0.19
+    """Place where the housing is bolted to the head."""
     head_length: Annotated[float, Range(least=0.1, most=2, unit="m")] = 0.3
     head_section: Annotated[float, Range(least=1e-3, most=1, unit="m2")] = 0.024
     head_perimeter: Annotated[float, Range(least=0.1, most=10, unit="m")] = 2.0
+    """Head from the flange to the mean of the guide carriages."""
     column_height: Annotated[float, Range(least=0.2, most=5, unit="m")] = 0.95
     column_section: Annotated[float, Range(least=1e-3, most=1, unit="m2")] = 0.085
     column_perimeter: Annotated[float, Range(least=0.1, most=20, unit="m")] = 3.2
+    """Column from the bed to the head's carriages."""
     column_share: Annotated[float, Range(least=0, most=1)] = 0.6
+    """Part of the column's growth that lifts the nose away from the probe."""
     stand: Annotated[float, Range(least=0.02, most=1, unit="m")] = 0.2
+    """Height of the probe's stand on the table."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -213,21 +202,11 @@ class Instruments(Ranged, section="Instruments"):
 
 @dataclass(frozen=True, kw_only=True)
 class Growth(Ranged, section="Growth"):
-    """Growth of the spindle and the test stand that records it; ``recorded``: whether it does.
-
-    Parameters
-    ----------
-    numbers : tuple of int
-        Records of the year that are made, by their numbers in it.
-
-    Raises
-    ------
-    ValueError
-        When a number is out of range, or there is none.
-    """
+    """Growth of the spindle and the test stand that records it; ``recorded``: whether it does."""
 
     recorded: bool = True
     numbers: tuple[int, ...] = tuple(range(1, PROFILES + 1))
+    """Records of the year that are made, by their numbers in it."""
     body: Body = field(default_factory=Body)
     expansion: Expansion = field(default_factory=Expansion)
     paths: HeatPaths = field(default_factory=HeatPaths)

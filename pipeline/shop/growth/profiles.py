@@ -44,21 +44,15 @@ NOON = 15.0
 
 @dataclass(frozen=True, kw_only=True)
 class Profile:
-    """One record: its number from 1, kind, first instant, and the course of speed and air.
-
-    Parameters
-    ----------
-    lead : int
-        Seconds of ``course`` before the record.
-    level : float
-        Mean of the air on that day [degC].
-    """
+    """One record: its number from 1, kind, first instant, and the course of speed and air."""
 
     number: int
     kind: Kind
     start: np.datetime64
     lead: int
+    """Time of ``course`` before the record [s]."""
     level: float
+    """Mean of the air on that day [degC]."""
     course: Course
 
     @property

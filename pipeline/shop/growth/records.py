@@ -14,9 +14,15 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.shop.files import torn, write_text
-from pipeline.shop.growth.expansion import speed_growth, thermal_growth
 from pipeline.shop.growth.heat import KEPT, at_rest, heated
-from pipeline.shop.growth.network import HEAD_CELLS, Network, cell_at, network
+from pipeline.shop.growth.network import (
+    HEAD_CELLS,
+    Network,
+    cell_at,
+    network,
+    speed_growth,
+    thermal_growth,
+)
 from pipeline.shop.growth.parameters import SENSORS, Growth, Instruments
 from pipeline.shop.growth.profiles import Profile, profiles
 from pipeline.shop.motion import lagged
@@ -189,11 +195,8 @@ def _blanked(
 def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``growth/*.csv`` into ``folder``, when growth is recorded; the truth about it.
 
-    Returns
-    -------
-    dict
-        Where the sensors sit, their offsets and faults; of each record its kind, start, air, faults
-        and true growth.  Nothing when growth is not recorded.
+    Where the sensors sit, their offsets and faults; of each record its kind, start, air, faults and
+    true growth.  Nothing when growth is not recorded.
     """
     growth = parameters.growth
     if not growth.recorded:

@@ -41,18 +41,9 @@ def sweep(
 ) -> None:  # fmt: skip
     """Fill ``first`` (L, rows, columns) and mark in ``new`` (T,) the cycles that sweep any cell.
 
-    Parameters
-    ----------
-    first : (L, rows, columns) array
-        Infinite where nothing was swept.
-    middles : (L,) array
-        Heights of the layers' middles [mm].
-    corner, cell : tuple, float
-        x, y of the first cell's corner, side of a cell [mm].
-    tip, path, radius : (T, 3), (T,), (T,) arrays
-        Tip, path length and radius of the tool in each cycle [mm]; a radius of 0 sweeps nothing.
-    new : (T,) array of bool
-        False before.
+    ``first`` is infinite where nothing was swept; layers have their ``middles`` (L,), the first
+    cell its ``corner`` (x, y), cells their side [mm].  In each cycle the tool has its ``tip`` (T,
+    3), its ``path`` length (T,) and its ``radius`` (T,) [mm]; a radius of 0 sweeps nothing.
     """
     layers = middles.size
     was = np.zeros(layers, dtype=np.bool_)  # whether the disc at ``back`` was in the layer

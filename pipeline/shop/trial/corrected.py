@@ -31,17 +31,11 @@ def corrected_trials(
 ) -> dict[str, Any]:
     """Drive the commands of a table and the corrected ones from standstill, once for each seed.
 
-    Parameters
-    ----------
-    table : Path
-        CSV with one line of names, N rows of numbers and lines of comment, which begin with ``#``:
-        ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and ``X_corrected``, the
-        commanded and the corrected position in the machine's frame [mm]; ``cutting``, 1 where the
-        program cuts, may be there.
-    parameters : ShopParameters
-        The machine.
-    seeds : sequence of int
-        Seeds of the noise, which is the same before and after.
+    The table is CSV with one line of names, N rows of numbers and lines of comment, which begin
+    with ``#``: ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and
+    ``X_corrected``, the commanded and the corrected position in the machine's frame [mm];
+    ``cutting``, 1 where the program cuts, may be there.  The noise of a seed is the same before and
+    after.
 
     Returns
     -------
@@ -49,7 +43,7 @@ def corrected_trials(
         ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
         the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
         ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
-        none; the same under ``cutting`` where the table tells cuts.  ``path``: the same of the
+        none; the same under ``cutting`` where the table has cuts.  ``path``: the same of the
         distance from the commanded path, of two axes and more.  Each number with its mean, least
         and greatest value over the seeds; ``seeds`` is their number.
 

@@ -108,25 +108,11 @@ def forces(
     edge: EdgeCoefficients, cutter: Cutter, sharpness: np.ndarray, layers: Layers, steps: Steps,
     turn: int, begin: int,
 ) -> tuple[np.ndarray, int]:  # fmt: skip
-    """Forces on the tool along X, Y and Z [N] from the step ``begin`` on, and how often teeth cut.
+    """Forces on the tool along X, Y and Z [N] from the step ``begin`` on, (N - begin, 3).
 
-    Parameters
-    ----------
-    edge, cutter
-        Force of the edge, mounted tool.
-    sharpness : (F,) array
-        Factor of each tooth's own edge force.
-    layers, steps
-        The blank; the tool's motion in equal parts of a turn.
-    turn : int
-        Steps of a turn, a multiple of F.
-    begin : int
-        First step that counts, at least one turn after the first.
-
-    Returns
-    -------
-    (N - begin, 3) array, int
-        Forces; steps in which a tooth cuts in its lowest slice, of all teeth together.
+    ``sharpness`` (F,) is the factor of each tooth's own edge force.  A turn has ``turn`` steps, a
+    multiple of F; ``begin`` is at least one turn after the first.  With the forces comes in how
+    many steps a tooth cuts in its lowest slice, of all teeth together.
     """
     flutes, slices = sharpness.size, layers.layer.size
     radii, ahead, behind = np.zeros((flutes, slices)), np.zeros(slices), np.zeros(slices)

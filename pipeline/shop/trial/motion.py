@@ -17,7 +17,8 @@ from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.shop.control.planner import HOME, SHORTEST, Control, Plan, Section, Span
+from pipeline.shop.control.display import state_at
+from pipeline.shop.control.planner import HOME, SHORTEST, Control, Plan, Section
 from pipeline.shop.control.postprocessor import Kind as StepKind
 from pipeline.shop.control.postprocessor import PartProgram, Point, Step
 from pipeline.shop.motion import lagged
@@ -170,23 +171,16 @@ def control_of(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Track:
-    """A run in T cycles of ``cycle`` [s].
-
-    Parameters
-    ----------
-    tip : (T, 3) array
-        Of the tool, as it is, in the coordinates of the work offset [mm].
-    line, tool : (T,) arrays of int
-        Of the program; in the spindle.
-    speed : (T,) array
-        Of the spindle as commanded, its ramps included [rev/min].
-    """
+    """A run in T cycles of ``cycle`` [s]."""
 
     cycle: float
     tip: Floats
+    """Tip of the tool, as it is, in the coordinates of the work offset [mm]; shape (T, 3)."""
     line: Ints
     tool: Ints
+    """Line of the program, tool in the spindle; shape (T,)."""
     speed: Floats
+    """Speed of the spindle as commanded, its ramps included [rev/min]; shape (T,)."""
 
 
 def track(plan: Plan, job: TrialJob, control: ControlParameters) -> Track:
@@ -206,40 +200,24 @@ def commands_at(
 ) -> tuple[Floats, Ints, Ints]:
     """Positions in the machine's frame (T, 3) [mm], line and tool (T,), at ``time`` (T,)."""
     command = np.empty((time.size, 3))
-    line, tool = np.empty(time.size, dtype=np.int64), np.empty(time.size, dtype=np.int64)
+    line, tool, _ = state_at(plan, time)
     edges = np.searchsorted(time, [s.start for s in plan.spans] + [np.inf])
-    here = np.array(HOME)
     for k, span in enumerate(plan.spans):
-        part, target = slice(edges[k], edges[k + 1]), np.array(span.target)
-        line[part], tool[part] = span.line, span.tool
+        part = slice(edges[k], edges[k + 1])
         within = time[part] - span.start
         if span.section is None:
-            command[part] = _between(here, target, span, within)
+            command[part] = span.positions(within)
         else:
             s = np.minimum(span.section.motion.at(within)[0], span.section.ends[-1])
             block = np.minimum(np.searchsorted(span.section.ends, s), span.section.ends.size - 1)
             command[part] = _along(s, block, span.section)
             command[part] += tip_shift(control, job, span.tool)
-            line[part] = span.section.lines[block]
-        here = target
     return command, line, tool
 
 
 def tip_shift(control: ControlParameters, job: TrialJob, tool: int) -> Floats:
     """From the tip's coordinates to the machine's [mm]."""
     return np.array(control.work_offset) + [0.0, 0.0, job.length(tool)]
-
-
-def _between(here: Floats, target: Floats, span: Span, within: Floats) -> Floats:
-    """Positions in a rapid, in which each axis goes on its own, or in a wait; (T, 3) [mm]."""
-    out = np.tile(here, (within.size, 1))
-    if not span.axes:
-        return out
-    moved = np.flatnonzero(np.abs(target - here) > SHORTEST)
-    for axis, motion in zip(moved, span.axes, strict=True):
-        distance = motion.at(np.minimum(within, motion.duration))[0]
-        out[:, axis] += np.sign(target[axis] - here[axis]) * distance
-    return out
 
 
 def _along(s: Floats, block: Ints, section: Section) -> Floats:

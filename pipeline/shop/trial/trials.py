@@ -97,22 +97,9 @@ def trials(
 ) -> dict[str, Any]:  # fmt: skip
     """Cut the same parts (batch, mounting, edge) by a program before and after it was changed.
 
-    Parameters
-    ----------
-    before, after : bytes or str
-        Texts of the programs.
-    job : TrialJob
-        Blank, tools, material, limit.
-    parameters : ShopParameters
-        The machine.
-    seeds : sequence of int
-        One part of each program for each seed.
-
-    Returns
-    -------
-    dict
-        For JSON: number of seeds, the limit [N], and of both programs: time of the runs [s], peak
-        load over the runs [N], and in how many of them a peak was above the limit.
+    One part of each program for each seed.  For JSON: number of seeds, the limit [N], and of both
+    programs time of the runs [s], peak load over the runs [N], and in how many of them a peak was
+    above the limit.
 
     Raises
     ------

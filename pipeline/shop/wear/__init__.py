@@ -6,4 +6,4 @@ second of forces on the workpiece, vibration of the spindle's nose and the envel
 emission; now and then the land is measured under a microscope.
 """
 
-__all__ = ["force", "parameters", "rate", "records", "sensors"]
+__all__ = ["parameters", "records", "sensors", "teeth"]

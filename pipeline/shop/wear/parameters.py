@@ -51,25 +51,18 @@ class Steel(Ranged, section="Steel"):
 
 @dataclass(frozen=True, kw_only=True)
 class Cutter(Ranged, section="Cutter"):
-    """A type of end mill; each tool of it has a runout and edges of its own.
-
-    Parameters
-    ----------
-    name : str
-        As the tool store calls it.
-    runout, tilt : float
-        Usual offset of the axis at the tip and its change over the height.
-    edge_scatter : float
-        Of the teeth's edge forces, standard deviation.
-    """
+    """A type of end mill; each tool of it has a runout and edges of its own."""
 
     name: str
+    """Name in the tool store."""
     diameter: Annotated[float, Range(least=1, most=100, unit="mm")] = 12.0
     flutes: Annotated[int, Range(least=1, most=12)] = 4
     helix: Annotated[float, Range(least=0, most=65, unit="deg")] = 38.0
     runout: Annotated[float, Range(least=0, most=100, unit="um")] = 5.0
     tilt: Annotated[float, Range(least=0, most=20, unit="um/mm")] = 0.5
+    """Usual offset of the axis at the tip and its change over the height."""
     edge_scatter: Annotated[float, Range(least=0, most=0.4)] = 0.08
+    """Standard deviation of the teeth's edge forces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,11 +84,11 @@ class PlannedLife(Ranged, section="PlannedLife"):
     tool: str
     """Name of this very tool."""
     cutter: str
-    """Its type."""
+    """Type of the tool."""
     cuts: tuple[str, ...]
     """Cuts that it makes, one after another."""
     records: Annotated[int, Range(least=1, most=500)] | None = None
-    """How many there are of a tool that is still in the spindle; None for a whole life."""
+    """Number of them of a tool that is still in the spindle; None for a whole life."""
     speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
     """Factor on the cutting speed of its cuts."""
     interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
@@ -104,43 +97,31 @@ class PlannedLife(Ranged, section="PlannedLife"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearRate(Ranged, section="WearRate"):
-    """Rate of flank wear, as Usui has it, with scatter.
-
-    Parameters
-    ----------
-    rate : float
-        Of a tooth without a land at ``cutting_speed`` and ``feed_per_tooth`` in a slot.
-    temperature, activation : float
-        Of the flank there, and of the wear.
-    speed_exponent, feed_exponent : float
-        By which the temperature rises with cutting speed and feed per tooth.
-    land_heating : float
-        Share by which a land raises the temperature.
-    break_in, break_in_time : float
-        Wear of a sharp edge, and the time that it takes.
-    tool_scatter, tooth_scatter : float
-        Standard deviation of the rate's logarithm from tool to tool, from tooth to tooth.
-    hardness_scatter, batch : float
-        From batch to batch of the material, and mean time in the cut of a batch.
-    hardness_exponent : float
-        Of the rate over the hardness.
-    """
+    """Rate of flank wear, as Usui has it, with scatter."""
 
     rate: Annotated[float, Range(least=0.01, most=50, unit="um/min")] = 2.6
+    """Rate of a tooth without a land at ``cutting_speed`` and ``feed_per_tooth`` in a slot."""
     cutting_speed: Annotated[float, Range(least=5, most=2e3, unit="m/min")] = 130.0
     feed_per_tooth: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
     temperature: Annotated[float, Range(least=400, most=1600, unit="K")] = 1050.0
     activation: Annotated[float, Range(least=0, most=4e4, unit="K")] = 5302.0
+    """Temperature of the flank there, and activation of the wear."""
     speed_exponent: Annotated[float, Range(least=0, most=1)] = 0.4
     feed_exponent: Annotated[float, Range(least=0, most=1)] = 0.2
+    """Exponents by which the temperature rises with cutting speed and feed per tooth."""
     land_heating: Annotated[float, Range(least=0, most=5, unit="1/mm")] = 0.8
+    """Share by which a land raises the temperature."""
     break_in: Annotated[float, Range(least=0, most=150, unit="um")] = 28.0
     break_in_time: Annotated[float, Range(least=0.05, most=60, unit="min")] = 2.5
+    """Wear of a sharp edge, and the time that it takes."""
     tool_scatter: Annotated[float, Range(least=0, most=1)] = 0.2
     tooth_scatter: Annotated[float, Range(least=0, most=1)] = 0.1
+    """Standard deviation of the rate's logarithm from tool to tool, from tooth to tooth."""
     hardness_scatter: Annotated[float, Range(least=0, most=0.5)] = 0.04
     batch: Annotated[float, Range(least=0.5, most=1e4, unit="min")] = 25.0
+    """Scatter from batch to batch of the material, and mean time in the cut of a batch."""
     hardness_exponent: Annotated[float, Range(least=0, most=10)] = 2.5
+    """Exponent of the rate over the hardness."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,57 +135,13 @@ class Mode(Ranged, section="Mode"):
 
 @dataclass(frozen=True, kw_only=True)
 class Sensors(Ranged, section="Sensors"):
-    """The measuring chain of seven channels and the files of its data-acquisition system.
-
-    Parameters
-    ----------
-    plate : tuple of 3 floats
-        Natural frequencies of the dynamometer with vise and workpiece.
-    plate_damping : float
-        Of these.
-    x, y, z : tuple of Mode
-        What the accelerometers at the spindle's nose see.
-    mounting, mounting_damping : float
-        Resonance of an accelerometer on its magnet.
-    across : float
-        Share of the force along x that y shows, and the other way round.
-    unbalance : float
-        Acceleration at the speed of the spindle at 6000 rev/min; it grows as the square.
-    bearing : tuple of (float, float)
-        Multiples of the speed, and their amplitudes at 6000 rev/min [m/s2].
-    shear, flank : float
-        Square of the envelope for each rate of work in the chip and at the flank.
-    lag : float
-        Time constant of the detector of the envelope.
-    speckle : float
-        Relative standard deviation of the envelope from row to row.
-    bursts, burst : float
-        Bursts by breaking chips, and their mean height.
-    coupling : float
-        Of the emission from mounting to mounting, standard deviation of the logarithm; it also
-        creeps by half of that over a life.
-    gain : float
-        Of the other channels from mounting to mounting, standard deviation.
-    noise, offset, drift, ranges : tuple of 7 floats
-        Standard deviations of noise [unit of the channel], offset and drift over a second from
-        record to record; ends of the converter.
-    hum, mains : float
-        In the forces.
-    bits : int
-        Of the converter.
-    columns, units : tuple of 7 str
-        As the files have them.
-    factors : tuple of 7 floats
-        From N, m/s2 and V to those units.
-    lost, lost_from, lost_count : int
-        Channel that a loose plug takes out, the record (from 1) of the first life from which on,
-        and how many; 0 records for none.
-    """
+    """The measuring chain of seven channels and the files of its data-acquisition system."""
 
     rate: Annotated[int, Range(least=2000, most=50000, unit="Hz")] = 10000
     seconds: Annotated[float, Range(least=0.1, most=10, unit="s")] = 0.5
     plate: tuple[float, ...] = (2100.0, 1840.0, 2860.0)
     plate_damping: Annotated[float, Range(least=1e-3, most=0.5)] = 0.03
+    """Natural frequencies of the dynamometer with vise and workpiece [Hz], and their damping."""
     x: tuple[Mode, ...] = (
         Mode(frequency=92.0, damping=0.05, mass=900.0),
         Mode(frequency=790.0, mass=9.0),
@@ -219,32 +156,51 @@ class Sensors(Ranged, section="Sensors"):
         Mode(frequency=118.0, damping=0.05, mass=1500.0),
         Mode(frequency=1210.0, damping=0.035, mass=14.0),
     )
+    """Modes that the accelerometers at the spindle's nose see."""
     mounting: Annotated[float, Range(least=1000, most=2e4, unit="Hz")] = 4100.0
     mounting_damping: Annotated[float, Range(least=1e-3, most=0.9)] = 0.08
+    """Resonance of an accelerometer on its magnet."""
     across: Annotated[float, Range(least=0, most=1)] = 0.12
+    """Share of the force along x that y shows, and the other way round."""
     unbalance: Annotated[float, Range(least=0, most=100, unit="m/s2")] = 1.1
+    """Acceleration at the speed of the spindle at 6000 rev/min; it grows as the square."""
     bearing: tuple[tuple[float, float], ...] = ((7.21, 0.35), (9.79, 0.25), (14.42, 0.2))
+    """Multiples of the speed, and their amplitudes at 6000 rev/min [m/s2]."""
     shear: Annotated[float, Range(least=0, most=1, unit="V2/W")] = 2.0e-4
     flank: Annotated[float, Range(least=0, most=1, unit="V2/W")] = 3.5e-4
+    """Square of the envelope for each rate of work in the chip and at the flank."""
     lag: Annotated[float, Range(least=1e-4, most=1, unit="s")] = 1.2e-3
+    """Time constant of the detector of the envelope."""
     speckle: Annotated[float, Range(least=0, most=2)] = 0.25
+    """Relative standard deviation of the envelope from row to row."""
     bursts: Annotated[float, Range(least=0, most=1e4, unit="1/s")] = 60.0
     burst: Annotated[float, Range(least=0, most=10, unit="V")] = 0.05
+    """Bursts by breaking chips, and their mean height."""
     coupling: Annotated[float, Range(least=0, most=2)] = 0.15
+    """Standard deviation of the logarithm of the emission from mounting to mounting; it also creeps
+    by half of that over a life."""
     gain: Annotated[float, Range(least=0, most=0.5)] = 0.01
+    """Standard deviation of the other channels from mounting to mounting."""
     noise: tuple[float, ...] = (1.5, 1.5, 1.5, 0.6, 0.6, 0.6, 0.003)
     offset: tuple[float, ...] = (4.0, 4.0, 4.0, 0.05, 0.05, 0.05, 0.01)
     drift: tuple[float, ...] = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.002)
     ranges: tuple[float, ...] = (2500.0, 2500.0, 1000.0, 500.0, 500.0, 500.0, 5.0)
+    """Standard deviations of noise [unit of the channel], offset and drift over a second from
+    record to record; ends of the converter."""
     hum: Annotated[float, Range(least=0, most=50, unit="N")] = 0.8
     mains: Annotated[float, Range(least=15, most=70, unit="Hz")] = 50.0
+    """Hum in the forces."""
     bits: Annotated[int, Range(least=8, most=24)] = 16
+    """Resolution of the converter."""
     columns: tuple[str, ...] = ("Fx", "Fy", "Fz", "Ax", "Ay", "Az", "AE_env")
     units: tuple[str, ...] = ("N", "N", "N", "m/s^2", "m/s^2", "m/s^2", "V")
     factors: tuple[float, ...] = (1.0,) * CHANNELS
+    """Columns and units as the files have them, and factors from N, m/s2 and V to those units."""
     lost: Annotated[int, Range(least=1, most=CHANNELS)] = 5
     lost_from: Annotated[int, Range(least=1, most=1000)] = 9
     lost_count: Annotated[int, Range(least=0, most=1000)] = 2
+    """Channel that a loose plug takes out, the record (from 1) of the first life from which on, and
+    how many; 0 records for none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -269,7 +225,7 @@ class Microscope(Ranged, section="Microscope"):
     every: Annotated[int, Range(least=1, most=100)] = 3
     """Records from one measurement to the next; the first record is measured too."""
     forgotten: Annotated[float, Range(least=0, most=0.9)] = 0.06
-    """Share of them that nobody wrote down."""
+    """Share of the measurements that nobody wrote down."""
     changed_at: Annotated[float, Range(least=20, most=2000, unit="um")] = 215.0
     """Reading at which the tool is taken out."""
 
@@ -311,28 +267,7 @@ LIVES = (
 
 @dataclass(frozen=True, kw_only=True)
 class Wear(Ranged, section="Wear"):
-    """Tool lives of a machine: nothing of them is written unless they are ``recorded``.
-
-    Parameters
-    ----------
-    most : int
-        Records of one life at the most.
-    depth_error, width_error : float
-        Relative standard deviations of what is in the way of the tool.
-    speed_error, speed_wander : float
-        Of the spindle, as in the dynamometer's tests.
-    unsteady : float
-        Relative standard deviation of the force inside one cut by the material's structure.
-    entries : float
-        Share of the records that hold the tool's way into the material, and as many out of it.
-    delimiter, decimal : str
-        Of the list of records.
-
-    Raises
-    ------
-    ValueError
-        When a life names a cutter or a cut that there is not, or two tools have one name.
-    """
+    """Tool lives of a machine: nothing of them is written unless they are ``recorded``."""
 
     recorded: bool = True
     workpiece: Steel = field(default_factory=Steel)
@@ -343,14 +278,20 @@ class Wear(Ranged, section="Wear"):
     sensors: Sensors = field(default_factory=Sensors)
     microscope: Microscope = field(default_factory=Microscope)
     most: Annotated[int, Range(least=1, most=500)] = 48
+    """Greatest number of records of one life."""
     depth_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
     width_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
+    """Relative standard deviations of what is in the way of the tool."""
     speed_error: Annotated[float, Range(least=0, most=0.05)] = 1e-3
     speed_wander: Annotated[float, Range(least=0, most=0.05)] = 1e-3
+    """Errors of the spindle, as in the dynamometer's tests."""
     unsteady: Annotated[float, Range(least=0, most=0.5)] = 0.02
+    """Relative standard deviation of the force inside one cut by the material's structure."""
     entries: Annotated[float, Range(least=0, most=0.5)] = 0.08
+    """Share of the records that hold the tool's entry into the material, and as many its exit."""
     delimiter: Literal[",", ";"] = ","
     decimal: Literal[".", ","] = "."
+    """Delimiter and decimal mark of the list of records."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

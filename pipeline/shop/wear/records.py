@@ -21,8 +21,8 @@ from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.wear.force import cut_forces, workpiece
+from pipeline.shop.parameters import DAY, ShopParameters, stamp
 from pipeline.shop.wear.parameters import PlannedLife, Wear
-from pipeline.shop.wear.rate import WornTool, conditions, flank_wear, new_tool
 from pipeline.shop.wear.sensors import (
     FINE,
     LOST,
@@ -31,6 +31,14 @@ from pipeline.shop.wear.sensors import (
     mounted,
     recorded,
     truth,
+)
+from pipeline.shop.wear.teeth import (
+    WornTool,
+    conditions,
+    cut_forces,
+    flank_wear,
+    new_tool,
+    workpiece,
 )
 
 Window = Literal["inside", "entry", "exit"]
@@ -157,12 +165,9 @@ def _motion(
 def write_wear(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``wear/*.parquet`` and ``wear/lives.csv`` into ``folder``, when wear is recorded.
 
-    Returns
-    -------
-    dict
-        Of each tool its runout, rates, gains of its mounting; of each record the land of its teeth,
-        hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
-        is not recorded.
+    The truth: of each tool its runout, rates, gains of its mounting; of each record the land of its
+    teeth, hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
+    is not recorded.
     """
     wear = parameters.wear
     if not wear.recorded:

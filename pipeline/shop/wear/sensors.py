@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Floats
-from pipeline.shop.wear.force import AXIAL, CHIP, RUBBING, X, Y
 from pipeline.shop.wear.parameters import CHANNELS, Mode, Sensors
+from pipeline.shop.wear.teeth import AXIAL, CHIP, RUBBING, X, Y
 
 FINE = 2
 """Steps of the simulation for each row."""
@@ -112,18 +112,8 @@ def channels(
 ) -> Floats:  # fmt: skip
     """What the sensors are exposed to, at each row, shape (T, 7) [N, m/s2, V].
 
-    Parameters
-    ----------
-    sensors : Sensors
-        Measuring chain.
-    force : ndarray, shape (FINE T, 5)
-        Of :func:`pipeline.shop.wear.force.cut_forces`.
-    angle : ndarray, shape (FINE T,)
-        Of the spindle [rad].
-    cutting_speed : float
-        [m/s].
-    random
-        For bearings, speckle and bursts.
+    ``force`` (FINE T, 5) is that of :func:`pipeline.shop.wear.teeth.cut_forces`, ``angle`` (FINE
+    T,) that of the spindle [rad]; the cutting speed in [m/s].
     """
     rate = sensors.rate * FINE
     on_plate = np.stack([-force[:, X], -force[:, Y], force[:, AXIAL]], axis=1)
@@ -151,20 +141,8 @@ def _before_converter(values: Floats) -> Floats:
 def recorded(
     sensors: Sensors, true: Floats, mounting: Mounting, life: float, random: np.random.Generator
 ) -> Floats:
-    """What the converter writes of ``true`` (T, 7), in the same units.
-
-    Parameters
-    ----------
-    sensors : Sensors
-        Measuring chain.
-    true : ndarray, shape (T, 7)
-        Of :func:`channels`.
-    mounting : Mounting
-        Of the tool.
-    life : float
-        Share of the life that is over [1].
-    random
-        For offset, drift, hum and noise.
+    """What the converter writes of ``true`` (T, 7), in the same units, when a share of the life is
+    over.
     """
     gain = mounting.gain.copy()
     gain[EMISSION] *= np.exp(mounting.creep * life)

@@ -12,7 +12,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, load_table
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
-from pipeline.twin.cut_blocks import station_arcs
+from pipeline.twin.cut.blocks import station_arcs
 from tests.cutting.tool_paths import MM, block, cleared, through
 
 F_Z = 1e-4

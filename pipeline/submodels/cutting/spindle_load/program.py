@@ -22,7 +22,7 @@ from pipeline.gcode.setup import Setup
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.submodels.cutting.spindle_load.records import LoadCut
 from pipeline.twin.control import program_moves
-from pipeline.twin.cutting_path import cutting_path
+from pipeline.twin.cut.path import cutting_path
 
 CHORD = 0.1
 """Greatest distance of a chord from its arc, over the resolution [1]."""

@@ -17,10 +17,10 @@ from pipeline.schema.program_cut import (
     PartTotals,
     ToolTotals,
 )
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, StationArcs
-from pipeline.twin.cut_cost import Life
-from pipeline.twin.cut_limits import CutLimits
+from pipeline.twin.cut.blocks import CutBlocks, StationArcs
+from pipeline.twin.cut.cost import Life
+from pipeline.twin.cut.limits import CutLimits
+from pipeline.twin.cut.loads import Cut
 
 MM, UM, CM3, KW = 1e3, 1e6, 1e6, 1e-3
 CM3_MIN = CM3 * 60

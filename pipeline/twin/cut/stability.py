@@ -23,9 +23,9 @@ from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import RADIAN
 from pipeline.schema.arrays import Floats
 from pipeline.schema.program_cut import LobePoint, Lobes
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
-from pipeline.twin.cut_tables import figure
+from pipeline.twin.cut.blocks import CutBlocks
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import figure
 
 SLOWEST, FASTEST = 0.5, 1.3
 """Range of the lobes drawn, over the least and the greatest spindle speed of the program."""

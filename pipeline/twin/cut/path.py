@@ -55,18 +55,9 @@ class WorkFrame:
 def work_frame(
     moves: Moves, row: int, offsets: Mapping[str, Vector], name: str | None = None
 ) -> WorkFrame:
-    """The work offset ``name``, by default the one in force in ``row``.
+    """The work offset ``name``, by default the one in force in ``row``, the first that cuts.
 
-    Parameters
-    ----------
-    moves : Moves
-        M rows.
-    row : int
-        First row that cuts.
-    offsets : mapping of str to Vector
-        Work offsets before the program, as in :class:`pipeline.gcode.setup.Setup`.
-    name : str, optional
-        Of the work offset that the stock is measured in.
+    ``offsets`` are those before the program, as in :class:`pipeline.gcode.setup.Setup`.
 
     Raises
     ------
@@ -181,20 +172,9 @@ def cutting_path(
 ) -> CuttingPath:  # fmt: skip
     """Path of ``moves`` in the coordinates of the work offset of its first cut, or of ``offset``.
 
-    Parameters
-    ----------
-    moves : Moves
-        M rows.
-    tools : sequence of int
-        Numbers of the tools that are known; their places become ``ToolPath.tool``.
-    chord : float
-        How far a chord may leave its arc [m].
-    offsets : mapping of str to Vector
-        Work offsets before the program, as in :class:`pipeline.gcode.setup.Setup` [mm, deg].
-    offset : str, optional
-        Name of the work offset that the stock is measured in.
-    rapid_speeds : ndarray, shape (3,), optional
-        Of X, Y and Z where they do not interpolate a rapid, in any unit; without, it is straight.
+    The places of the numbers ``tools`` become ``ToolPath.tool``; a chord leaves its arc by
+    ``chord`` [m] at most; ``offsets`` are those before the program [mm, deg]; ``rapid_speeds`` (3,)
+    of X, Y and Z, in any unit, say that they do not interpolate a rapid, else it is straight.
 
     Raises
     ------

@@ -27,16 +27,16 @@ from pipeline.schema.program_cut import (
     ToolTotals,
     WorstBlock,
 )
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
-from pipeline.twin.cut_coefficients import ToolCoefficients
-from pipeline.twin.cut_cost import cost_of, electricity, tool_life
-from pipeline.twin.cut_limits import cut_limits, cut_warnings
-from pipeline.twin.cut_stability import Stability, stability, stability_lobes
-from pipeline.twin.cut_tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
-from pipeline.twin.cut_wear import ToolWear, tool_edges
+from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
+from pipeline.twin.cut.coefficients import ToolCoefficients
+from pipeline.twin.cut.cost import cost_of, electricity, tool_life
+from pipeline.twin.cut.limits import cut_limits
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.stability import Stability, stability, stability_lobes
+from pipeline.twin.cut.tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
+from pipeline.twin.cut.warnings import cut_warnings, setup_warnings
+from pipeline.twin.cut.wear import ToolWear, tool_edges
 from pipeline.twin.preflight import clearance_not_checked
-from pipeline.twin.setup_warnings import setup_warnings
 
 WORST = 15
 """Number of blocks in the table of those nearest to their limit."""
@@ -52,37 +52,23 @@ FEEDS = (
 
 @dataclass(frozen=True, kw_only=True)
 class CutBasis:
-    """Limits, material and prices that a cut is assessed by, with their source; None if unknown.
-
-    Parameters
-    ----------
-    stock, table : str
-        Blank and tool table as they were named.
-    material : Material
-        Of the blank.
-    coefficients : mapping of int to ToolCoefficients
-        Cutting coefficients of each tool, by number.
-    limit_load : float or None
-        Of the load in the plane [N].
-    rates, energy, drive, dynamics
-        Of conf/cost/ and of the machine.
-    drive_source : str
-        Where the drive's values come from.
-    wear : ToolWear
-        That the coefficients hold for.
-    """
+    """Limits, material and prices that a cut is assessed by, with their source; None if unknown."""
 
     stock: str
     table: str
+    """Blank and tool table, as they were named."""
     material: Material
     coefficients: Mapping[int, ToolCoefficients]
+    """Cutting coefficients of each tool, by number."""
     limit_load: float | None = None
+    """Limit of the load in the plane [N]."""
     rates: CostRates | None = None
     energy: EnergyParameters | None = None
     drive: SpindleDrive | None = None
     drive_source: str = ""
     dynamics: TipDynamics | None = None
     wear: ToolWear = field(default_factory=ToolWear)
+    """Wear that the coefficients hold for."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from pipeline.charts.numbers import NARROW, as_stated, counted, duration, joined, number
 from pipeline.report.cut.tables import between, sentence, share, spans_of
-from pipeline.report.objectives import AIMS
-from pipeline.report.optimised_tables import change, increases, limit_name
+from pipeline.report.optimised.changes import increases
+from pipeline.report.optimised.tables import AIMS, change, limit_name
 from pipeline.report.standalone_page import doubts
 from pipeline.schema.part import OptimisedPart
 
@@ -13,13 +13,6 @@ LEAST = 0.05  # percent: what is less is no gain
 MOST_SAID = 3  # warnings in the verdict, and stretches of lines of each
 IN_WORDS = {"lead": "lead-ins and lead-outs", "ramping": "ramps", "plunging": "plunges"}
 """Operations whose own name is no word of a sentence."""
-
-
-def aim(part: OptimisedPart) -> str:
-    """The objective in words."""
-    if part.objective == "pareto":
-        return "the knee of all objectives"
-    return AIMS[part.objective][0]
 
 
 def verdict(part: OptimisedPart) -> tuple[str, str, list[str]]:
@@ -70,7 +63,7 @@ def _first_look(part: OptimisedPart) -> list[str]:
     if not found:
         return ["No cut has more F, S or feed per tooth than before."] if part.words.total else []
     first = found[0]
-    whose = ", ".join(filter(None, (f"T{first.one.tool}", first.one.operation)))
+    whose = ", ".join(filter(None, (f"T{first.change.tool}", first.change.operation)))
     return [
         f"Watch {_lines(first.lines.split(', '))} first ({whose}): {first.what} rises most there, "
         f"×{NARROW}{first.factor:.2f}."

@@ -16,10 +16,10 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.schema.program_cut import CutWarning, EdgeForces, ToolEdge
 from pipeline.schema.si import UM
-from pipeline.twin.cut import Cut, with_force_laws
-from pipeline.twin.cut_blocks import StationArcs, cut_blocks
-from pipeline.twin.cut_coefficients import ToolCoefficients, WornLand
-from pipeline.twin.cut_tables import KW, figure
+from pipeline.twin.cut.loads import Cut, with_force_laws
+from pipeline.twin.cut.blocks import StationArcs, cut_blocks
+from pipeline.twin.cut.coefficients import ToolCoefficients, WornLand
+from pipeline.twin.cut.tables import KW, figure
 
 WearRule = Literal["known", "criterion", "sharp"]
 """Wear of tools of which none is given: what is known of them, the criterion, or none."""
@@ -96,18 +96,9 @@ def worn_coefficients(
     coefficients: Mapping[int, ToolCoefficients], tools: Mapping[int, Tool], wear: ToolWear,
     material: tuple[str, str],
 ) -> dict[int, ToolCoefficients]:  # fmt: skip
-    """Coefficients with what the land of each tool adds.
+    """Coefficients of sharp tools, by number, with what the land of each adds.
 
-    Parameters
-    ----------
-    coefficients : mapping of int to ToolCoefficients
-        Of sharp tools, by number.
-    tools : mapping of int to Tool
-        The same tools.
-    wear : ToolWear
-        That they have.
-    material : (str, str)
-        Its name in conf/material/, and its own.
+    ``material`` is its name in conf/material/, and its own.
 
     Raises
     ------

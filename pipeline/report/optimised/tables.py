@@ -2,12 +2,12 @@
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
-from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
+from pipeline.charts.numbers import NARROW, as_stated, counted, signed
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
-from pipeline.report.cut.tables import NONE, between, sentence, share, spans_of
+from pipeline.report.cut.tables import NONE, between, figure, sentence, share
 from pipeline.schema.limits import Limit, limit_words
 from pipeline.schema.part import (
     Binding,
@@ -19,7 +19,6 @@ from pipeline.schema.part import (
     Side,
     UncertainQuantity,
 )
-from pipeline.schema.part_sheet import FeedChange
 
 Row = tuple[str, str | None, str, str | None, int]
 ROWS: tuple[Row, ...] = (
@@ -31,7 +30,8 @@ ROWS: tuple[Row, ...] = (
     ("Blocks beyond a limit", "", "beyond", None, 3),
 )
 """Name, unit (the currency where None), key, key of the change, digits."""
-LONGEST = 40  # letters of a word
+LONGEST = 40
+"""Letters of a word beyond which it is broken anywhere."""
 NAMES = {
     "as programmed": "no more feed per tooth than programmed",
     "change from the program": "greatest change from the program",
@@ -41,19 +41,27 @@ NAMES = {
 }
 """Limits whose own name says too little beside the others."""
 KEPT = "kept as programmed"
-MOST_SPANS = 6  # stretches of lines that a row names
-LEAST = 5e-3  # share: a smaller change is rounding
-NO_FORCE = 1e-3  # N, um: what is less is rounding
+NO_FORCE = 1e-3
+"""Load [N], or bending [um], below which a value is rounding."""
+AIMS = {
+    "time": ("least time", "time_percent", "less time"),
+    "cost": ("least cost", "cost_percent", "less cost"),
+    "energy": ("least energy", "energy_percent", "less energy"),
+    "wear": ("least wear of tools", "tool_life_percent", "less wear"),
+}
+"""Each objective in words, its gain, and the word for less."""
+
+
+def aim(part: OptimisedPart) -> str:
+    """The objective in words."""
+    if part.objective == "pareto":
+        return "the knee of all objectives"
+    return AIMS[part.objective][0]
 
 
 def limit_name(name: str | None) -> str:
     """A limit in words, small; "nothing" where none binds."""
     return NAMES.get(name, name) if name else "nothing"
-
-
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number as it stands in a table; a dash where there is none."""
-    return NONE if value is None else number(value, digits)
 
 
 def force(value: float | None) -> str:
@@ -64,58 +72,6 @@ def force(value: float | None) -> str:
 def tool_name(number: int, name: str) -> Cell:
     """A tool as people name it."""
     return plain_words(f"T{number} {name}".strip())
-
-
-@dataclass(frozen=True, kw_only=True)
-class Increase:
-    """Changes that are alike, and what of F, S and feed per tooth rose most, by which factor."""
-
-    lines: str
-    one: FeedChange
-    what: str
-    factor: float
-
-
-def increases(changes: Sequence[FeedChange]) -> list[Increase]:
-    """What got faster or thicker, the largest factor first; changes that are alike are one.
-
-    Of a move in air F alone counts.
-    """
-    alike: dict[tuple[object, ...], list[FeedChange]] = {}
-    for one in changes:
-        key = (
-            one.tool, one.operation, one.feed_before, one.feed_after, one.speed_before,
-            one.speed_after, one.binds,
-        )  # fmt: skip
-        alike.setdefault(key, []).append(one)
-    found = []
-    for same in alike.values():
-        one = max(same, key=lambda change: max(_factors(change).values()))
-        what, factor = max(_factors(one).items(), key=lambda pair: pair[1])
-        if factor > 1 + LEAST:
-            found.append(Increase(lines=_spans(same), one=one, what=what, factor=factor))
-    return sorted(found, key=lambda row: (-row.factor, row.one.first_line))
-
-
-def _spans(changes: Sequence[FeedChange]) -> str:
-    lines = (line for one in changes for line in range(one.first_line, one.last_line + 1))
-    spans = spans_of(lines)
-    more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
-    return ", ".join(spans[:MOST_SPANS]) + more
-
-
-def _factors(one: FeedChange) -> dict[str, float]:
-    """Factor of each quantity of a change, those that a chip is made by first."""
-    feed = ratio(one.feed_before, one.feed_after)
-    if one.feed_per_tooth_after_mm is None:
-        return {"F": feed}
-    thicker = ratio(one.feed_per_tooth_before_mm, one.feed_per_tooth_after_mm)
-    return {"fz": thicker, "F": feed, "S": ratio(one.speed_before, one.speed_after)}
-
-
-def ratio(before: float | None, after: float | None) -> float:
-    """1 where one of them is not known or nothing."""
-    return after / before if before and after else 1.0
 
 
 def held_by(row: BlockGroup | Binding) -> str:

@@ -11,9 +11,9 @@ from pipeline.charts import svg
 from pipeline.charts.numbers import as_stated, number
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
-from pipeline.report.cut.figures import NAMED, NAMES, WIDE, Panel
 from pipeline.report.cut.tables import sentence
-from pipeline.report.optimised_tables import KEPT, by_line, limit_name
+from pipeline.report.optimised.tables import KEPT, by_line, limit_name
+from pipeline.report.programs.panels import WIDE, Panel, Spans, tool_spans
 from pipeline.schema.part import (
     BlockGroup,
     FrontMember,
@@ -41,7 +41,6 @@ WORDS_LEGEND = [
     ("l-after", "optimised", "line"),
     ("s-after", "holds the block back", "box"),
 ]
-PAIR_LEGEND = [("s-before", "as programmed", "box"), ("s-after", "optimised", "box")]
 FRONT_TOP, FRONT_HEIGHT = 26, 250  # px
 AROUND = 0.08  # of the span, free around the points
 QUANTITIES = {
@@ -83,13 +82,13 @@ def path_load(trace: LoadTrace) -> PathLoad | None:
 
 def load_figure(
     before: PathLoad, after: PathLoad, limit: float | None,
-    tools: Sequence[tuple[int, float, float]], label: str,
+    tools: Spans, label: str,
 ) -> Markup:  # fmt: skip
     """Two panels on one scale; what lies above ``limit`` [N] stands out."""
     most = 1.1 * max(float(np.nanmax(before.load)), float(np.nanmax(after.load)), limit or 1e-6)
     upper = Panel(head="Load as programmed, N", top=TOP, height=HEIGHT, most=most)
     lower = Panel(head="Load optimised, N", top=upper.bottom + GAP, height=HEIGHT, most=most)
-    parts = [*_path_axis(after, upper.top, lower.bottom), *_tools(tools, lower.bottom)]
+    parts = [*_path_axis(after, upper.top, lower.bottom), *tool_spans(tools, lower.bottom)]
     for panel, trace, kind in ((upper, before, "s-before"), (lower, after, "s-after")):
         parts += [*panel.frame(), _columns(panel, trace, limit, kind)]
         if limit is not None:
@@ -98,23 +97,22 @@ def load_figure(
     return svg.figure(parts, height=lower.bottom + 54, label=label, kind="golden")
 
 
-def load_figures(
-    part: OptimisedPart, name: str, caption: str, sources: list[Source], *, kind: str
-) -> Figures | None:
-    """Load along the path before and after, with its legend; None where there is none to draw.
-
-    Where ``caption`` is empty the figure's own words are.
-    """
+def load_figures(part: OptimisedPart, sources: list[Source]) -> Figures | None:
+    """Load along the path before and after, with its legend; None where there is none to draw."""
     trace, limit = part.trace, part.load_limit_N
     before, after = path_load(trace.before), path_load(trace.after)
     if before is None or after is None:
         return None
-    legend = [*LOAD_LEGEND] if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
-    words = f"Load along the path of {name}, as programmed and optimised"
-    drawn = load_figure(before, after, limit, trace.tools, words)
-    caption = caption or f"{words}: the highest force on the tool in the plane, predicted."
-    figures = [Figure(svg=drawn, caption=caption, sources=sources)]
-    return Figures(figures=figures, legend=legend, kind=kind)
+    words = f"Load along the path of {part.program}, as programmed and optimised"
+    figure = Figure(
+        svg=load_figure(before, after, limit, trace.tools, words),
+        caption="Highest force on the tool in the plane over the path at feed; the path is the "
+        "same before and after, so that what stands below each other is the same place of the "
+        "part.",
+        sources=sources,
+    )
+    legend = LOAD_LEGEND if limit is None else [*LOAD_LEGEND, OVER_LEGEND]
+    return Figures(figures=[figure], legend=legend, kind="one wide")
 
 
 def _columns(panel: Panel, trace: PathLoad, limit: float | None, kind: str) -> Markup:
@@ -132,7 +130,7 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
     unit, name = (1e3, "m") if far else (1.0, "mm")
     parts = [
         svg.text(
-            50, bottom + 48, f"Way at feed, {name}; below it the line of the program", "tick mid"
+            50, bottom + 48, f"Path at feed, {name}; below it the line of the program", "tick mid"
         )
     ]
     for mark in svg.ticks(0.0, trace.total / unit, most=4):
@@ -142,15 +140,6 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
         parts.append(svg.text(x, bottom + 16, f"{round(mark, 6) + 0.0:g}", svg.anchor(x)))
         if np.isfinite(line):
             parts.append(svg.text(x, bottom + 31, f"{line:.0f}", svg.anchor(x)))
-    return parts
-
-
-def _tools(tools: Sequence[tuple[int, float, float]], bottom: float) -> list[Markup]:
-    parts = []
-    for tool, start, end in tools:
-        parts.append(svg.down(100 * start, NAMES + 3, bottom, "grid change"))
-        if end - start > NAMED:
-            parts.append(svg.text(50 * (start + end), NAMES, f"T{tool}", "tick mid"))
     return parts
 
 

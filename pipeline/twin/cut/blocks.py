@@ -8,7 +8,7 @@ from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE_PER_SECOND
 from pipeline.schema.arrays import Bools, Floats, Rows
-from pipeline.twin.cut import Cut
+from pipeline.twin.cut.loads import Cut
 
 STEEP = float(np.sqrt(0.5))
 """|dz / ds| from which a motion is a plunge [1]: the tool cuts with its end."""

@@ -1,19 +1,30 @@
 """Page of an optimised program, from its stored document; nothing else."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from markupsafe import Markup
 
-from pipeline.charts.numbers import NARROW, as_stated, counted, number, signed
+from pipeline.charts.numbers import NARROW, as_stated, counted, duration, number, signed
 from pipeline.charts.sections import Figure, Figures, Section, present
 from pipeline.charts.sources import Source
-from pipeline.report import optimised_tables as tables
-from pipeline.report.cut.edges import edge_words, edges_table
-from pipeline.report.cut.tables import axes_table, sentence, share
-from pipeline.report.optimised_figures import (
+from pipeline.charts.tables import Column, tabulated
+from pipeline.report.cut.tables import (
+    NONE,
+    axes_table,
+    between,
+    edge_words,
+    edges_table,
+    sentence,
+    share,
+    warnings_pairs,
+)
+from pipeline.report.optimised import tables
+from pipeline.report.optimised.changes import changes_section
+from pipeline.report.optimised.figures import (
     FRONT_LEGEND,
+    LOAD_LEGEND,
     METHODS_LEGEND,
-    PAIR_LEGEND,
     QUANTITIES,
     WORDS_LEGEND,
     compared,
@@ -25,63 +36,58 @@ from pipeline.report.optimised_figures import (
     per_pair,
     words_figure,
 )
-from pipeline.report.optimised_path import SCRIPT, path_section
-from pipeline.report.optimised_program import changes_section
-from pipeline.report.optimised_setup import setup_section, warnings_section
-from pipeline.report.optimised_verdict import aim, key_figures, verdict
+from pipeline.report.optimised.path import SCRIPT, path_section
+from pipeline.report.optimised.verdict import key_figures, verdict
 from pipeline.report.standalone_page import StandalonePage, rendered, source_of, verdicts_section
 from pipeline.schema.part import OptimisedPart, Reliability
+from pipeline.schema.part_sheet import SetupTool, WorkOffset
+from pipeline.schema.program_cut import CutWarning
 from pipeline.schema.store import write_text
 
+MOST_WARNINGS = 8
+MOST_SPANS = 6
+"""Stretches of lines that a warning names."""
 Legend = list[tuple[str, str, str]]
 
 
 def write_optimised_page(part: OptimisedPart, out: Path, source: Path | None = None) -> None:
     """Write the page of a part; ``source`` is the file that holds it."""
     sources = [source_of(source)] if source is not None else []
-    text = rendered(optimised_page(part, sources), "optimise.html.j2")
-    write_text(text, out)
+    write_text(rendered(optimised_page(part, sources)), out)
 
 
 def optimised_page(part: OptimisedPart, sources: list[Source]) -> StandalonePage:
     """Changes, path, load, words, time, certainty, methods, proof, set-up, basis, in this order."""
     status, word, sentences = verdict(part)
-    path = path_section(part, sources)
+    path, inch = path_section(part, sources), part.unit != "mm"
     sections = [
-        warnings_section(part.warnings), verdicts_section(part.verdicts),
+        _warnings_section(part.warnings), verdicts_section(part.verdicts),
         changes_section(part, sources), path, _load_section(part, sources),
         _words_section(part, sources), _time_section(part, sources),
         _certainty_section(part, sources), _methods_section(part, sources),
-        _proof_section(part, sources), setup_section(part, sources), _basis_section(part, sources),
+        _proof_section(part, sources), _setup_section(part, sources), _basis_section(part, sources),
     ]  # fmt: skip
     return StandalonePage(
         program=part.program,
         machine=part.machine,
-        about=f"For {aim(part)}: {part.stock} in {part.material} on {part.machine}, tools of "
-        f"{part.tool_table}{_written_in(part)}",
+        about=f"For {tables.aim(part)}: {part.stock} in {part.material} on {part.machine}, tools "
+        f"of {part.tool_table}"
+        + (". F is in inch, as the program writes it (G20); all else is in mm" if inch else ""),
         origin="simulated" if part.origin == "simulated" else "recorded",
         status=status,
         word=word,
         sentences=sentences,
         key_figures=key_figures(part),
         sections=[section for section in sections if section is not None],
+        running="Kerf: a part program made better inside its limits",
+        computed="Computed by Kerf from the program, the stock and the tools named above; nothing "
+        "of it was measured in a cut.",
         script=None if path is None else SCRIPT,
     )
 
 
-def _written_in(part: OptimisedPart) -> str:
-    """What is said of the unit of a program in inches."""
-    if part.unit == "mm":
-        return ""
-    return ". F is in inch, as the program writes it (G20); all else is in mm"
-
-
 def _load_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
-    caption = (
-        "Highest force on the tool in the plane over the way at feed; the way is the same "
-        "before and after, so that what stands below each other is the same place of the part."
-    )
-    figures = load_figures(part, part.program, caption, sources, kind="one wide")
+    figures = load_figures(part, sources)
     if figures is None:
         return None
     return Section(
@@ -149,7 +155,7 @@ def _time_section(part: OptimisedPart, sources: list[Source]) -> Section:
     many = per_pair(len(part.groups))
     one = "one group of blocks" if many == 1 else f"{many} groups of blocks"
     caption = f"Time and cost, each pair of columns {one}."
-    figures = _drawn(picture, caption, PAIR_LEGEND, sources)
+    figures = _drawn(picture, caption, LOAD_LEGEND, sources)
     return Section(key="time", title="Time and cost",
                    blocks=present(tables.gain_table(part, sources), figures))  # fmt: skip
 
@@ -281,3 +287,74 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
         text=[*filter(None, [control, part.split]), *part.notes], pairs=unknown,
         blocks=present(tables.limits_table(part, sources)), closing=True,
     )  # fmt: skip
+
+
+def _warnings_section(warnings: Sequence[CutWarning]) -> Section | None:
+    """What to look at before anything else; it stands before all other sections."""
+    if not warnings:
+        return None
+    return Section(key="warnings", title="Look at this first", pairs=_warnings(warnings))
+
+
+def _setup_section(part: OptimisedPart, sources: list[Source]) -> Section:
+    """Sheet for the machine: tools, offsets, blank, warnings; one page when printed."""
+    sheet = part.setup
+    time = NONE if part.after.time_s is None else duration(part.after.time_s)
+    return Section(
+        key="setup", title="Set-up sheet",
+        text=[f"{part.program} optimised, on {part.machine}: {time}."],
+        pairs=[
+            ("Blank", f"{_blank(part)} {part.material}; zero is that of {sheet.blank_offset}."),
+            *(_warnings(sheet.warnings) or [("Warnings", "None.")]),
+        ],
+        blocks=present(
+            tabulated("Tools, in the order in which they are called", sheet.tools, TOOLS, sources),
+            tabulated("Work offsets, as the program was followed", sheet.offsets, OFFSETS, sources),
+        ),
+    )  # fmt: skip
+
+
+TOOLS: tuple[Column[SetupTool], ...] = (
+    Column("Tool", lambda row: tables.tool_name(row.tool, row.name)),
+    Column("kind", lambda row: row.kind.replace("_", "-") or NONE),
+    Column("diameter", lambda row: _length(row.diameter_mm), "mm"),
+    Column("teeth", lambda row: NONE if row.flutes is None else str(row.flutes), ""),
+    Column("stickout", lambda row: _length(row.stickout_mm), "mm"),
+    Column("length H", lambda row: _length(row.length_mm), "mm"),
+    Column("time", lambda row: duration(row.time_s), ""),
+    Column("in the cut", lambda row: duration(row.in_material_s), ""),
+    Column("life of one part",
+           lambda row: share(row.life_share) + between(row, "life_share", share), ""),
+)  # fmt: skip
+OFFSETS: tuple[Column[WorkOffset], ...] = (
+    Column("Offset", lambda row: row.name),
+    *(
+        Column(axis, lambda row, k=k: NONE if row.position_mm is None else  # type: ignore[misc]
+               _length(row.position_mm[k]), "mm")
+        for k, axis in enumerate("XYZ")
+    ),
+)  # fmt: skip
+
+
+def _blank(part: OptimisedPart) -> str:
+    """Size and place of the blank, as one measures it; as it was named where no path is known."""
+    path = part.path
+    if path is None:
+        return f"{part.stock} [mm] of"
+    ends = list(zip(path.blank_low_mm, path.blank_high_mm, strict=True))
+    sizes = [_length(high - low) for low, high in ends]
+    size = f"Ø {sizes[0]} × {sizes[2]}" if path.round_blank else " × ".join(sizes)
+    spans = [f"{axis} {_length(low)} to {_length(high)}"
+             for axis, (low, high) in zip("XYZ", ends, strict=True)]  # fmt: skip
+    return f"{size}{NARROW}mm ({', '.join(spans)}) of"
+
+
+def _length(value: float | None) -> str:
+    return NONE if value is None else as_stated(round(value, 3)).replace("-", "−")
+
+
+def _warnings(warnings: Sequence[CutWarning]) -> list[tuple[str, str]]:
+    """The first warnings, and how many more there are."""
+    left = len(warnings) - MOST_WARNINGS
+    more = [("More warnings", f"{left}, in the JSON.")] if left > 0 else []
+    return warnings_pairs(warnings[:MOST_WARNINGS], MOST_SPANS) + more

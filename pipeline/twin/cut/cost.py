@@ -21,8 +21,8 @@ from pipeline.cutting.economics.tool_life import Condition, Taylor, cutting_spee
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.path import Motion
 from pipeline.schema.arrays import Floats
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks, StationArcs
+from pipeline.twin.cut.blocks import CutBlocks, StationArcs
+from pipeline.twin.cut.loads import Cut
 
 M_MIN = 60.0
 COOLANT_ON, COOLANT_OFF = (7, 8), (9,)

@@ -1,97 +1,27 @@
-"""Limits of a cut (load, spindle drive, stability), and warnings before the part is cut."""
+"""Warnings before a part is cut: its limits, the blank, chatter, tools that do not fit."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.economics.spindle_power import SpindleDrive, available_power, motor_power
+from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
-from pipeline.cutting.tool import tip_deflection, tool_limits
-from pipeline.schema.arrays import Floats, Rows
+from pipeline.cutting.tool import tool_limits
+from pipeline.cutting.tool_sizes import odd_sizes
+from pipeline.gcode.moves import CutterRadius
+from pipeline.machine.spindle import CUTTING
+from pipeline.schema.arrays import Rows
 from pipeline.schema.program_cut import CutWarning
-from pipeline.twin.cut import Cut
-from pipeline.twin.cut_blocks import CutBlocks
+from pipeline.twin.cut.blocks import CutBlocks
+from pipeline.twin.cut.limits import CutLimits
+from pipeline.twin.cut.loads import Cut
+from pipeline.twin.preflight import contact_violations, preflight_warnings
 
 WORN = 0.3e-3
 """Width of the flank's land of a worn tool, ISO 8688-2 [m]."""
-BINDS = ("load limit", "spindle drive", "stability")
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class CutLimits:
-    """K blocks against their limits; arrays of shape (K,), NaN where nothing is known."""
-
-    drive: Floats
-    """Power of the motor over its greatest at that speed, infinite above its top speed [1]."""
-    margin: Floats
-    """Of stability [1]."""
-    deflection: Floats
-    """Deflection of the tip under the peak load; a drill's lips balance each other, it has none
-    [m]."""
-    used: Floats
-    """Share of the limit that binds [1]."""
-    binds: NDArray[np.str_]
-    """Which one that is; empty where no limit is known."""
-
-
-def cut_limits(
-    cut: Cut, blocks: CutBlocks, *, limit_load: float | None, drive: SpindleDrive | None,
-    margin: Floats | None,
-) -> CutLimits:  # fmt: skip
-    """Blocks of a cut against their limits.
-
-    Parameters
-    ----------
-    cut : Cut
-        Of a program.
-    blocks : CutBlocks
-        Its blocks.
-    limit_load : float or None
-        Of the load in the plane, of tools without their own [N].
-    drive : SpindleDrive or None
-        Of the spindle.
-    margin : ndarray, shape (M,), or None
-        Of stability, by row.
-    """
-    unknown = np.full(len(blocks), np.nan)
-    peak = np.where(blocks.load_known, blocks.peak, np.nan)
-    most = tool_limits(cut.tools, "load_N", limit_load)[blocks.tool]
-    power = unknown if drive is None else _drive_share(blocks, drive)
-    stable = unknown if margin is None else margin[blocks.row]
-    with np.errstate(divide="ignore"):
-        shares = np.stack([
-            np.where(np.isfinite(most), peak / most, np.nan),
-            power,
-            1.0 / (1.0 + stable),
-        ])  # fmt: skip
-    known = np.where(np.isnan(shares), -np.inf, shares)
-    which = known.argmax(axis=0)
-    used = known.max(axis=0)
-    return CutLimits(
-        drive=power,
-        margin=stable,
-        deflection=_deflection(cut, blocks, peak),
-        used=np.where(used > -np.inf, used, np.nan),
-        binds=np.where(used > -np.inf, np.array(BINDS)[which], ""),
-    )
-
-
-def _drive_share(blocks: CutBlocks, drive: SpindleDrive) -> Floats:
-    most = available_power(blocks.speed, drive)
-    needed = motor_power(blocks.torque, blocks.speed, drive)
-    share = np.divide(needed, most, out=np.full(len(most), np.inf), where=most > 0)
-    return np.where(blocks.load_known, share, np.nan)
-
-
-def _deflection(cut: Cut, blocks: CutBlocks, peak: Floats) -> Floats:
-    deflection = np.full(len(blocks), np.nan)
-    for tool in np.unique(blocks.tool).tolist():
-        mine = blocks.tool == tool
-        if cut.tools[tool].stickout is not None and cut.tools[tool].kind != "drill":
-            deflection[mine] = tip_deflection(cut.tools[tool], peak[mine])
-    return deflection
+SMALL = 10.0
+"""Extent of the moves at feed over the blank's, along X or Y, from which it may be in inches."""
 
 
 def cut_warnings(
@@ -138,8 +68,12 @@ def cut_warnings(
 def _warning(cut: Cut, rows: Rows, what: str, do: str, *, grave: bool = False) -> CutWarning | None:
     if not len(rows):
         return None
-    lines = tuple(dict.fromkeys(cut.plan.path.moves.line[np.sort(rows)].tolist()))
+    lines = _each_once(cut.plan.path.moves.line[np.sort(rows)])
     return CutWarning(what=what, do=do, lines=lines, blocks=len(rows), grave=grave)
+
+
+def _each_once(lines: NDArray[np.integer]) -> tuple[int, ...]:
+    return tuple(dict.fromkeys(lines.tolist()))
 
 
 def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> CutWarning | None:
@@ -149,10 +83,6 @@ def _too_fast(cut: Cut, blocks: CutBlocks, drive: SpindleDrive | None) -> CutWar
     fastest = float(blocks.spindle_speed[over].max(initial=0.0))
     what = f"{fastest:g} rev/min is above the top speed {drive.top_speed_rpm:g} of the drive"
     return _warning(cut, blocks.row[over], what, "Lower S.", grave=True)
-
-
-SMALL = 10.0
-"""Extent of the moves at feed over the blank's, along X or Y, from which it may be in inches."""
 
 
 def missed_blank(cut: Cut, stock: str) -> CutWarning | None:
@@ -265,3 +195,102 @@ def _below(cut: Cut) -> Rows:
         below &= np.maximum(*ends) > low - radius
         below &= np.minimum(*ends) < low + many * blank.cell + radius
     return np.unique(pieces.block[below]).astype(np.intp)
+
+
+def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
+    """What of tools and registers does not fit the program that is cut with them.
+
+    ``table`` is the tool table as it was named.
+    """
+    return (
+        *_odd_sizes(cut, table),
+        *_backwards(cut),
+        *_without_radius(cut),
+        *_cutting_nothing(cut),
+        *_not_listed(cut),
+        *_contacts(cut),
+    )
+
+
+def _odd_sizes(cut: Cut, table: str) -> Iterator[CutWarning]:
+    """Sizes of tools that another unit would explain."""
+    for number, tool in zip(cut.numbers, cut.tools, strict=True):
+        for odd in odd_sizes(tool):
+            yield CutWarning(
+                what=f"T{number} in the tool table {table}: {odd.field} = {odd.value:g} is "
+                f"{odd.reason}",
+                do=odd.remedy,
+            )
+
+
+def _backwards(cut: Cut) -> Iterator[CutWarning]:
+    """Right-hand tools that cut while M4 turns them; a tap backs out with M4."""
+    moves, back = cut.plan.path.moves, cut.plan.path.moves.direction < 0
+    for index, (number, tool) in enumerate(zip(cut.numbers, cut.tools, strict=True)):
+        lines = moves.line[back & (cut.tool == index)]
+        if len(lines) and tool.helix_deg >= 0 and tool.role != "tap":
+            yield CutWarning(
+                what=f"T{number} cuts while M4 turns it, and is a right-hand tool in the tool "
+                "table: its edges run backwards",
+                do="Write M3, or a negative helix_deg for a left-hand tool.",
+                lines=_each_once(lines),
+            )
+
+
+def _without_radius(cut: Cut) -> Iterator[CutWarning]:
+    """G41 and G42 whose register holds no radius, of tools that have a diameter in the table."""
+    tools = dict(zip(cut.numbers, cut.tools, strict=True))
+    alike: dict[tuple[int, int], list[CutterRadius]] = {}
+    for one in cut.plan.path.moves.cutter_radii:
+        if one.radius == 0 and one.tool in tools:
+            alike.setdefault((one.register, one.tool), []).append(one)
+    for (register, number), found in alike.items():
+        words = " and ".join(dict.fromkeys(one.word for one in found))
+        size = f"{tools[number].diameter_mm:g}"
+        yield CutWarning(
+            what=f"{words} of T{number} takes D{register}, which is 0 or not given: the path is "
+            f"followed as if the tool had no radius, and the tool table says {size} mm",
+            do=f"Enter {size} mm as the diameter of D{register} in the machine’s file (setup); "
+            "leave it where the program holds the path of the tool’s centre.",
+            lines=tuple(dict.fromkeys(one.line for one in found)),
+        )
+
+
+def _cutting_nothing(cut: Cut) -> Iterator[CutWarning]:
+    """Tools that turn and are fed through the blank's surroundings and never meet it."""
+    moves, pieces = cut.plan.path.moves, cut.path.pieces
+    if not (cut.tool >= 0).any():
+        return  # the blank as a whole is missed, which is said of it
+    rows = np.unique(pieces.block[pieces.feed & (pieces.length > 0)])
+    rows = rows[cut.plan.spindle_speed[rows] > 0]
+    cutting = set(moves.tool[cut.tool >= 0].tolist())
+    for number in dict.fromkeys(moves.tool[rows].tolist()):
+        if number in cutting:
+            continue
+        lines = moves.line[rows[moves.tool[rows] == number]]
+        yield CutWarning(
+            what=f"T{number} is fed and cuts nothing",
+            do="Check the blank, the work offset, the tool’s length and the cutter radius.",
+            lines=_each_once(lines),
+        )
+
+
+def _not_listed(cut: Cut) -> Iterator[CutWarning]:
+    """Tools that work and are not in the tool table; those that mill without it are refused."""
+    moves = cut.plan.path.moves
+    working = np.isin(moves.kind, CUTTING) & (moves.length > 0) & (moves.tool >= 0)
+    working &= ~np.isin(moves.tool, cut.numbers)
+    for number in dict.fromkeys(moves.tool[working].tolist()):
+        lines = moves.line[working & (moves.tool == number)]
+        yield CutWarning(
+            what=f"T{number} is not in the tool table: nothing of it is judged",
+            do="Add it to the tool table.",
+            lines=_each_once(lines),
+        )
+
+
+def _contacts(cut: Cut) -> tuple[CutWarning, ...]:
+    """Shanks and holders that meet the part."""
+    tools = dict(zip(cut.numbers, cut.tools, strict=True))
+    moves = cut.plan.path.moves
+    return preflight_warnings(contact_violations(moves, cut.path, tools, cut.blank))

@@ -26,7 +26,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats, Rows
-from pipeline.twin.cutting_path import CuttingPath, cutting_path, nothing_cut_message
+from pipeline.twin.cut.path import CuttingPath, cutting_path, nothing_cut_message
 
 CHORD = 0.1
 """Greatest distance of a chord from its arc, over the resolution of the blank [1]."""
@@ -98,14 +98,9 @@ class Cut:
         return self.feed_per_tooth_at(self.mean_speed, self.plan.spindle_speed)
 
     def feed_per_tooth_at(self, speed: Floats, spindle_speed: Floats) -> Floats:
-        """f_z = v / (n N) of each row [m].
+        """f_z = v / (n N) of each row [m], of speeds of path [m/s] and spindle [rev/min].
 
-        Parameters
-        ----------
-        speed : ndarray, shape (M,) or (P, M)
-            Along the path [m/s].
-        spindle_speed : ndarray, shape (M,) or (P, M)
-            [rev/min]; where the spindle stands no chip is cut.
+        Shapes are (M,) or (P, M); where the spindle stands no chip is cut.
         """
         flutes = np.array([tool.flutes for tool in self.tools], dtype=np.float64)
         teeth = np.where(self.tool >= 0, flutes[self.tool] * spindle_speed / 60, 0.0)
@@ -117,17 +112,8 @@ class Cut:
 
         The speed along the path counts as what is programmed or, where that is less, what the
         axes, arcs and tolerances allow: at least what the control reaches, and that wherever a
-        block is long enough to reach it.
-
-        Parameters
-        ----------
-        feeds, speeds : (M,) or (P, M) array, optional
-            F and S in the units of ``Moves``; the program's own by default.
-
-        Returns
-        -------
-        BlockLoads
-            Arrays of shape (M,) or (P, M).
+        block is long enough to reach it.  F and S are in the units of ``Moves``, by default the
+        program's own; shapes are (M,) or (P, M).
         """
         return self.table.loads(self.commanded_feed_per_tooth(feeds, speeds))
 
@@ -225,16 +211,9 @@ def with_force_laws(cut: Cut, force_laws: tuple[ForceLaw, ...]) -> Cut:
 def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
     """The same path through the same blank under another plan: other feeds, speeds and rows.
 
-    Neither the engagement nor the table depends on feeds and speeds.
-
-    Parameters
-    ----------
-    cut : Cut
-        Of M rows.
-    plan : Plan
-        Of the same moves and others that do not cut.
-    rows : array_like of int, shape (M,)
-        Row of the plan that each row of ``cut`` has become, rising.
+    Neither the engagement nor the table depends on feeds and speeds.  The plan is of the same moves
+    and of others that do not cut; ``rows`` (M,) says which of its rows each row of ``cut`` has
+    become, rising.
 
     Raises
     ------

@@ -40,31 +40,21 @@ class WornLand:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolCoefficients:
-    """Force law of one tool with its source and a caution.
-
-    Parameters
-    ----------
-    law : ForceLaw
-        That counts.
-    kind : str
-        "identified", "measured" (by others, with another tool) or "catalogue".
-    source, caution : str
-        Where it is from; what speaks against it.
-    sharp : ForceLaw or None
-        Of the sharp edge where ``law`` is that of a worn one.
-    land : WornLand or None
-        Of the worn edge; where ``sharp`` is None that which a sharp tool is compared with.
-    edge : str
-        Whether the edge is sharp or worn, and why.
-    """
+    """Force law of one tool with its source and a caution."""
 
     law: ForceLaw
+    """Force law that counts."""
     kind: str
+    """"identified", "measured" (by others, with another tool) or "catalogue"."""
     source: str
     caution: str = ""
+    """Origin of the law; what speaks against it."""
     sharp: ForceLaw | None = None
+    """Force law of the sharp edge where ``law`` is that of a worn one."""
     land: WornLand | None = None
+    """Land of the worn edge; where ``sharp`` is None that which a sharp tool is compared with."""
     edge: str = "sharp"
+    """Whether the edge is sharp or worn, and why."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,18 +123,10 @@ def tool_coefficients(
     material: Material,
     identified: IdentifiedCoefficients | None,
 ) -> dict[int, ToolCoefficients]:
-    """Force law of each tool in a material.
+    """Force law of each tool in a material, which ``name`` names in conf/material/.
 
-    Parameters
-    ----------
-    tools : mapping of int to Tool
-        By number.
-    name : str
-        Of the material in conf/material/, which an identified law names.
-    material : Material
-        Its constants.
-    identified : IdentifiedCoefficients, optional
-        Of the machine; holds for tools of its kind, diameter and flutes in its material.
+    The ``identified`` law of the machine holds for tools of its kind, diameter and flutes in its
+    material.
     """
     other = _of_material(material)
     if identified is None or identified.material not in (name, material.name):

@@ -4,24 +4,20 @@ A mark on it follows a slider where a script runs; without one the figures stand
 """
 
 import json
-from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from markupsafe import Markup, escape
 
 from pipeline.charts import svg
-from pipeline.charts.numbers import number
 from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
-from pipeline.report.programs.map import HIGHEST, UNITS, View, framed, grid, grid_points, stroke
+from pipeline.report.programs.map import VIEWS, Axes, View, framed, grid_points, panel, stroke
+from pipeline.report.programs.panels import COLOURS, UNKNOWN, Classes
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import LoadTrace, OptimisedPart
 from pipeline.schema.part_sheet import PathTrace
 
-PLAN, FRONT = (0, 1), (0, 2)
-COLOURS = 6  # of the scale in style.css, f0 to f5
-CLASSES = 6  # of load, at most
+(PLAN, _), (FRONT, _) = VIEWS
 
 SCRIPT = Markup("""
 for (const control of document.querySelectorAll('.slider')) {
@@ -57,44 +53,11 @@ for (const control of document.querySelectorAll('.slider')) {
 """Moves the mark along the path; the page's policy names it by its hash."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LoadClasses:
-    """Classes of load between ``bounds`` [N], ascending; what is above ``limit`` stands out."""
-
-    bounds: tuple[float, ...]
-    limit: float | None
-    exceeded: bool
-
-    @classmethod
-    def of(cls, loads: Floats, limit: float | None) -> "LoadClasses":
-        """Round bounds up to the greatest load, NaN being air."""
-        most = max(float(np.nanmax(loads)), 1e-6)
-        marks = tuple(mark for mark in svg.ticks(0.0, most, most=CLASSES) if 0 < mark < most)
-        exceeded = limit is not None and most > limit
-        return cls(bounds=marks[: CLASSES - 1], limit=limit, exceeded=exceeded)
-
-    def strokes(self, load: Floats) -> list[tuple[str, np.ndarray]]:
-        """CSS class and which places (N,) have it, air first and the greatest last."""
-        index = np.searchsorted(np.array(self.bounds), load, side="right")
-        over = load > self.limit if self.limit is not None else np.zeros(len(load), dtype=bool)
-        air = np.isnan(load)
-        kinds = [("f-none", air)]
-        kinds += [(self.colour(k), (index == k) & ~over & ~air)
-                  for k in range(len(self.bounds) + 1)]  # fmt: skip
-        return [*kinds, ("over", over)]
-
-    def colour(self, index: int) -> str:
-        """CSS name of a class's colour."""
-        return f"f{round(index * (COLOURS - 1) / max(1, len(self.bounds)))}"
-
-    def legend(self) -> list[tuple[str, str, str]]:
-        """What each class holds."""
-        ends = [number(round(bound) if bound >= 1 else bound) for bound in self.bounds]
-        words = [f"{a} to {b}" for a, b in pairwise(ends)]
-        words = [f"below {ends[0]} N", *words, f"{ends[-1]} N and more"] if ends else ["in the cut"]
-        found = [(f"s-{self.colour(k)}", said, "box") for k, said in enumerate(words)]
-        found += [("s-f-none", "in air", "box"), ("s-blank", "blank", "box")]
-        return found + ([("s-over", "above the limit", "box")] if self.exceeded else [])
+def load_classes(loads: Floats) -> Classes:
+    """Classes between round loads up to the greatest [N], NaN being air."""
+    most = max(float(np.nanmax(loads)), 1e-6)
+    marks = tuple(mark for mark in svg.ticks(0.0, most, most=COLOURS) if 0 < mark < most)
+    return Classes(bounds=marks[: COLOURS - 1], unit="N", alike="in the cut", unknown="in air")
 
 
 def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -103,27 +66,37 @@ def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
     if path is None or not path.x_mm:
         return None
     loads = [_loads(path, trace) for trace in (part.trace.before, part.trace.after)]
-    if np.isnan(np.concatenate(loads)).all():
+    whole = np.concatenate(loads)
+    if np.isnan(whole).all():
         return None
-    classes = LoadClasses.of(np.concatenate(loads), part.load_limit_N)
+    classes, limit = load_classes(whole), part.load_limit_N or np.inf
     points = np.array([path.x_mm, path.y_mm, path.z_mm]).T
-    corners = np.array([path.blank_low_mm, path.blank_high_mm])
-    ends = np.concatenate([points, corners])
+    ends = np.concatenate([points, _corners(path)])
     shown = framed(ends.min(axis=0), ends.max(axis=0))
     figures = [
         Figure(
-            svg=_map(path, points, load, classes, shown, f"Path of {part.program} {words}"),
+            svg=svg.group([
+                panel(
+                    shown, axes, _strokes(path, grid_points(points, shown, axes, 1), load, classes,
+                                          limit),
+                    f"{view}: Path of {part.program} {words}",
+                    behind=[_blank(path, shown, axes)], above=[_mark(axes)],
+                )
+                for axes, view in VIEWS
+            ]),
             caption=f"{words.capitalize()}: path at feed in {path.frame}, from above and from the "
             "front, coloured by the peak load across the tool’s axis; the blank behind it.",
             sources=sources,
         )
         for words, load in zip(("as programmed", "optimised"), loads, strict=True)
-    ]
+    ]  # fmt: skip
+    legend = [classes.legend(k) for k in (*range(len(classes)), UNKNOWN)]
+    legend.append(("s-blank", "blank", "box"))
+    if np.nanmax(whole) > limit:
+        legend.append(("s-over", "above the limit", "box"))
     control = _control(part, path, shown, points, loads)
-    return Section(
-        key="path", title="Where the load is",
-        blocks=[Figures(figures=figures, legend=classes.legend(), control=control)],
-    )  # fmt: skip
+    return Section(key="path", title="Where the load is",
+                   blocks=[Figures(figures=figures, legend=legend, control=control)])  # fmt: skip
 
 
 def _loads(path: PathTrace, trace: LoadTrace) -> Floats:
@@ -135,40 +108,29 @@ def _loads(path: PathTrace, trace: LoadTrace) -> Floats:
     return drawn
 
 
-def _map(
-    path: PathTrace, points: Floats, load: Floats, classes: LoadClasses, shown: View, label: str
-) -> Markup:
-    widest = HIGHEST * float(shown.span[0] / shown.span[1])
-    joined = np.ones(len(points), dtype=bool)
+def _strokes(
+    path: PathTrace, at: np.ndarray, load: Floats, classes: Classes, limit: float
+) -> list[Markup]:
+    """Pieces between points on the map's grid (V, 2) by load, air first and the greatest last."""
+    over = load > limit
+    kind = np.where(over, len(classes), classes.of(load))
+    joined = np.ones(len(at), dtype=bool)
     joined[list(path.starts)] = False
-    way = np.flatnonzero(joined)
-    panels = []
-    for axes, words in ((PLAN, "From above"), (FRONT, "From the front")):
-        at = grid_points(points, shown, axes, 1)
-        drawn = []
-        for name, here in classes.strokes(load):
-            rows = way[here[way]]
-            if data := stroke(at[rows - 1], at[rows]):
-                drawn.append(svg.tag("path", d=data, class_=f"curve load {name}"))
-        wide, high = shown.span[list(axes)]
-        inside = svg.tag(
-            "svg", svg.group(drawn), x=0, y=0, width="100%", height="100%",
-            viewBox=f"0 0 {UNITS} {round(UNITS * high / wide)}",
-        )  # fmt: skip
-        names = "XYZ"[axes[0]], "XYZ"[axes[1]]
-        head = svg.text(0, -7, f"{words}: {names[1]} over {names[0]}, mm", "head")
-        mark = svg.tag(
-            "circle", r=6, cx="0%", cy="0%", class_=f"mark {'plan' if axes == PLAN else 'front'}",
-            hidden="hidden",
-        )  # fmt: skip
-        parts = [_blank(path, shown, axes), *grid(shown, axes), inside, head, mark]
-        panels.append(
-            svg.map_plot(parts, wide=float(wide / high), most=widest, label=f"{words}: {label}")
-        )
-    return svg.group(panels)
+    drawn = []
+    for index in (UNKNOWN, *range(len(classes) + 1)):
+        name = "over" if index == len(classes) else classes.colour(index)
+        rows = np.flatnonzero(joined & (kind == index))
+        if data := stroke(at[rows - 1], at[rows]):
+            drawn.append(svg.tag("path", d=data, class_=f"curve load {name}"))
+    return drawn
 
 
-def _percent(shown: View, axes: tuple[int, int], points: Floats) -> Floats:
+def _mark(axes: Axes) -> Markup:
+    kind = "plan" if axes == PLAN else "front"
+    return svg.tag("circle", r=6, cx="0%", cy="0%", class_=f"mark {kind}", hidden="hidden")
+
+
+def _percent(shown: View, axes: Axes, points: Floats) -> Floats:
     """Place of points (N, 3) in a view [%], across and down; shape (N, 2)."""
     u, v = axes
     across = (points[:, u] - shown.low[u]) / shown.span[u]
@@ -177,10 +139,14 @@ def _percent(shown: View, axes: tuple[int, int], points: Floats) -> Floats:
     return place
 
 
-def _blank(path: PathTrace, shown: View, axes: tuple[int, int]) -> Markup:
+def _corners(path: PathTrace) -> Floats:
+    """Two opposite corners of the blank [mm]; shape (2, 3)."""
+    return np.array([path.blank_low_mm, path.blank_high_mm])
+
+
+def _blank(path: PathTrace, shown: View, axes: Axes) -> Markup:
     """Outline of the blank."""
-    corners = np.array([path.blank_low_mm, path.blank_high_mm])
-    (left, bottom), (right, top) = _percent(shown, axes, corners).tolist()
+    (left, bottom), (right, top) = _percent(shown, axes, _corners(path)).tolist()
     if path.round_blank and axes == PLAN:
         return svg.tag(
             "ellipse", cx=f"{(left + right) / 2:.2f}%", cy=f"{(top + bottom) / 2:.2f}%",
@@ -209,9 +175,9 @@ def _control(
         )
     ]  # fmt: skip
     groups = [
-        [one.first_line, one.last_line, one.feed_before, one.feed_after, one.speed_before,
-         one.speed_after]
-        for one in part.groups
+        [row.first_line, row.last_line, row.feed_before, row.feed_after, row.speed_before,
+         row.speed_after]
+        for row in part.groups
     ]  # fmt: skip
     data = [escape(json.dumps(values, separators=(",", ":"))) for values in (rows, groups)]
     return Markup(

@@ -1,7 +1,8 @@
 """Tables of an optimised program for who runs it: increases, by tool, its lines."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from math import log
 
@@ -11,29 +12,77 @@ from pipeline.charts.numbers import NARROW, TOGETHER, as_stated, counted, number
 from pipeline.charts.sections import Listing, ListingLine, Section, present
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Column, Table, tabulated
-from pipeline.report.cut.tables import NONE, between, share
-from pipeline.report.optimised_tables import (
-    LEAST,
-    Increase,
-    figure,
-    force,
-    increases,
-    limit_name,
-    ratio,
-    tool_name,
-)
+from pipeline.report.cut.tables import NONE, between, figure, share, spans_of
+from pipeline.report.optimised.tables import force, limit_name, tool_name
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.part_sheet import FeedChange, ProgramLine, ToolUse
 
-OUTSIDE = 5e-3  # share by which rounding may leave a range
+LEAST = 5e-3
+"""Share below which a change, or what a value is out of its range, is rounding [1]."""
+MOST_SPANS = 6
+"""Stretches of lines that a row names."""
 MOST_INCREASES = 12
-STEPS = (1.25, 2.0)  # factors from which a change is large, and very large
-MOST_LINES = 1500  # of a listing; the whole is in the file
-UNFOLDED = 60  # lines up to which a listing is open
-SHORT = 24  # letters of a source that stands in its row
+STEPS = (1.25, 2.0)
+"""Factors from which a change is large, and very large [1]."""
+MOST_LINES = 1500
+"""Lines of a listing; the whole program is in the file."""
+UNFOLDED = 60
+"""Lines up to which a listing is open."""
+SHORT = 24
+"""Letters of a source that stands in its row."""
 INCH = 25.4
+"""One inch [mm]."""
 _WORDS = re.compile(r"([FS]\s*[-+]?[0-9.]+)")
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Increase:
+    """Changes that are alike, and what of F, S and feed per tooth rose most, by which factor."""
+
+    lines: str
+    change: FeedChange
+    what: str
+    factor: float
+
+
+def increases(changes: Sequence[FeedChange]) -> list[Increase]:
+    """What got faster or thicker, the largest factor first; changes that are alike are change.
+
+    Of a move in air F alone counts.
+    """
+    alike: dict[tuple[object, ...], list[FeedChange]] = {}
+    for change in changes:
+        key = (
+            change.tool, change.operation, change.feed_before, change.feed_after,
+            change.speed_before, change.speed_after, change.binds,
+        )  # fmt: skip
+        alike.setdefault(key, []).append(change)
+    rows = []
+    for same in alike.values():
+        most = max(same, key=lambda change: max(_factors(change).values()))
+        what, factor = max(_factors(most).items(), key=lambda pair: pair[1])
+        if factor > 1 + LEAST:
+            lines = (n for change in same for n in range(change.first_line, change.last_line + 1))
+            spans = spans_of(lines)
+            more = f" and {len(spans) - MOST_SPANS} more" if len(spans) > MOST_SPANS else ""
+            words = ", ".join(spans[:MOST_SPANS]) + more
+            rows.append(Increase(lines=words, change=most, what=what, factor=factor))
+    return sorted(rows, key=lambda row: (-row.factor, row.change.first_line))
+
+
+def _factors(change: FeedChange) -> dict[str, float]:
+    """Factor of each quantity of a change, those that a chip is made by first."""
+    feed = _ratio(change.feed_before, change.feed_after)
+    if change.feed_per_tooth_after_mm is None:
+        return {"F": feed}
+    thicker = _ratio(change.feed_per_tooth_before_mm, change.feed_per_tooth_after_mm)
+    return {"fz": thicker, "F": feed, "S": _ratio(change.speed_before, change.speed_after)}
+
+
+def _ratio(before: float | None, after: float | None) -> float:
+    """1 where one of them is not known or nothing."""
+    return after / before if before and after else 1.0
 
 
 def changes_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
@@ -55,28 +104,29 @@ def changes_section(part: OptimisedPart, sources: list[Source]) -> Section | Non
     return Section(key="changes", title="What changes at the machine", pairs=kept, blocks=blocks)
 
 
-# increases
-
-
 def increases_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """The largest increases of F, S or feed per tooth."""
     rows = increases(part.changes)
-    units = {row.one.feed_unit for row in rows}
+    units = {row.change.feed_unit for row in rows}
     unit = units.pop() if len(units) == 1 else ""
     columns: list[Column[Increase]] = [
         Column("Line", lambda row: row.lines),
-        Column("tool", lambda row: f"T{row.one.tool}"),
-        Column("operation", _operation),
+        Column("tool", lambda row: f"T{row.change.tool}"),
+        Column("operation", lambda row: row.change.operation or NONE),
         Column("most", lambda row: f"{row.what} ×{NARROW}{row.factor:.2f}", ""),
-        Column("F", lambda row: _feeds(row.one, unit), unit),
-        Column("S", lambda row: _change(_word, row.one.speed_before, row.one.speed_after), ""),
+        Column("F", lambda row: _feeds(row.change, unit), unit),
+        Column(
+            "S", lambda row: _change(_word, row.change.speed_before, row.change.speed_after), ""
+        ),
         Column("feed per tooth fz", lambda row: _feeds_per_tooth(row, INCH), "in"),
         Column("feed per tooth fz", _feeds_per_tooth, "mm"),
-        Column("what binds", lambda row: limit_name(row.one.binds) if row.one.binds else NONE),
+        Column(
+            "what binds", lambda row: limit_name(row.change.binds) if row.change.binds else NONE
+        ),
     ]
     if part.unit != "inch":
         del columns[6]
-    if not any(row.one.operation for row in rows):
+    if not any(row.change.operation for row in rows):
         del columns[2]
     return tabulated(
         "Largest increases: look at these first",
@@ -89,19 +139,15 @@ def increases_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     )
 
 
-def _operation(row: Increase) -> str:
-    return row.one.operation or NONE
-
-
-def _feeds(one: FeedChange, common: str) -> str:
-    unit = "" if one.feed_unit == common else f"{NARROW}{one.feed_unit}"
-    return _change(_word, one.feed_before, one.feed_after) + unit
+def _feeds(change: FeedChange, common: str) -> str:
+    unit = "" if change.feed_unit == common else f"{NARROW}{change.feed_unit}"
+    return _change(_word, change.feed_before, change.feed_after) + unit
 
 
 def _feeds_per_tooth(row: Increase, unit: float = 1.0) -> str:
     before, after = (
         None if value is None else value / unit
-        for value in (row.one.feed_per_tooth_before_mm, row.one.feed_per_tooth_after_mm)
+        for value in (row.change.feed_per_tooth_before_mm, row.change.feed_per_tooth_after_mm)
     )
     return _change(figure, before, after)
 
@@ -116,15 +162,15 @@ def _word(value: float | None) -> str:
     return NONE if value is None else as_stated(round(value, 4))
 
 
-# tools
-
-
 def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Feed per tooth and cutting speed of each tool before and after, beside its ranges."""
-    held = any(use.no_faster for use in part.tools)
-    cut = any(use.no_more_feed for use in part.tools)
+    why: list[Column[ToolUse]] = []
+    if any(use.no_more_feed for use in part.tools):
+        why.append(Column("why F is not raised", lambda use: use.no_more_feed or NONE))
+    if any(use.no_faster for use in part.tools):
+        why.append(Column("why S is not raised", lambda use: use.kept or use.no_faster or NONE))
     return tabulated("Feed and speed by tool, before → after", part.tools, (
-        Column("Tool", _name),
+        Column("Tool", lambda use: tool_name(use.tool, use.name)),
         *_operations(part),
         Column("feed per tooth fz", _within("feed_per_tooth_mm", "feed_per_tooth_range_mm"), "mm"),
         Column("its largest rise", _rise, "mm"),
@@ -132,9 +178,8 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
         Column("cutting speed vc",
                _within("cutting_speed_m_min", "cutting_speed_range_m_min"), "m/min"),
         Column("its range", lambda use: _span(use.cutting_speed_range_m_min), "m/min"),
-        Column("bending", _bending, "µm"),
-        *([Column("why F is not raised", _no_more_feed)] if cut else []),
-        *([Column("why S is not raised", _no_faster)] if held else []),
+        Column("bending", _both("deflection_um", force), "µm"),
+        *why,
         Column("ranges from", lambda use: _source_number(part, use)),
         Column("what binds", lambda use: "kept as programmed" if use.kept else
                limit_name(use.binds) if use.binds else NONE),
@@ -145,23 +190,11 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     )  # fmt: skip
 
 
-def _bending(use: ToolUse) -> str:
-    return _change(force, use.before.deflection_um, use.after.deflection_um)
-
-
 def _rise(use: ToolUse) -> str:
     rise = use.rise
     if rise is None:
         return "none"
     return f"{_change(figure, rise.before_mm, rise.after_mm)} in line {rise.line}"
-
-
-def _no_faster(use: ToolUse) -> str:
-    return use.kept or use.no_faster or NONE
-
-
-def _no_more_feed(use: ToolUse) -> str:
-    return use.no_more_feed or NONE
 
 
 def _named_sources(part: OptimisedPart) -> list[str]:
@@ -189,7 +222,7 @@ def ranges_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Depths, chip, load, torque, power and life of each tool before and after."""
     return tabulated("Cut by tool, before → after: the worst of its blocks", part.tools, (
-        Column("Tool", _name),
+        Column("Tool", lambda use: tool_name(use.tool, use.name)),
         *_operations(part),
         Column("depth ap", _both("axial_depth_mm", figure), "mm"),
         Column("width ae", _both("radial_depth_mm", figure), "mm"),
@@ -205,13 +238,10 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _operations(part: OptimisedPart) -> list[Column[ToolUse]]:
-    """Column of the operations, where they were told apart."""
-    told = any(use.operation for use in part.tools)
-    return [Column("operation", lambda use: use.operation or NONE)] if told else []
-
-
-def _name(use: ToolUse) -> Cell:
-    return tool_name(use.tool, use.name)
+    """Column of the operations, where the document names any."""
+    if not any(use.operation for use in part.tools):
+        return []
+    return [Column("operation", lambda use: use.operation or NONE)]
 
 
 def _both(key: str, shown: Callable[[float | None], str]) -> Callable[[ToolUse], str]:
@@ -227,7 +257,7 @@ def _within(key: str, span: str) -> Callable[[ToolUse], str | Cell]:
         if value is None or known is None:
             return both(use)
         low, high = known
-        if low * (1 - OUTSIDE) <= value <= high * (1 + OUTSIDE):
+        if low * (1 - LEAST) <= value <= high * (1 + LEAST):
             return both(use)
         return Cell(text=both(use), status="failed" if value > high else "attention")
 
@@ -239,9 +269,6 @@ def _span(known: tuple[float, float] | None) -> str:
         return NONE
     low, high = (as_stated(float(f"{end:.3g}")) for end in known)
     return f"{low}–{high}"
-
-
-# lines
 
 
 def listing(part: OptimisedPart, sources: list[Source]) -> Listing | None:
@@ -268,7 +295,7 @@ def _listed(line: ProgramLine, *, gap: bool) -> ListingLine:
     pairs = (
         ("F", line.feed_before, line.feed_after), ("S", line.speed_before, line.speed_after),
     )  # fmt: skip
-    sizes = [log(ratio(before, after)) for _, before, after in pairs]
+    sizes = [log(_ratio(before, after)) for _, before, after in pairs]
     greatest, changed = max(sizes, key=abs), line.after is not None
     notes = [
         f"{letter}{NARROW}{_word(before)} → {_word(after)} {_arrows(size)}"
