@@ -47,8 +47,8 @@ from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.si import MINUTE
-from pipeline.twin.cut.loads import Cut
 from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
+from pipeline.twin.cut.loads import Cut
 
 MM, UM = 1e-3, 1e-6
 BENDING, TEETH = 50 * UM, 3.0

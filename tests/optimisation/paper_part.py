@@ -58,9 +58,6 @@ from pipeline.submodels.cutting.settings import (
 )
 from pipeline.submodels.cutting.submodel import SUBMODEL, Judging
 from pipeline.submodels.judge import judge
-from pipeline.twin.cut.coefficients import identified_coefficients, tool_coefficients
-from pipeline.twin.cut.document import CutBasis
-from pipeline.twin.cut.loads import CutJob
 from tests.small_project import ROOT
 
 NAME = "O2023"

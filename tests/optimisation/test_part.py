@@ -30,7 +30,6 @@ from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.structure import structured
 from pipeline.stages.optimise import named
-from pipeline.twin.cut.wear import ToolWear
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 

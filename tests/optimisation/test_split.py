@@ -25,7 +25,6 @@ from pipeline.optimisation.text.split import split_at, split_blocks, splittable
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut.loads import CutJob, cut_program
-from pipeline.twin.cut.wear import ToolWear
 from tests.optimisation.modal_programs import any_answer, modal_program, seeds
 from tests.optimisation.test_part import workshop
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX

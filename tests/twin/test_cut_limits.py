@@ -23,7 +23,6 @@ from pipeline.twin.cut.document import CutBasis, document_of
 from pipeline.twin.cut.limits import cut_limits
 from pipeline.twin.cut.stability import linearised, stability, stability_lobes
 from tests.cutting.chatter import depth_limits, regenerative_cut
-from tests.cutting.chatter import depth_limits
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import LAW, SIX, SLOT, TEN, cut_of
 

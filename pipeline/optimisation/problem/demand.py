@@ -24,10 +24,10 @@ from pipeline.optimisation.problem.arrays import Bounds, Ranges, feed_units
 from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.si import KW, KWH
-from pipeline.twin.cut.loads import Cut
 from pipeline.twin.cut.blocks import CutBlocks
 from pipeline.twin.cut.cost import Life, coolant_on
 from pipeline.twin.cut.document import CutBasis
+from pipeline.twin.cut.loads import Cut
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -33,9 +33,8 @@ from pipeline.optimisation.problem.arrays import (
 )
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL, CutLimit
-from pipeline.twin.cut.loads import Cut
 from pipeline.twin.cut.blocks import STEEP, CutBlocks
-from pipeline.schema.limits import CutLimit
+from pipeline.twin.cut.loads import Cut
 
 MM, UM = 1e-3, 1e-6
 SOFT = 0.85

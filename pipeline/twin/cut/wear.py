@@ -16,9 +16,9 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.schema.program_cut import CutWarning, EdgeForces, ToolEdge
 from pipeline.schema.si import UM
-from pipeline.twin.cut.loads import Cut, with_force_laws
 from pipeline.twin.cut.blocks import StationArcs, cut_blocks
 from pipeline.twin.cut.coefficients import ToolCoefficients, WornLand
+from pipeline.twin.cut.loads import Cut, with_force_laws
 from pipeline.twin.cut.tables import KW, figure
 
 WearRule = Literal["known", "criterion", "sharp"]
