@@ -13,8 +13,8 @@ from enum import IntEnum
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.si import RPM
 from pipeline.shop.growth.parameters import Growth
-from pipeline.shop.motion import RPM
 from pipeline.shop.parameters import BearingParameters, ShopParameters
 
 CELLS, HEAD_CELLS, COLUMN_CELLS, JACKET = 20, 10, 12, 4

@@ -19,7 +19,7 @@ from pipeline.shop.cutting.force import Motion
 from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import DAY, ShopParameters, stamp
+from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.wear.parameters import PlannedLife, Wear
 from pipeline.shop.wear.sensors import (
     FINE,
