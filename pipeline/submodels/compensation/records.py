@@ -36,8 +36,8 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
     command: Channel | None = None
     """Torque command or current of the drive: a measurement, which only estimation may use."""
     lead_mm: Positive | None = None
-    """Of the screw [mm], where errors that return with each turn are to be learnt; positions are
-    then those of the machine's frame."""
+    """Lead of the screw [mm], where errors that return with each turn are to be learnt; positions
+    are then those of the machine's frame."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -126,7 +126,7 @@ class Run:
     group: str
     """What belongs together in splits."""
     sha256: str
-    """Of the raw bytes; of the samples where it is a part of a file."""
+    """Hash of the raw bytes, or of the samples where it is a part of a file."""
     period: float = float("nan")
     """Between samples [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
@@ -134,7 +134,7 @@ class Run:
     lacking: Mapping[str, str] = field(default_factory=dict)
     """Axes that it does not show, with the reason."""
     start: float = 0.0
-    """Of its first sample in the recording [s]."""
+    """Time of its first sample in the recording [s]."""
     last: bool = False
     """Whether it is the end of a training recording, held out by time."""
 
