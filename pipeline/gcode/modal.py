@@ -120,7 +120,7 @@ class Group:
     default: int | None = None
     """In force when the control is switched on; 0 in groups without one is G0."""
     dialects: frozenset[str] = ALL_DIALECTS
-    """That have the group."""
+    """Dialects that have the group."""
 
 
 GROUPS: dict[str, Group] = {

@@ -78,7 +78,7 @@ class CutterRadius:
     """``"G41"`` or ``"G42"``."""
     line: int
     file: int
-    """As those of :class:`Moves`."""
+    """Line and file, as in :class:`Moves`."""
     tool: int
     """In the spindle; -1 before the first tool change."""
     register: int
@@ -102,8 +102,8 @@ class Moves:
     end: npt.NDArray[np.float64]
     """X Y Z A B C in the machine's frame [mm, deg], tool length included."""
     centre: npt.NDArray[np.float64]
-    """Of arcs, in the machine's frame [mm]; its coordinate along the plane's normal is that of the
-    start.  NaN in other rows."""
+    """Centre of an arc, in the machine's frame [mm]; its coordinate along the plane's normal is
+    that of the start.  NaN in other rows."""
     angle: npt.NDArray[np.float64]
     """Angle an arc sweeps about the normal of its plane, anticlockwise positive, full turns
     included [rad].  Radius goes linearly with the angle from start to end (a spiral where they
@@ -111,7 +111,7 @@ class Moves:
     plane: npt.NDArray[np.uint8]
     """17 (XY), 18 (ZX) or 19 (YZ)."""
     feed: npt.NDArray[np.float64]
-    """As ``feed_mode`` says: [mm/min], [1/min] or [mm/rev]."""
+    """Feed, as ``feed_mode`` says: [mm/min], [1/min] or [mm/rev]."""
     feed_mode: npt.NDArray[np.uint8]
     """:class:`FeedMode`."""
     speed: npt.NDArray[np.float64]
@@ -127,12 +127,12 @@ class Moves:
     path_mode: npt.NDArray[np.uint8]
     """:class:`PathMode`."""
     tolerance: npt.NDArray[np.float64]
-    """Of G64 P [mm]; 0 for the control's own."""
+    """Tolerance of G64 P [mm]; 0 for the control's own."""
     code: npt.NDArray[np.int32]
-    """Of M_CODE: its number; of DWELL: 0 for seconds, 1 for revolutions; of what moves in a canned
-    cycle: its G code, as 81."""
+    """Number of an M_CODE; 0 for seconds, 1 for revolutions of a DWELL; G code of the canned cycle,
+    as 81, of what moves in one."""
     value: npt.NDArray[np.float64]
-    """Of DWELL: how long [s] or [rev]; of M_CODE: its P or 0."""
+    """Length of a DWELL [s] or [rev]; P of an M_CODE, or 0."""
     files: tuple[str, ...]
     """The program's file and those of its subprograms."""
     frames: tuple[Frame, ...] = (Frame(),)

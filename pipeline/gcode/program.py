@@ -260,7 +260,9 @@ class Program:
 
     @cached_property
     def content(self) -> np.ndarray:
-        """Of each line (L,): 0 for numbers and comments only, 1 with expressions, 2 with more."""
+        """Class of each line (L,): 0 for numbers and comments only, 1 with expressions, 2 with
+        more.
+        """
         first = self.tokens.first[:-1]
         classes = _CONTENT[self.tokens.kind]
         return np.maximum.reduceat(classes, first) if len(first) else classes

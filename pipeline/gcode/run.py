@@ -179,7 +179,7 @@ class Contour:
     start: tuple[float, ...]
     """Where the machine stood [mm, deg]."""
     word: str
-    """That opened it, for errors."""
+    """Word that opened it, for errors."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -191,11 +191,11 @@ class Corner:
     size: float
     """Radius, or length of each side that a chamfer takes off [mm]."""
     row: int
-    """That ends in the corner."""
+    """Row that ends in the corner."""
     block: Block
-    """Of that row, for errors."""
+    """Block of that row, for errors."""
     item: WordItem
-    """That asks for it."""
+    """Word that asks for it."""
 
 
 SAVED = (

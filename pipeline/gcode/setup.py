@@ -17,9 +17,9 @@ class Tool:
     """Entry of the tool table (or of the H and D registers)."""
 
     length: float = 0.0
-    """Of H [mm]."""
+    """Length of the tool, in register H [mm]."""
     diameter: float = 0.0
-    """Of D [mm]."""
+    """Diameter of the tool, in register D [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ class Setup(Ranged, section="setup"):
     references: Mapping[str, Vector] = field(default_factory=dict)
     """Where G28 and G30 go: ``"G28"``, ``"G30"``, ``"G30 P3"``, ``"G30 P4"`` [mm, deg]."""
     initial_position: Vector = ZERO
-    """Of the machine before the first block [mm, deg]."""
+    """Position of the machine before the first block [mm, deg]."""
     inch: bool = False
     """Whether G20 is in force at the start."""
     inch_machine: bool = False

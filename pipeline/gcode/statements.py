@@ -283,7 +283,7 @@ def _call(call: Call, parameters: ParameterStore) -> float:
 
 
 def _radians(a: float) -> float:
-    """As LinuxCNC rounds it, which ``math.radians`` does not always."""
+    """Radians as LinuxCNC rounds them, which ``math.radians`` does not always."""
     return a * math.pi / 180
 
 

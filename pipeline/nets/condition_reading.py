@@ -26,7 +26,7 @@ PASSES = 300
 NOISE = 0.3
 """Added to the features in training, in standard deviations of the training windows [1]."""
 DECAY = 1e-2
-"""Of AdamW."""
+"""Decay of the weights in AdamW."""
 RATE = 1e-2
 """Learning rate of AdamW."""
 FLOOR = 1e-4

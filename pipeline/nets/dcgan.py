@@ -35,7 +35,7 @@ from pipeline.nets.stored import (
 from pipeline.schema.arrays import Floats
 
 SLOPE = 0.2
-"""Of LeakyReLU below zero [1]."""
+"""Slope of LeakyReLU below zero [1]."""
 STYLE = 32
 """Numbers of the noise that modulate beside the conditions: instance norm takes the amplitude of a
 window away, and windows of the same conditions differ in it."""
@@ -251,12 +251,12 @@ class TrainedGan:
     settings: GanSettings
     """Sizes."""
     training: GanTraining
-    """Of its training."""
+    """Settings of its training."""
     space: ConditionSpace
     """Conditions, with the ranges that were learnt."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    """Of the windows."""
+    """Channels of the windows, with their units."""
     length: int
     """Samples L of a window."""
     scaling: ChannelScaling

@@ -65,12 +65,12 @@ class GanTraining(Ranged, section="gan_training"):
     """Steps of both networks, and windows of each."""
     learning_rate: Positive = 1e-4
     discriminator_rate: Positive | None = None
-    """Of Adam for the generator and for the discriminator; None for the same."""
+    """Learning rates of Adam for the generator and for the discriminator; None for the same."""
     cooling: Share = 0.0
     """Share of the steps, the last ones, over which both rates fall to zero [1]."""
     beta1: Annotated[float, Range(least=0.0, below=1.0)] = 0.5
     beta2: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
-    """Of Adam [1]."""
+    """Shares of the mean gradient and of its mean square that a step of Adam keeps [1]."""
     loss: str = "hinge"
     """``hinge`` or ``cross_entropy`` (as published)."""
     r1: NotNegative = 0.0
@@ -96,7 +96,7 @@ class GanTraining(Ranged, section="gan_training"):
     precision: str = "float32"
     """``float32``, or ``bfloat16`` where the processor has such products."""
     seed: Whole = 0
-    """Of weights, noise, order of windows."""
+    """Seed of weights, noise, order of windows."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -209,7 +209,7 @@ class ConditionSpace:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all conditions."""
+        """Names of all conditions."""
         return (*(one.name for one in self.continuous), *(one.name for one in self.discrete))
 
     def encoded(

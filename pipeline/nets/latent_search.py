@@ -34,9 +34,9 @@ class LatentSearch(Ranged, section="latent_search"):
     starts: Count = 3
     """Noises from which each begins."""
     steps: Count = 60
-    """Of Adam."""
+    """Steps of Adam."""
     rate: Positive = 0.1
-    """Of Adam."""
+    """Learning rate of Adam."""
     penalty: NotNegative = 0.1
     """Penalty of the mean square of the noise beyond 1 [1]."""
     seed: Whole = 0
@@ -51,7 +51,7 @@ class Explained:
     unit: str
     """Whose values were gone through."""
     values: Floats
-    """Of it; shape (V,)."""
+    """Values of the condition; shape (V,)."""
     distance: Floats
     """Least distance of a generated window from the recorded one at each value [1]; shape (V,)."""
     best: float

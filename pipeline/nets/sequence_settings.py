@@ -64,7 +64,7 @@ class TcnSettings(SequenceSettings, section="tcn"):
     kind: ClassVar[str] = "tcn"
     filters: Count = 16
     kernel: Count = 3
-    """Of each convolution."""
+    """Filters of each convolution, and rows that each of them sees."""
     blocks: Annotated[int, Range(least=1, most=12)] = 4
     """Residual blocks of two convolutions with dilation 1, 2, 4, ...; an output sees 1 + 2 (kernel
     - 1) (2^blocks - 1) samples."""
@@ -81,14 +81,14 @@ class ResNetSettings(SequenceSettings, section="resnet"):
 
     kind: ClassVar[str] = "resnet"
     filters: Count = 16
-    """Of the first block; each later one has twice as many at half the rate."""
+    """Filters of the first block; each later one has twice as many at half the rate."""
     kernel: Count = 7
     """Rows that each convolution sees, an odd number."""
     blocks: Annotated[int, Range(least=1, most=6)] = 3
     """Residual blocks of two convolutions."""
     rows: Count = 128
-    """Of the first block at most: the stride of the convolution before it brings a longer window
-    down to them."""
+    """Rows of the first block at most: the stride of the convolution before it brings a longer
+    window down to them."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -133,7 +133,7 @@ class WindowTraining(Ranged, section="window_training"):
     patience: Count = 20
     """Epochs without a lower error on the validation recordings after which a training ends."""
     learning_rate: Positive = 0.003
-    """Of Adam: 0.001 to 0.01 in Feed2025."""
+    """Learning rate of Adam: 0.001 to 0.01 in Feed2025."""
     cooling: Share = 0.0
     """Share of the epochs, the last ones, over which the rate falls to zero [1]."""
     l2: NotNegative = 0.0
@@ -147,10 +147,10 @@ class WindowTraining(Ranged, section="window_training"):
     """``float32`` or ``bfloat16``: products of a training in half the bits where the processor has
     them, float32 where it has not."""
     seed: Whole = 0
-    """Of initial weights, order of windows, choice of validation recordings."""
+    """Seed of initial weights, order of windows, choice of validation recordings."""
     validation_seed: Whole | None = None
-    """Of the choice of validation recordings, so that trainings with other weights stop by the same
-    ones; None for ``seed``."""
+    """Seed of the choice of validation recordings, so that trainings with other weights stop by the
+    same ones; None for ``seed``."""
 
     def steps(self, windows: int) -> int:
         """Steps of a training on so many windows at most [1]."""
@@ -176,9 +176,9 @@ class TuningSettings(Ranged, section="tuning"):
     """Candidates of a generation, and generations: 8 and 20 in Feed2025."""
     epochs: Count = 30
     patience: Count = 10
-    """Of a candidate, as in :class:`WindowTraining`."""
+    """Epochs and patience of a candidate, as in :class:`WindowTraining`."""
     windows: Count = 1500
-    """Of a candidate at most, spread evenly over each recording; at least one of each."""
+    """Windows of a candidate at most, spread evenly over each recording; at least one of each."""
     milestones: tuple[Count, ...] = (10, 20, 40)
     """Epochs after which a candidate is stopped when its least validation error so far is above the
     median of the ``population`` least ones that candidates of earlier generations had by then;
@@ -188,7 +188,7 @@ class TuningSettings(Ranged, section="tuning"):
     retrained: Count = 3
     """Best settings that are trained again, in full."""
     seed: Whole = 0
-    """Of the search."""
+    """Seed of the search."""
     learning_rate: tuple[Positive, Positive] = (1e-3, 1e-2)
     units: tuple[Count, Count] = (50, 100)
     l2: tuple[NotNegative, NotNegative] = (1e-4, 1e-1)

@@ -63,8 +63,8 @@ class TrainingSettings(Ranged, section="training"):
     patience: Count = 100
     """Passes without a lower error on the validation groups after which a training ends."""
     learning_rate: Positive = 0.01
-    """Of gradient descent (0.01 as published) and of Adam; bands move at this share of their
-    bounds' distance."""
+    """Learning rate of gradient descent (0.01 as published) and of Adam; bands move at this share
+    of their bounds' distance."""
     batch: Count = 64
     """Samples of each of Adam's steps; back-propagation goes sample by sample."""
     ridge: Annotated[float, Range(least=1e-12)] = 1e-8
@@ -79,7 +79,7 @@ class TrainingSettings(Ranged, section="training"):
     breadth: Positive = 1.0
     """c of its fitness exp(-(f - f_min) / (c sigma)) [1]."""
     seed: Whole = 0
-    """Of initial weights, order of samples, choice of validation groups, genetic search."""
+    """Seed of initial weights, order of samples, validation groups, genetic search."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -71,5 +71,5 @@ def energy_distance(real: Tensor, one: Tensor, other: Tensor) -> Tensor:
 
 
 def _apart(a: Tensor, b: Tensor) -> Tensor:
-    """Of means (N, C)."""
+    """Distance of means (N, C)."""
     return torch.sqrt((a - b).square().sum(dim=1) + 1e-12)

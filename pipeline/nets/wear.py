@@ -46,7 +46,7 @@ class WearJudge:
     """On scaled channels and conditions."""
     shift: tuple[float, ...]
     scale: tuple[float, ...]
-    """Of the C channels, in their units."""
+    """Scaling of the C channels, in their units."""
     conditions: tuple[str, ...]
     """Known numbers that it takes beside the window."""
     condition_shift: tuple[float, ...]

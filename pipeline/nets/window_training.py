@@ -171,7 +171,7 @@ def _chosen(scaled: Samples, rows: Bools) -> Samples:
 
 @torch.no_grad()
 def _rmse(built: SequenceNetwork, part: Samples) -> float:
-    """Of scaled targets, in the network's own precision."""
+    """RMSE of scaled targets, in the network's own precision."""
     x, y = part
     found = torch.cat([built(piece) for piece in x.split(ROWS)])
     return float(torch.sqrt(torch.mean((found - y) ** 2)))

@@ -97,7 +97,7 @@ def _read(machine: str, database: Path) -> tuple[Tags, dict[str, int]]:
 
 
 def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
-    """As :func:`_read`, of a server."""
+    """Tags by version, and versions by alias, out of a server."""
     client = client_of(root)
     found = client.search_model_versions(f"name='{model_name(machine)}'")
     if not found:

@@ -13,7 +13,7 @@ from pipeline.search.box import Box
 from pipeline.search.result import Callback, Cost, Progress, SearchResult
 
 SHORTER = 0.25
-"""Of the step, when a round over all axes has improved nothing."""
+"""Share of the step that is left when a round over all axes has improved nothing [1]."""
 FARTHEST = 4.0
 """Steps that a parabola may lead to."""
 

@@ -155,7 +155,7 @@ class _Population(NamedTuple):
 
 
 def _children(population: _Population, settings: FrontSettings, rng: np.random.Generator) -> Floats:
-    """As many children as there are parents, shape (P, D), in the unit cube."""
+    """Children, as many as there are parents, shape (P, D), in the unit cube."""
     many, genes = population.unit.shape
     parents = crowded_tournament(
         population.objectives, population.violation, population.distance, 2 * ((many + 1) // 2), rng

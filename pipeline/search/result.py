@@ -36,7 +36,7 @@ class SearchSettings(Ranged, ABC, section="search"):
     stall_gain: NotNegative = 0.0
     """In the cost's unit."""
     seed: Annotated[int, Range(least=0)] = 0
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -73,9 +73,9 @@ class SearchResult:
     history: Floats
     """The best cost up to each generation; shape (generations,)."""
     population: Floats
-    """Of the last generation, best first; shape (P, D)."""
+    """Individuals of the last generation, best first; shape (P, D)."""
     costs: Floats
-    """Of ``population``; shape (P,)."""
+    """Costs of ``population``; shape (P,)."""
     stopped: str
     """Why it ended: ``generations``, ``limit``, ``stall`` or ``callback``."""
     at_bounds: Sides

@@ -54,7 +54,7 @@ class Residuals:
     shape (N,)."""
     regime: Labels
     group: Labels
-    """Of each sample; shape (N,)."""
+    """Regime and group of each sample; shape (N,)."""
     t: Floats
     """Time of the sample within its group, not falling [s]; shape (N,)."""
 

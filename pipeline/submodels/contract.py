@@ -30,7 +30,7 @@ class Input:
 
     name: str
     unit: str
-    """Of the signal."""
+    """Name and unit of the signal."""
     older_than_s: float | None = None
     """A measurement that may be used when it is at least this old [s]; None for what is known
     before the motion: commands, programs, conditions."""

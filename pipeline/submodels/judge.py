@@ -237,7 +237,7 @@ def _held_against(score: Score, target: Target) -> Score:
 
 
 def _near(limit: str, spread: float, unit: str) -> str:
-    """That a figure lies nearer to a limit than trainings differ."""
+    """Words for a figure that lies nearer to a limit than trainings differ."""
     return f"too near to {limit}: trainings differ by \u00b1 {sized(spread, unit, 2)}, not decided"
 
 
@@ -285,7 +285,7 @@ def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
 
 
 def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
-    """That the interval holds too few or too many of the samples."""
+    """Whether the interval holds too few or too many of the samples."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
     limits, spread = f"{100 * least:g} to {100 * most:g} %", score.spread.get("coverage_90", 0.0)
@@ -303,7 +303,7 @@ def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
 
 
 def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Found:
-    """That the error is too large a part of what was measured."""
+    """Whether the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
     if part is None:
         return [], []
@@ -339,7 +339,7 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
 
 
 def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
-    """That a class is not told from the other."""
+    """Whether a class is not told from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:

@@ -39,9 +39,9 @@ class Compared:
     quantity: str
     regime: str
     unit: str
-    """Of the target."""
+    """Target, with its sub-model and unit."""
     groups: int
-    """That both predicted."""
+    """Groups that both predicted."""
     champion: float
     challenger: float
     """Mean absolute error, averaged over the groups [unit]."""

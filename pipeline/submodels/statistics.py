@@ -138,10 +138,6 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
     two parameters do the same to these, the residuals have no part along their difference.
 
     ``jacobian`` (N, D) of the residuals, ``noise`` in their unit; shape (D,).
-
-    Returns
-    -------
-    ndarray, shape (D,)
     """
     length = np.linalg.norm(jacobian, axis=0)
     length = np.where(length > 0, length, 1.0)

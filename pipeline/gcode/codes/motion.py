@@ -300,7 +300,7 @@ def tap_rigidly(run: Run, block: Block, code: int, item: WordItem | None) -> Non
 
 
 def _lead(run: Run, block: Block, item: WordItem | None) -> float:
-    """Of the thread [mm/rev]."""
+    """Lead of the thread [mm/rev]."""
     if run.state.dialect != LINUXCNC and "K" not in block.words:
         lead = run.state.feed
     else:

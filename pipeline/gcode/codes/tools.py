@@ -99,7 +99,7 @@ def cutter_side(run: Run, block: Block, code: int, item: WordItem) -> None:
 
 
 def _radius(run: Run, block: Block, code: int, item: WordItem) -> float:
-    """Of the tool that G41 or G42 compensates [mm]."""
+    """Radius of the tool that G41 or G42 compensates [mm]."""
     if code in (411, 421):
         if run.state.dialect != LINUXCNC:
             raise block.error(item, f"{g_code(code)} is not known in this dialect: use G41 or G42")

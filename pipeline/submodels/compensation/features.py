@@ -158,7 +158,7 @@ def modelled_following(
 def fuzzy_following(
     letter: str, reference: Floats, period: float, drive: IdentifiedDrive
 ) -> Floats:
-    """As :func:`modelled_following` with a fuzzy PI speed loop; the error alone."""
+    """Following error of :func:`modelled_following` with a fuzzy PI speed loop."""
     whole, rows = _with_run_up(reference, period)
     position = driven_by_fuzzy(letter, drive, whole, period, substeps=_substeps(period))
     return (whole - position)[rows]

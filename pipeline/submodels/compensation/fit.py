@@ -48,7 +48,7 @@ class Sampled:
     regime: Any
     """Regime of each window's last row; shape (B,)."""
     time: Floats
-    """Of that row in its recording [s]; shape (B,)."""
+    """Time of that row in its recording [s]; shape (B,)."""
 
     @property
     def groups(self) -> list[str]:

@@ -78,8 +78,8 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
     settle_s: NotNegative = 0.3
     """Begin of each recording that is left out, in which the drives' model settles [s]."""
     windows: Count = 1500
-    """Of one training; as many of each regime as there are, so that reversals weigh as much as the
-    long stretches at constant speed."""
+    """Windows of one training; as many of each regime as there are, so that reversals weigh as much
+    as the long stretches at constant speed."""
     folds: Annotated[int, Range(least=2, most=20)] = 3
     """Parts of the training recordings that are left out in turn."""
     kinds: tuple[str, ...] = tuple(KINDS)
@@ -87,14 +87,14 @@ class CompensationFitSettings(Ranged, section="compensation_fit"):
     """Networks of the prediction, and of the estimation."""
     units: Count = 50
     filters: Count = 16
-    """Of the LSTMs; of the convolutions."""
+    """Units of the LSTMs; filters of the convolutions."""
     pool: Count = 1
     """Rows of a convolution of which the greatest enters the LSTM behind it; 1 as published."""
     ridges: tuple[Positive, ...] = (1e-1, 1e-2, 1e-3, 1e-4)
-    """Of the linear model, as shares of the variance of its output; the one with the least error on
-    the recordings that stop the trainings of the others is taken."""
+    """Penalties of the linear model, as shares of the variance of its output; the one with the
+    least error on the recordings that stop the trainings of the others is taken."""
     training: WindowTraining = field(default_factory=WindowTraining)
-    """Of each network."""
+    """Training of each network."""
     searched: str = "cnn_lstm_attention"
     """Kind whose learning rate, units and penalty are searched on the first axis; "" for none."""
 
@@ -185,7 +185,7 @@ class LeakShown:
     kind: str
     """On which it is shown."""
     inputs: tuple[str, ...]
-    """That could not be known yet."""
+    """Inputs that could not be known yet."""
     rmse_um: float
     honest_um: float
     """RMSE on training recordings left out, with them and without [um]."""
@@ -215,9 +215,9 @@ class CompensationModel(Model):
     step_s: float
     horizon_s: float
     settle_s: float
-    """As in the settings [s]."""
+    """Step, horizon and settling time of the settings [s]."""
     length: int
-    """As in the settings."""
+    """Rows of a window."""
     lead_mm: Mapping[str, float] = field(default_factory=dict)
     """Lead of the screws whose turn is an input [mm]."""
     with_drive: bool = True

@@ -126,7 +126,7 @@ class Run:
     group: str
     """What belongs together in splits."""
     sha256: str
-    """Hash of the raw bytes; of the samples where it is a part of a file."""
+    """Hash of the raw bytes, or of the samples where it is a part of a file."""
     period: float = float("nan")
     """Between samples [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)

@@ -43,7 +43,7 @@ class WearCurve:
     """Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit."""
     mae: float
     mse: float
-    """Of the mean against what was asked for, in the unit and its square."""
+    """Errors of the mean against what was asked for, in the unit and its square."""
     slope: float
     """Slope of a straight line through the means [1]; 1 for a sound generator."""
     rank_correlation: float
@@ -72,7 +72,7 @@ class SynthesisModel(Model):
 
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    """Of a window."""
+    """Channels of a window, with their units."""
     rate_Hz: float
     """Rate of its samples [Hz]."""
     length: int
@@ -80,7 +80,7 @@ class SynthesisModel(Model):
     wear_unit: str
     """``"um"``, or ``"1"`` where wear is a class."""
     windows: int
-    """That were trained on."""
+    """Windows that were trained on."""
     steps: int
     """Steps of the training."""
     curves: Mapping[str, WearCurve]
@@ -92,7 +92,7 @@ class SynthesisModel(Model):
     """Distance of generated windows at the same conditions, and over all, by that of training
     windows [1]."""
     looks: tuple[Look, ...] = ()
-    """Of the first judge, from early in the training to its end."""
+    """Looks of the first judge, from early in the training to its end."""
     faults: tuple[str, ...] = ()
     """What is wrong with the training: collapse, a loss that vanished."""
     clipped: float = 0.0
@@ -101,7 +101,7 @@ class SynthesisModel(Model):
     neighbours: int = 5
     trees: int = 100
     seed: int = 0
-    """As in the settings."""
+    """Windows that are judged, neighbours, trees and seed of the settings."""
 
     @property
     def is_class(self) -> bool:
@@ -148,7 +148,7 @@ class Reference:
     """A few recorded windows over the wear, and generated ones at their conditions;
     shape (S, C, L)."""
     shown_wear: Floats
-    """Of both; shape (S,)."""
+    """Wear of both; shape (S,)."""
 
 
 Judge = Callable[[Floats, Mapping[str, Any]], Floats]
@@ -201,7 +201,7 @@ class Synthesis:
 
     @cached_property
     def scaling(self) -> FeatureScaling:
-        """Of features, by recorded training windows."""
+        """Scaling of features, by recorded training windows."""
         return FeatureScaling.of(self.reference.recorded)
 
     @cached_property

@@ -28,7 +28,7 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
     windows: Annotated[int, Range(least=20)] = 20_000
     """Training windows at most, evenly over each tool's life."""
     trees: Count = 100
-    """Of each random forest."""
+    """Trees of each random forest."""
     wears: Annotated[int, Range(least=3)] = 20
     """Wears, evenly over what was learnt, at which the judge's curve is read."""
     looks: Count = 4
@@ -40,7 +40,7 @@ class SynthesisFitSettings(Ranged, section="synthesis_fit"):
     neighbours: Count = 5
     """Nearest windows that span the neighbourhood of one, for density and coverage."""
     seed: Whole = 0
-    """Of noise and forests."""
+    """Seed of noise and forests."""
 
 
 @dataclass(frozen=True, kw_only=True)
