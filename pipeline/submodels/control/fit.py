@@ -95,22 +95,8 @@ def optimum(
     """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
 
     A weak pull towards where the search began decides what the residuals leave open; it has no part
-    in the Jacobian and the residuals that are returned.
-
-    Parameters
-    ----------
-    residuals : callable
-        Residuals, shape (N,) [s], of all parameters, shape (D,), in their units.
-    free : sequence of FreeParameter
-        The D parameters.
-    values : ndarray, shape (D,)
-        Where the search begins.
-    active : ndarray of bool, shape (D,)
-        Which are fitted.
-    scale_s : float
-        Residuals above count linearly [s].
-    settings : ControlFitSettings
-        Of the search.
+    in the Jacobian and the residuals that are returned.  ``residuals`` gives those, shape (N,) [s],
+    of all parameters, shape (D,), in their units; above ``scale_s`` [s] they count linearly.
     """
     from scipy.optimize import least_squares
 
@@ -277,23 +263,14 @@ def _identified(
     for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
         found = optimum(residuals, free, begin, likely, scale, settings)
         begin = found.values
-    blocks, unit = (
-        clusters(observed),
-        np.repeat([one.unit for one in observed], [len(one.measured) for one in observed]),
-    )
+    blocks = clusters(observed)
+    unit = np.repeat([one.unit for one in observed], [len(one.measured) for one in observed])
     differ = near.differ if near is not None else frozenset()
     differ |= _apart(free, found, likely, blocks, unit, settings, unfelt=False)
     found, active, left = _determined(
-        residuals,
-        free,
-        found,
-        fitted,
-        likely,
-        left,
-        differ=differ,
-        blocks=blocks,
+        residuals, free, found, fitted, likely, left, differ=differ, blocks=blocks,
         settings=settings,
-    )
+    )  # fmt: skip
     if not active.any():
         raise ValueError(
             f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
@@ -305,10 +282,6 @@ def _identified(
     uncertainty = _uncertainty(found, found.jacobian[:, active], blocks)
     _, half_width = _kept(free, found.values, active, fitted, left, settings)
     slow, fast = _ends(free, found.values, half_width)
-
-    def ends_of(unit: str) -> tuple[ControlParameters, ControlParameters]:
-        return control_of(start, free, slow, unit), control_of(start, free, fast, unit)
-
     low, high = _intervals(free, found, rates, active, uncertainty)
     usual = found.residuals[np.abs(found.residuals) < 10]
     return ControlFit(
@@ -319,7 +292,11 @@ def _identified(
         determined=active | ~fitted,
         from_speeds=~fitted,
         control={unit: control_of(start, free, found.values, unit) for unit in units},
-        ends={u: ends_of(u) for u in units if half_width[own[u]].any()},
+        ends={
+            u: (control_of(start, free, slow, u), control_of(start, free, fast, u))
+            for u in units
+            if half_width[own[u]].any()
+        },
         apart=apart | {one.shared for one in free if one.units},
         differ=differ,
         left=left,

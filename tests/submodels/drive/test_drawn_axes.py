@@ -1,7 +1,6 @@
 """Drives of any maker: mass, friction and loop gain inside their intervals, or a true refusal."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -15,6 +14,7 @@ from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
 from pipeline.submodels.drive.model import (
     DriveIdentification,
+    IdentifiedAxis,
     axis_parameters,
     identified_axis,
     loop_gains,
@@ -23,6 +23,7 @@ from pipeline.submodels.drive.page_axes import drives_section
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_file
 from pipeline.submodels.drive.records import AxisChannels, DriveRecords
+from pipeline.submodels.drive.servo.fit import identify_servo
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting
 from tests.submodels.drive.drawn_axis import DrawnAxis, drawn_axis, recorded_table
 
@@ -50,14 +51,14 @@ def parameters(
     parts = read_file(one, records, prior, {}, trained=True)
     assert len(parts) == 2  # the gap
     settings = DriveFitSettings(compare=False)
-    found = DriveIdentification(feed_drives={})
+    axes = {}
     if axis.torque and servo:
-        found = identified_axis("X", parts, prior, settings)
+        axes["X"] = identified_axis("X", parts, prior, settings)
     elif axis.torque:
         drive = identify_feed_drive(parts, "X", prior, settings)
-        found = DriveIdentification(feed_drives={"X": drive})
+        axes["X"] = IdentifiedAxis(drive=drive, servo=identify_servo((), "X", settings))
     gains = loop_gains(parts, records, settings.widest)
-    return axis, axis_parameters("X", replace(found, loop_gains=gains))
+    return axis, axis_parameters("X", DriveIdentification(axes=axes, loop_gains=gains))
 
 
 def faults(axis: DrawnAxis, found: dict[str, Parameter]) -> list[str]:

@@ -135,17 +135,13 @@ class Nominal:
 
     def unit(self, name: str, command_unit: str) -> str:
         """Unit of the parameter ``name``: scales are gains in SI where the list names none."""
-        units = {
-            "position_scale": ("position_gain", "1/s"),
-            "velocity_scale": ("velocity_gain", f"{command_unit} s/m"),
-            "integral_scale": ("integral_gain", f"{command_unit}/m"),
-        }
-        if name in units:
-            gain, unit = units[name]
-            return unit if gain in self.unnamed else "1"
-        if name == "acceleration_feedforward":
-            return f"{command_unit} s^2/m"
-        return "1" if name == "velocity_feedforward" else "s"
+        if (gain := name.replace("_scale", "_gain")) != name and gain not in self.unnamed:
+            return "1"
+        return {
+            "position_scale": "1/s", "velocity_scale": f"{command_unit} s/m",
+            "integral_scale": f"{command_unit}/m", "velocity_feedforward": "1",
+            "acceleration_feedforward": f"{command_unit} s^2/m",
+        }.get(name, "s")  # fmt: skip
 
 
 ABOVE = 12.0
@@ -448,18 +444,8 @@ def servo_signals(record: ServoRecord, bandwidth: float, difference: Difference)
 def delayed(signals: Floats, rows: Ints, node: float) -> Floats:
     """Signals at the delays of the nodes, ``node`` samples apart, and the command.
 
-    Parameters
-    ----------
-    signals : ndarray, shape (8, T)
-        As :func:`servo_signals`.
-    rows : ndarray of int, shape (N,)
-        Samples at which they are taken.
-    node : float
-        Distance of the nodes in samples [1].
-
-    Returns
-    -------
-    ndarray, shape (N, NODES * 7 + 1)
+    Of ``signals`` (8, T) as of :func:`servo_signals`, at the samples ``rows``, (N,); shape
+    (N, NODES * 7 + 1).
     """
     places = rows[:, None] - node * np.arange(NODES)
     whole = np.rint(places).astype(np.int64)
