@@ -260,9 +260,6 @@ def test_nothing_is_simulated_on_a_machine_without_a_control(project: Path) -> N
     assert "no section control" in refused(project, "simulate", "part.nc", "--machine", "mazak01")
     assert "known machines" in refused(project, "simulate", "part.nc", "--machine", "lathe9")
     assert "does not exist" in refused(project, "interpret", "none.nc", "--out", "m.csv")
-    assert "dialect" in refused(
-        project, "interpret", "part.nc", "--out", "m.csv", "--dialect", "heidenhain"
-    )
 
 
 def test_an_empty_program_is_refused(project: Path) -> None:

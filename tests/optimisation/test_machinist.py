@@ -153,9 +153,8 @@ def test_f_and_s_are_round_numbers(order: Order) -> None:
             assert float(value) % step == 0, f"{line}: {read.after[line - 1]}"
 
 
-@pytest.mark.parametrize("order", [
-    BRACKET, pytest.param(ALUMINIUM, marks=pytest.mark.proof),
-], ids=lambda one: one.name)  # fmt: skip
+@ORDERS
+@pytest.mark.proof
 def test_there_is_still_something_to_gain(order: Order) -> None:
     """Limits that leave all as it was would keep every rule above; S is asked for."""
     document = optimised(order, "--speed", "100", "12000").document

@@ -78,7 +78,6 @@ def test_points_on_the_way_only_when_asked_for(folder: Path) -> None:
     [
         (None, (), "after.nc does not exist: name a part program"),
         (b"", (), "after.nc is empty: name a part program"),
-        (BEFORE, ("--dialect", "heidenhain"), "'heidenhain' is not one of 'fanuc'"),
         (BEFORE, ("--machine", "no_such"), "no_such"),
     ],
 )
