@@ -115,16 +115,6 @@ def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     ), sources)  # fmt: skip
 
 
-def _objectives(currency: str | None) -> tuple[Column[FrontMember], ...]:
-    """Columns of the objectives that a member of the front reaches."""
-    return (
-        Column("time", lambda row: figure(row.time_s, 4), "s"),
-        Column("cost", lambda row: figure(row.cost, 4), currency or ""),
-        Column("energy", lambda row: figure(row.energy_kWh), "kWh"),
-        Column("tool life used", lambda row: share(row.tool_life_share), ""),
-    )
-
-
 KINDS: dict[MethodLimits, str] = {"certain": "As sure as asked", "nominal": "At nominal values"}
 """Limits that methods are compared under, as the heads of their columns."""
 OBJECTIVES: dict[str, tuple[str, str, str, Callable[[float | None], str]]] = {
@@ -265,12 +255,18 @@ def _whole(value: float | None) -> int | None:
     return None if value is None else round(value)
 
 
+def _front_objective(part: OptimisedPart, key: str) -> Column[FrontMember]:
+    name, words, unit, shown = OBJECTIVES[key]
+    unit = (part.currency or "") if key == "cost" else unit
+    return Column(words, lambda row: shown(getattr(row, name)), unit)
+
+
 def front_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """The front, folded, the knee marked."""
     place = {id(row): str(k) for k, row in enumerate(part.front, 1)}  # rounded, some are equal
     return tabulated(f"The front: {counted(len(part.front), 'program')}", part.front, (
         Column("Member", lambda row: "the knee" if row.knee else place[id(row)]),
-        *_objectives(part.currency),
+        *(_front_objective(part, key) for key in OBJECTIVES),
     ), sources, most=MOST_ROWS, folded=True)  # fmt: skip
 
 
