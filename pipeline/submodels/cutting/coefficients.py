@@ -96,25 +96,16 @@ def coefficients(
     """
     edge = max(abs(values[3]), abs(values[0]) * f_z)
     least = BESIDE * np.array([abs(values[0])] * 3 + [edge] * 3)
-    rows = []
-    for k, name in enumerate(COEFFICIENTS):
-        determined = bool(half[k] <= widest * max(abs(values[k]), least[k]))
-        reason = f"its 95 % interval is {half[k] / SCALES[k]:.3g} {UNITS[k]} to both sides"
-        remedy = "record cuts of the same tool at three feeds or more"
-        one = Estimate(
-            name=name, unit=UNITS[k], value=values[k] / SCALES[k], determined=determined,
-            half_width=half[k] / SCALES[k], method=method, reason="" if determined else reason,
-            remedy="" if determined else remedy,
-        )  # fmt: skip
-        rows.append(one)
-    return rows
-
-
-def _unit(uncertainty: FitUncertainty, name: str, size: float = 1.0) -> Floats:
-    slope = np.zeros(len(uncertainty.names))
-    if name in uncertainty.names:
-        slope[uncertainty.names.index(name)] = size
-    return slope
+    return [
+        Estimate(
+            name=name, unit=UNITS[k], value=values[k] / SCALES[k],
+            determined=bool(half[k] <= widest * max(abs(values[k]), least[k])),
+            half_width=half[k] / SCALES[k], method=method,
+            reason=f"its 95 % interval is {half[k] / SCALES[k]:.3g} {UNITS[k]} to both sides",
+            remedy="record cuts of the same tool at three feeds or more",
+        )
+        for k, name in enumerate(COEFFICIENTS)
+    ]  # fmt: skip
 
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
@@ -125,12 +116,12 @@ def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
             name="helix", unit="deg", value=helix / DEGREE, half_width=0.0, determined=False,
             method="given", reason=reason,
         )  # fmt: skip
-    half = uncertainty.half_width(_unit(uncertainty, "tan_helix")) * np.cos(helix) ** 2 / DEGREE
-    determined = bool(half <= HELIX_DEG)
+    half = uncertainty.half_width({"tan_helix": 1.0}) * np.cos(helix) ** 2 / DEGREE
     return Estimate(
-        name="helix", unit="deg", value=helix / DEGREE, half_width=half, determined=determined,
-        method=HARMONICS, reason="" if determined else "its 95 % interval is wider than 10 deg",
-        remedy="" if determined else "record a deeper cut, in which the edge lags further",
+        name="helix", unit="deg", value=helix / DEGREE, half_width=half,
+        determined=bool(half <= HELIX_DEG), method=HARMONICS,
+        reason="its 95 % interval is wider than 10 deg",
+        remedy="record a deeper cut, in which the edge lags further",
     )  # fmt: skip
 
 
@@ -145,16 +136,14 @@ def modes(fit: Fit, uncertainty: FitUncertainty, widest: float) -> dict[int, lis
     for k in range(3):
         rows = []
         for what, values, unit in (("natural", natural, "Hz"), ("damping", damping, "1")):
-            half = uncertainty.half_width(_unit(uncertainty, f"log_{what}{k}"))
-            seen = natural[k] <= highest
+            half = uncertainty.half_width({f"log_{what}{k}": 1.0})
             name = "natural_frequency_Hz" if what == "natural" else "damping"
             rows.append(
                 Estimate(
                     name=name, unit=unit, value=float(values[k]), lowest=0.0,
-                    half_width=half * float(values[k]), determined=bool(half <= widest and seen),
-                    method=HARMONICS,
-                    reason="" if half <= widest and seen else
-                    f"the channel shows no mode of its own below {highest:.0f} Hz",
+                    half_width=half * float(values[k]), method=HARMONICS,
+                    determined=bool(half <= widest and natural[k] <= highest),
+                    reason=f"the channel shows no mode of its own below {highest:.0f} Hz",
                 )
             )  # fmt: skip
         by_direction[k] = rows

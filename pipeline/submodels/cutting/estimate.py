@@ -22,7 +22,7 @@ class Estimate:
     method: str
     reason: str = ""
     remedy: str = ""
-    """Why they do not, and what to record."""
+    """Why they do not if so, and what to record then."""
     remark: str = ""
     """On the meaning of a determined one."""
     lowest: float = -np.inf

@@ -161,7 +161,6 @@ def runout(
     rounded = _offset(not_sharp.fit, not_sharp.uncertainty, not_sharp.alike)
     growth = not_sharp.fit.problem.chip(not_sharp.fit.x).growth
     f_z = float(np.mean([cut.conditions.f_z for cut in fit.problem.cuts]))
-    determined = rounded.half <= widest * max(rounded.size, RUNOUT * f_z)
     of_two = "of two teeth: half the difference of their radii, the part along them; "
     remark = (
         f"{of_two if flutes == 2 else ''}edges whose force grows over {growth / UM:.2g} um of chip "
@@ -176,22 +175,20 @@ def runout(
         "measure it with a dial gauge, or record partial immersions and three feeds or more, one "
         f"below {2e-3 * most:.2g} mm a tooth, at which a tooth that stands back does not cut"
     )
-    angle_determined = flutes > 2 and rounded.half_across <= ANGLE_DEG * DEGREE * rounded.size
     no_angle = "two teeth do not tell it" if flutes == 2 else "the runout is too small to have one"
     pitch = 2 * np.pi / flutes
     return [
         Estimate(
             name="runout", unit="um", value=rounded.size / UM, half_width=rounded.half / UM,
-            determined=determined, method=METHOD, lowest=0.0,
-            **({"remark": remark} if determined else {"reason": reason, "remedy": remedy}),
+            determined=rounded.half <= widest * max(rounded.size, RUNOUT * f_z), method=METHOD,
+            lowest=0.0, remark=remark, reason=reason, remedy=remedy,
         ),
         Estimate(
-            name="runout_angle", unit="deg", determined=angle_determined, method=METHOD,
+            name="runout_angle", unit="deg", method=METHOD,
+            determined=flutes > 2 and rounded.half_across <= ANGLE_DEG * DEGREE * rounded.size,
             value=(rounded.angle - pitch * round(rounded.angle / pitch)) / DEGREE,
             half_width=rounded.half_across / max(rounded.size, 1e-12) / DEGREE,
-            reason="" if angle_determined else no_angle,
-            remark="from the tooth that stands out most, within half a pitch"
-            if angle_determined else "",
+            reason=no_angle, remark="from the tooth that stands out most, within half a pitch",
         ),
     ]  # fmt: skip
 
@@ -209,7 +206,8 @@ def _offset(fit: Fit, uncertainty: FitUncertainty, alike: Fit | None = None) -> 
     size = abs(offset)
     outward = offset / size if size > 0 else 1.0 + 0.0j
     half, across = (
-        uncertainty.half_width(_slope(uncertainty.names, to)) for to in (outward, 1j * outward)
+        uncertainty.half_width({"along": to.real, "across": to.imag})
+        for to in (outward, 1j * outward)
     )
     if alike is not None:
         off = (_complex_offset(alike) - offset) / outward
@@ -220,9 +218,3 @@ def _offset(fit: Fit, uncertainty: FitUncertainty, alike: Fit | None = None) -> 
 def _complex_offset(fit: Fit) -> complex:
     geometry = fit.problem.geometry(fit.x)
     return complex(geometry.along, geometry.across)
-
-
-def _slope(names: Sequence[str], to: complex) -> Floats:
-    """Gradient of the offset towards ``to`` by the unknowns."""
-    parts = {"along": to.real, "across": to.imag}
-    return np.array([parts.get(name, 0.0) for name in names])

@@ -11,7 +11,7 @@ zeros and the model error; with four fits or more to a part of the recordings th
 worse are added: an interval is no narrower than the choice of terms allows.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -241,8 +241,9 @@ class FitUncertainty:
     factor: Floats
     """Of the six coefficients' standard deviations over those of the fit alone [1]; shape (6,)."""
 
-    def half_width(self, slope: Floats) -> float:
-        """Half of the 95 % interval of a quantity with this gradient by the unknowns."""
+    def half_width(self, by: Mapping[str, float]) -> float:
+        """Half of the 95 % interval of a quantity with this gradient by unknowns, 0 by others."""
+        slope = np.array([by.get(name, 0.0) for name in self.names])
         return self.quantile * float(np.sqrt(max(float(slope @ self.covariance @ slope), 0.0)))
 
 
