@@ -108,9 +108,11 @@ def _types(shown: Shown[ControlModelFile]) -> Table | None:
     verdict = shown.verdict
     if verdict is None:
         return None
-    scores = [s for s in verdict.of(TIME, group="all", role=verdict.judged_role or "training")
-              if s.regime != WHOLE]  # fmt: skip
-    sums = {s.regime: (s.n * measured_time(s), s.n * (s.bias or 0.0)) for s in scores}
+    sums: dict[str, tuple[float, float]] = {}
+    for s in verdict.of(TIME, role=verdict.judged_role):
+        if s.group != "all" and s.regime != WHOLE:
+            measured, difference = sums.get(s.regime, (0.0, 0.0))
+            sums[s.regime] = measured + measured_time(s), difference + (s.bias or 0.0)
     whole = sum(abs(difference) for _, difference in sums.values())
     rows = [(name, measured, difference, whole) for name, (measured, difference) in sums.items()]
     return tabulated("By type of block, over the runs that decide", rows, TYPES,
@@ -118,7 +120,7 @@ def _types(shown: Shown[ControlModelFile]) -> Table | None:
 
 
 def measured_time(score: Score) -> float:
-    """Mean measured time of a score [s], from its bias and its error of the mean."""
+    """Measured time of a score of one run [s], from its bias and its error of the mean."""
     if score.bias is None or not score.mean_percent:
         return 0.0
     return 100 * score.bias / score.mean_percent
