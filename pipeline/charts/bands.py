@@ -140,16 +140,6 @@ def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
     return f"; ▲ beyond, up to {shown} {unit}".rstrip()
 
 
-def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:
-    """Lines down and words at round seconds."""
-    parts = [svg.text(50, bottom + 31, "Time, s", "tick mid")]
-    for mark in svg.ticks(*span, most=6):
-        x = 100 * (mark - span[0]) / max(span[1] - span[0], 1e-12)
-        parts.append(svg.down(x, top, bottom))
-        parts.append(svg.text(x, bottom + 16, tick_words(mark), svg.anchor(x)))
-    return parts
-
-
 def tick_words(mark: float) -> str:
     """A tick's words, with a real minus and without one before 0."""
     return f"{mark + 0.0:.6g}".replace("-", "−")

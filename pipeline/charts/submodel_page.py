@@ -19,7 +19,6 @@ from pipeline.charts.numbers import (
     TOGETHER,
     counted,
     day_words,
-    fixed,
     joined,
     number,
     percent,
@@ -728,8 +727,3 @@ def _close(strips: Sequence[Strip], span: tuple[float, float]) -> tuple[float, f
     middle = float(t[int(np.nanargmax(np.abs(predicted - measured)))])
     start = min(max(middle - width / 2, span[0]), span[1] - width)
     return start, start + width
-
-
-def kelvins(value: float | None) -> str:
-    """A difference of temperatures with two decimals."""
-    return "not known" if value is None else f"{fixed(value, 2)}{TOGETHER}K"

@@ -26,10 +26,9 @@ from pipeline.report.actions import machine_actions
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
-from pipeline.report.scorecard import scorecard
+from pipeline.report.scorecard import baseline_words, scorecard, worst_error
 from pipeline.report.texts import ENGLISH
 from pipeline.report.work import Day, Work
-from pipeline.report.worst_error import baseline_words, worst_error
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
 
