@@ -424,10 +424,13 @@ def singles_table(predictions: "pd.DataFrame | None", made: Sequence[Source]) ->
         return None
     known = predictions[predictions["measured"].notna() & predictions["predicted"].notna()]
     many = known.groupby(["case", "quantity", "regime"])["t"].transform("size")
+    names = ["quantity", "regime", "case", "unit", "measured", "predicted", "low", "high"]
+    alone = known[many == 1].sort_values(["quantity", "regime", "case"]).reindex(columns=names)
     rows: list[Single] = [
-        (f"{one.quantity}, {one.regime}" if one.regime else one.quantity, one.case,
-         unit_words(one.unit), one.measured, one.predicted, one.low, one.high)
-        for one in known[many == 1].sort_values(["quantity", "regime", "case"]).itertuples()
+        (f"{quantity}, {regime}" if regime else quantity, case, unit_words(unit), *values)
+        for quantity, regime, case, unit, *values in zip(
+            *(alone[name].tolist() for name in names), strict=True
+        )
     ]  # fmt: skip
     inside = [row[5] <= row[3] <= row[6] for row in rows if row[5] == row[5]]
     held = f"; {sum(inside)} of {len(inside)} intervals hold the measured one" if inside else ""
