@@ -57,8 +57,7 @@ def content(shown: Seen) -> PageContent:
         todo={
             "passed": _sentence(f"{warm}, or load the correction ({load})" if warm else
                                 f"load the correction ({load})"),
-            "failed": f"Load no correction from this model. "
-            f"{_sentence(warm or 'measure the growth before finishing cuts')}",
+            "failed": "Load no correction from this model; measure the growth before finishing.",
             "unknown": "Record further speed profiles that the model is not fitted on.",
         },
         facts=_goal_words(facts),

@@ -185,7 +185,7 @@ def _windows(model: SynthesisModel, known: Reference, channel: int, made: list[S
     """Recorded windows of a channel over generated ones at the same wear."""
     unit = unit_words(model.units[channel])
     said = f"{model.channels[channel].replace('_', ' ')}{f', {unit}' if unit else ''}"
-    ms = 1e3 * np.arange(model.length) / model.rate_Hz
+    ms = np.linspace(0.0, 1e3 * (model.length - 1) / model.rate_Hz, model.length)
     every = band(0, 1, known.shown[:, channel].ravel(), known.like[:, channel].ravel())
     strips = [
         Strip(head=f"wear {_amount(model, float(wear))}", height=110, scale=(every.low, every.high),
