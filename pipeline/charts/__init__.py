@@ -4,4 +4,7 @@ Colours are CSS classes and all text is escaped.  ``sources`` reads the files th
 and remembers the hash of each.
 """
 
-__all__ = ["bands", "default_section", "numbers", "sections", "sources", "svg", "tables"]
+__all__ = [
+    "bands", "judged", "numbers", "parameters", "sections", "sources", "submodel_page", "svg",
+    "tables",
+]  # fmt: skip

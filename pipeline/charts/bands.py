@@ -1,4 +1,4 @@
-"""Bands of a figure: values over pixels, their levels, their curves; a time axis in seconds."""
+"""Bands of a figure: values over pixels, their curves; strips below one another over one axis."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +15,8 @@ STRETCHES = 420
 """Stretches of the x axis, each drawn by its lowest and highest value [1]."""
 MARK_APART = 1.5
 """Distance between values beyond a scale, over which each has a mark of its own [% of width]."""
+TOP, GAP = 18, 28
+"""Height of a head above the first strip, and between two strips [px]."""
 MOST = 1e12
 """Greatest magnitude, in any unit of the shop, that is a reading [1]."""
 
@@ -138,16 +140,6 @@ def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
     return f"; ▲ beyond, up to {shown} {unit}".rstrip()
 
 
-def clock(span: tuple[float, float], top: float, bottom: float) -> list[Markup]:
-    """Lines down and words at round seconds."""
-    parts = [svg.text(50, bottom + 31, "Time, s", "tick mid")]
-    for mark in svg.ticks(*span, most=6):
-        x = 100 * (mark - span[0]) / max(span[1] - span[0], 1e-12)
-        parts.append(svg.down(x, top, bottom))
-        parts.append(svg.text(x, bottom + 16, tick_words(mark), svg.anchor(x)))
-    return parts
-
-
 def tick_words(mark: float) -> str:
     """A tick's words, with a real minus and without one before 0."""
     return f"{mark + 0.0:.6g}".replace("-", "−")
@@ -158,3 +150,124 @@ def readings(values: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         known: Floats = np.where(np.abs(values) <= MOST, values, np.nan)
     return known
+
+
+def area(x: Floats, low: Floats, high: Floats, span: tuple[float, float], into: Band,
+         kind: str) -> Markup:  # fmt: skip
+    """The area between two curves (T,), thinned to what a page can show; broken where unknown."""
+    known = np.isfinite(low) & np.isfinite(high) & (x >= span[0]) & (x <= span[1])
+    parts = []
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], known, [False]]).astype(int)))
+    for start, end in zip(edges[::2], edges[1::2], strict=True):
+        across = UNITS * (x[start:end] - span[0]) / max(span[1] - span[0], 1e-12)
+        first = np.flatnonzero(np.diff(np.floor(across).astype(int) // 4, prepend=-1))
+        if len(across) <= 2 * STRETCHES:
+            first = np.arange(len(across))
+        top = into.down(np.maximum.reduceat(high[start:end], first))
+        bottom = into.down(np.minimum.reduceat(low[start:end], first))
+        there = np.concatenate([across[first], across[first][::-1]])
+        parts.append(svg.path_data(there, np.concatenate([top, bottom[::-1]])) + "z")
+    return svg.tag("path", d="".join(parts), class_=kind)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strip:
+    """A band of a figure as it is declared: its head, and what is drawn in it over the axis."""
+
+    head: str
+    curves: Sequence[tuple[str, Floats, Floats]] = ()
+    """CSS class, places and values (T,) of each curve; NaN lifts the pen."""
+    areas: Sequence[tuple[str, Floats, Floats, Floats]] = ()
+    """CSS class, places, lower and upper ends (T,) of each area."""
+    dots: Sequence[tuple[str, Floats, Floats]] = ()
+    """CSS class, places and values (N,) of each kind of dot."""
+    levels: Sequence[float] = ()
+    """Values that a line marks, such as limits."""
+    height: float = 140.0
+    """Height [px]."""
+    scale: tuple[float, float] | None = None
+    """Least and greatest value of the scale; None where it holds all that is drawn."""
+    zero: bool = False
+    """Whether the scale holds 0."""
+    unit: str = ""
+    """Unit of values beyond the scale."""
+
+    def band(self, top: float, span: tuple[float, float]) -> Band:
+        """Band at ``top`` [px] that holds what lies within ``span`` of the axis."""
+        if self.scale is not None:
+            return Band(top=top, height=self.height, low=self.scale[0], high=self.scale[1])
+        every = [(x, y) for _, x, y in (*self.curves, *self.dots)]
+        every += [(x, y) for _, x, low, high in self.areas for y in (low, high)]
+        inside = [y[(x >= span[0]) & (x <= span[1])] for x, y in every]
+        return band(top, self.height, *inside, np.array(self.levels), zero=self.zero)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Axis:
+    """Axis below the strips of a figure: its words, its ends, its marks in words."""
+
+    words: str
+    span: tuple[float, float]
+    marks: Sequence[tuple[float, str]]
+
+    def percent(self, x: Floats) -> Floats:
+        """Places (T,) along the width [%]."""
+        share: Floats = 100 * (x - self.span[0]) / max(self.span[1] - self.span[0], 1e-12)
+        return share
+
+
+def axis(words: str, span: tuple[float, float], most: int = 6) -> Axis:
+    """An axis with marks at round values."""
+    marks = [(mark, tick_words(mark)) for mark in svg.ticks(*span, most=most)]
+    return Axis(words=words, span=span, marks=marks)
+
+
+def decades(words: str, span: tuple[float, float]) -> Axis:
+    """An axis of logarithms to the base of 10 between two of them."""
+    steps = (1,) if span[1] - span[0] > 3.5 else (1, 2, 5)
+    every = [f * 10.0**d for d in range(int(np.floor(span[0])), int(np.ceil(span[1])) + 1)
+             for f in steps]  # fmt: skip
+    inside = [one for one in every if span[0] - 1e-4 <= np.log10(one) <= span[1] + 1e-4]
+    marks = [(float(np.log10(one)), tick_words(one)) for one in inside]
+    return Axis(words=words, span=span, marks=marks)
+
+
+def strips_figure(strips: Sequence[Strip], below: Axis, label: str, kind: str = "trace") -> Markup:
+    """Strips below one another over one axis; ``label`` says in words what they show."""
+    parts: list[Markup] = []
+    top = float(TOP)
+    for one in strips:
+        into = one.band(top, below.span)
+        parts += _strip(one, into, below)
+        top = into.bottom + GAP
+    bottom = top - GAP
+    across = [svg.text(50, bottom + 31, below.words, "tick mid")]
+    for mark, words in below.marks:
+        x = float(below.percent(np.array(mark)))
+        across += [svg.down(x, TOP, bottom), svg.text(x, bottom + 16, words, svg.anchor(x))]
+    return svg.figure([*across, *parts], height=bottom + 36, label=label, kind=kind)
+
+
+def _strip(one: Strip, into: Band, below: Axis) -> list[Markup]:
+    seen = [(x, y, (x >= below.span[0]) & (x <= below.span[1]))
+            for _, x, y in (*one.curves, *one.dots)]  # fmt: skip
+    outside = [beyond(below.percent(x[here]), y[here], into, one.unit) for x, y, here in seen]
+    dots = [
+        svg.tag("circle", cx=f"{at:.2f}%", cy=into.pixel(float(value)), r=3.5,
+                class_=f"point {kind}")
+        for kind, x, y in one.dots
+        for at, value in zip(below.percent(x), y, strict=True)
+        if 0 <= at <= 100 and np.isfinite(value)
+    ]  # fmt: skip
+    most = 5 if into.height >= 100 else 4 if into.height >= 60 else 3
+    return [
+        svg.text(0, into.top - 7, f"{one.head}{beyond_words(outside, one.unit)}", "head"),
+        *into.levels(most),
+        *(svg.across(into.pixel(level), "grid limit") for level in one.levels),
+        into.content([
+            *(area(x, low, high, below.span, into, kind) for kind, x, low, high in one.areas),
+            *(line(x, y, below.span, into, kind) for kind, x, y in one.curves),
+        ]),
+        *dots,
+        *(mark for found in outside for mark in found.marks),
+    ]  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from datetime import UTC, date, datetime
 from typing import Any
 
-from pipeline.schema.verdict import MOST_PERCENT
+from pipeline.schema.verdict import MOST_PERCENT, OF_NOTHING
 
 NOT_KNOWN = "not known"
 NARROW = "\u202f"  # narrow no-break space: between thousands, and before a unit
@@ -19,6 +19,7 @@ MONTHS = ("Jan", "Feb", "Mar", "Apr", "May", "Jun", "Jul", "Aug", "Sep", "Oct", 
 UNITS = {
     "CELSIUS": "°C", "PERCENT": "%", "REVOLUTION/MINUTE": "rev/min", "MILLIMETER": "mm",
     "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s", "um": "µm",
+    "WATT": "W", "deg": "°",
 }  # fmt: skip
 """How MTConnect's unit names are written for people."""
 
@@ -124,6 +125,7 @@ def unit_words(unit: str | None) -> str:
 
 def powers(unit: str) -> str:
     """A unit as it is printed: mm/s² where a file says mm/s^2, and on one line."""
+    unit = re.sub(r"\bum\b", "µm", unit)
     return unit.replace("^2", "²").replace("^3", "³").replace(" ", TOGETHER)
 
 
@@ -187,7 +189,7 @@ def relative(value: Any, shown: Callable[[float], str] = tenths, unit: str = "")
     if x is None:
         return "–"
     if abs(x) > MOST_PERCENT:
-        return f"more than {MOST_PERCENT:g}{TOGETHER}{unit} of nearly 0" if unit else VOID
+        return OF_NOTHING if unit else VOID
     return f"{shown(x)}{TOGETHER}{unit}" if unit else shown(x)
 
 

@@ -10,9 +10,8 @@ from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
 from pipeline.report.corrected import corrected_section
-from pipeline.report.facts import MachineFacts, Truth
-from pipeline.report.logged import already
-from pipeline.report.page_names import PROGRAMS, RECORDS
+from pipeline.report.facts import MachineFacts, Truth, already
+from pipeline.report.folders import PROGRAMS, RECORDS
 from pipeline.report.part_programs import part_key_figures, part_programs_section
 from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
@@ -32,7 +31,7 @@ class EvidencePage:
     """Body of a page on one subject of a machine: a sub-model, its programs, its records."""
 
     subject: str
-    """Of :func:`~pipeline.report.page_names.evidence_page`."""
+    """Of :func:`~pipeline.report.folders.evidence_page`."""
     title: str
     """For people."""
     state: StateLine | None = None

@@ -1,20 +1,21 @@
 """Page of one machine for its maintenance lead: what is to be done, and what may be trusted."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from pipeline.charts.numbers import instant
 from pipeline.charts.sections import Section, present
-from pipeline.charts.tables import tabulated
+from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
 from pipeline.report.evidence import EvidencePage
 from pipeline.report.facts import MachineFacts
-from pipeline.report.folders import MachineFolders
-from pipeline.report.last_records import last_records_table
-from pipeline.report.page_names import evidence_page
+from pipeline.report.folders import MachineFolders, evidence_page
+from pipeline.report.records import NS, source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.states import MachineVerdict
 from pipeline.report.texts import Texts
-from pipeline.report.time_use import time_use_table
+from pipeline.report.work import Day, Work
 
 MOST_ACTIONS = 12
 """Actions that stand on the page at once; the others open on demand."""
@@ -102,3 +103,135 @@ def _time(facts: MachineFacts, say: Texts) -> Section:
     table = time_use_table(facts.work, say)
     return Section(key="time", title=say("time.title"), text=[] if table else [say("time.none")],
                    blocks=present(table))  # fmt: skip
+
+
+KINDS = ("cut", "air", "warm_up")
+"""Kinds of segment, by their key in the texts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Use:
+    """One use of the time: its name, its seconds, the whole that it is a share of."""
+
+    name: str
+    seconds: float | None
+    whole: float | None
+    formula: str
+
+
+def use_columns(say: Texts) -> tuple[Column[Use], ...]:
+    """Columns of the table."""
+    return (
+        Column(say("time.use"), lambda use: use.name),
+        Column(say("time.total"), lambda use: say.hours(use.seconds), "h"),
+        Column(say("time.share"), lambda use: say.percent(use.seconds, use.whole), ""),
+        Column(say("time.formula"), lambda use: use.formula),
+    )
+
+
+def time_use_table(done: Work, say: Texts) -> Table | None:
+    """Totals over all days with records; None without any."""
+    days = done.worked_days
+    if not days:
+        return None
+    first, last = days[0].day, days[-1].day
+    caption = say(
+        "time.table", days=say("time.days", count=len(days)),
+        first=say.day(first, year=first[:4] != last[:4]), last=say.day(last, year=True),
+    )  # fmt: skip
+    return tabulated(
+        caption, uses(days, say), use_columns(say), sources(done.shelf, *done.state_files)
+    )
+
+
+def uses(days: Sequence[Day], say: Texts) -> list[Use]:
+    """Recorded time, its execution states, and what the segments of programs say of it."""
+    known = sum(d.known for d in days)
+
+    def use(key: str, seconds: float | None, whole: float | None, formula: str = "") -> Use:
+        words = formula or say(f"time.{key}_as")
+        return Use(name=say(f"time.{key}"), seconds=seconds, whole=whole, formula=words)
+
+    found = [
+        use("recorded", known, sum(sum(d.seconds.values()) for d in days)),
+        use("active", sum(d.active for d in days), known),
+        use("stopped", sum(d.stopped for d in days), known),
+        use("running", _sum(days, lambda d: d.running), _sum(days, lambda d: d.speed_known)),
+    ]
+    if any(d.kinds for d in days):
+        of_kinds = {kind: sum(d.kinds.get(kind, 0.0) for d in days) for kind in KINDS}
+        whole, each = sum(of_kinds.values()), say("time.segment_as")
+        segments = [use(k, seconds, whole, each) for k, seconds in of_kinds.items() if seconds]
+        found += [use("segments", whole, known), *segments]
+    return [one for one in found if one.seconds is not None]
+
+
+def _sum(days: Sequence[Day], of: Callable[[Day], float | None]) -> float | None:
+    known = [value for day in days if (value := of(day)) is not None]
+    return sum(known) if known else None
+
+
+MOST_SOURCES = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Origin:
+    """One source: its files, its last record [s] since 1970 (None without a clock)."""
+
+    name: str
+    files: int
+    last: float | None
+    silent: float | None = None
+    off: bool = False
+
+
+def origins(facts: MachineFacts, log_name: str) -> list[Origin]:
+    """Sources by folder and format of their files, the machine's own log first."""
+    found: dict[str, list[float | None]] = {}
+    for name, read in (facts.records.files or {}).items():
+        when = instant(read.last)
+        stamp = None if when is None else when.timestamp()
+        found.setdefault(source_of(name, read), []).append(stamp)
+    each = [
+        Origin(
+            name=name, files=len(ends), last=max((e for e in ends if e is not None), default=None)
+        )
+        for name, ends in found.items()
+    ]  # fmt: skip
+    clocked = sorted(
+        (one for one in each if one.last is not None), key=lambda one: -(one.last or 0)
+    )
+    end = facts.work.last
+    log = [
+        Origin(
+            name=log_name, files=len(facts.work.state_files), last=end, silent=facts.silence,
+            off=facts.off,
+        )
+    ]  # fmt: skip
+    return [*(log if end is not None else []), *clocked]
+
+
+def origin_columns(say: Texts) -> tuple[Column[Origin], ...]:
+    """Columns of the table."""
+    return (
+        Column(say("last.source"), lambda one: one.name),
+        Column(say("last.files"), lambda one: say.number(one.files), ""),
+        Column(say("last.record"), lambda one: (
+            say.moment(None if one.last is None else int(one.last * NS))
+        )),
+        Column(say("last.state"), lambda one: (
+            Cell(text=say("last.silent", duration=say.duration(one.silent)), status="failed")
+            if one.silent is not None else say("last.off") if one.off else "–"
+        )),
+    )  # fmt: skip
+
+
+def last_records_table(facts: MachineFacts, say: Texts) -> Table | None:
+    """Last record of each source with a clock; the caption says how many have none."""
+    log = say("last.log")
+    shown = origins(facts, log)
+    clocked = sum(one.files for one in shown if one.name != log)
+    bare = len(facts.records.files or {}) - clocked
+    caption = say("last.table_bare", count=bare) if bare > 0 else say("last.table")
+    made = sources(facts.shelf, facts.folders.signals / "manifest.json")
+    return tabulated(caption, shown[:MOST_SOURCES], origin_columns(say), made)

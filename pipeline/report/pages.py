@@ -13,9 +13,8 @@ from pipeline.report import changes
 from pipeline.report.evidence import evidence_pages
 from pipeline.report.facts import MachineFacts, machine_facts
 from pipeline.report.fleet_page import fleet_page, fleet_row
-from pipeline.report.folders import FleetInfo, MachineFolders
+from pipeline.report.folders import FleetInfo, MachineFolders, evidence_page
 from pipeline.report.lead_page import lead_page
-from pipeline.report.page_names import evidence_page
 from pipeline.report.program_pages import machine_program_pages
 from pipeline.report.standalone_page import rendered, renderer
 from pipeline.report.states import MachineVerdict, Status

@@ -13,9 +13,9 @@ from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Column, Table, sources, tabulated
 from pipeline.report.cut.tables import NONE, figure, share
 from pipeline.report.facts import MachineFacts
+from pipeline.report.folders import PROGRAMS, evidence_page
 from pipeline.report.optimised import tables
 from pipeline.report.optimised.page import optimised_page
-from pipeline.report.page_names import PROGRAMS, evidence_page
 from pipeline.report.part_programs import PartProgram, PartPrograms
 from pipeline.report.programs.simulated import feed_classes, simulated_page, time_section
 from pipeline.report.standalone_page import StandalonePage

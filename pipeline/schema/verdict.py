@@ -14,6 +14,8 @@ UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 MOST_PERCENT = 1000.0
 """Relative error above which what was measured is next to nothing beside it [%]."""
+OF_NOTHING = f"more than {MOST_PERCENT:g} % of nearly 0"
+"""Such an error in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -253,7 +255,7 @@ def sized(value: float, unit: str, digits: int = 4) -> str:
     ('120 N', 'more than 1000 % of nearly 0')
     """
     if unit == "%" and abs(value) > MOST_PERCENT:
-        return f"more than {MOST_PERCENT:g} % of nearly 0"
+        return OF_NOTHING
     return f"{float(f'{value:.{digits}g}'):g} {unit}"
 
 

@@ -19,6 +19,8 @@ from pipeline.submodels.cases import Case, Cases, Records
 if TYPE_CHECKING:
     import pandas as pd
 
+    from pipeline.charts.submodel_page import PageContent
+
 Fit = TypeVar("Fit")
 Judging = TypeVar("Judging")
 M = TypeVar("M", bound=Model)
@@ -192,8 +194,8 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         """Further key figures for the metrics, by their names; none by default."""
         return {}
 
-    def page(self, shown: "Shown[M]") -> Any:
-        """What only this sub-model can show and say, as ``SubModelPage`` of the room ``charts``."""
+    def page(self, shown: "Shown[M]") -> "PageContent | None":
+        """What only this sub-model can show and say; its files give the rest of its page."""
         return None
 
 

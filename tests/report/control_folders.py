@@ -253,7 +253,7 @@ def run(
     status = "not judged" if not counts else "passed" if abs(error) <= 5 else "failed"
     scores = [
         Score(quantity="run time", unit="s", group=name, regime=regime, role=role, n=1,
-              bias=m * e / 100, mean_percent=e,
+              bias=m * e / 100, mean_percent=e, relative_percent=abs(e),
               limits={"relative_percent": 5.0} if regime == "whole run" else {},
               status=status if regime == "whole run" else "not judged")
         for regime, (m, e) in (

@@ -20,19 +20,17 @@ from report_folders import (
     write_table,
 )
 
-from pipeline.charts.default_section import scores_table
+from pipeline.charts.judged import scores_table
 from pipeline.charts.sections import PartVerdict, SubModelPage
 from pipeline.report.actions import machine_actions
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
-from pipeline.report.scorecard import scorecard
+from pipeline.report.scorecard import baseline_words, scorecard, worst_error
 from pipeline.report.texts import ENGLISH
 from pipeline.report.work import Day, Work
-from pipeline.report.worst_error import baseline_words, worst_error
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
-from pipeline.submodels.spindle.tables import APART, FREE_RUN, TARGET, WINDOWS, parts_table
 
 BLANK = {
     "running": None, "position_control": None, "speed_known": None, "runs": [],
@@ -301,14 +299,15 @@ def test_the_best_of_the_baselines_that_are_not_the_model_itself_is_shown():
     worst = worst_error(verdict_with(a_score(baselines=others)))
     assert worst.baseline == (baseline_words("persistence"), "4.31\xa0µm")
     assert worst_error(verdict_with(a_score(baselines={"guess": same}))).baseline is None
-    table = scores_table(verdict_with(a_score(baselines=others)), [])
+    table = scores_table("scores", [a_score(baselines=others)], [])
     assert "guess" not in {head.group for head in table.heads}
 
 
 def test_a_share_of_next_to_nothing_is_not_shown():
     def shown(percent):
-        table = scores_table(verdict_with(a_score(relative_percent=percent)), [])
-        column = [head.name for head in table.heads].index("RMSE of its RMS")
+        one = a_score(relative_percent=percent, limits={"relative_percent": 15.0})
+        table = scores_table("scores", [one], [])
+        column = [head.name for head in table.heads].index("relative RMSE")
         return str(table.rows[0][column].text)
 
     assert shown(6.69e8) == "— (of nearly 0)" and shown(45.0) == "45.0"
@@ -345,14 +344,3 @@ def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_p
     text = every_word(tmp_path / "out" / "bare.html")
     assert "The fleet names no sub-model of this machine" in text and "verdict.json" not in text
     assert "Record what is not logged yet of record spindle speed and load" in text
-
-
-def test_a_spindle_without_a_forest_is_not_held_against_itself():
-    own = {"mae": 0.5, "rmse": 0.6, "max": 1.0, "bias": 0.1}
-    baselines = {"physics": Figures(**own), "persistence": Figures(mae=2.0, rmse=3.0)}
-    scores = tuple(
-        replace(a_score(**own, baselines=baselines), quantity=TARGET, group="all", regime=one)
-        for one in (WINDOWS, FREE_RUN, *APART)
-    )
-    table = parts_table(replace(verdict_with(scores[0]), scores=scores), [], 1.0)
-    assert [name for name, _ in table.groups if name] == ["Model", "Persistence"]

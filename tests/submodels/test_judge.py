@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.charts.default_section import scores_table
+from pipeline.charts.judged import scores_table
 from pipeline.optimisation.reliability.judged import judged_errors
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
@@ -404,9 +404,9 @@ def test_predictions_of_other_trainings_are_judged_and_not_stored(tmp_path: Path
     assert not [c for c in read_predictions(tmp_path / "predictions.parquet") if "again" in c]
     write_json(found.verdict, tmp_path / "verdict.json")
     assert read_json(tmp_path / "verdict.json", Verdict) == found.verdict
-    table = scores_table(found.verdict, [])
+    table = scores_table("scores", found.verdict.scores, [])
     assert table is not None
-    of_b = next(row for row in table.rows if row[1].text == "b")
+    of_b = next(row for row in table.rows if row[0].text == "b")
     assert [cell.text for cell in of_b[3:6]] == ["0.300 ± 0.26", "0.300 ± 0.26", "0.300 ± 0.26"]
 
 
@@ -649,10 +649,8 @@ def test_an_interval_that_holds_what_it_should_passes_and_is_shown_with_its_limi
     (total,) = found.of("force", group="all", role="held_out")
     assert (total.status, total.coverage_limits) == ("passed", (0.88, 0.92))
     assert all(s.coverage_limits is None for s in found.scores if s is not total)
-    table = scores_table(found, [])
-    assert table is not None
-    rows = [[str(cell.text) for cell in row] for row in table.rows]
-    assert ["inside 90 % interval 88 to 92 %", "passed"] in [row[-2:] for row in rows]
+    table = scores_table("scores", found.scores, [])
+    assert table is not None and "88 to 92 % inside the 90 % interval" in table.note
 
 
 def test_coverage_alone_decides_where_no_error_is_limited() -> None:

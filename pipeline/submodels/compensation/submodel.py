@@ -312,9 +312,9 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
 
     def page(self, shown: Shown[CompensationModel]) -> Any:
         """Error before and after, networks compared, attention, the search."""
-        from pipeline.submodels.compensation.page import page
+        from pipeline.submodels.compensation.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def _constant(driven: Driven) -> Callable[[], Driven]:

@@ -43,7 +43,7 @@ from pipeline.twin.control import (
 from pipeline.twin.simulation import TYPES, block_table
 
 if TYPE_CHECKING:
-    from pipeline.charts.sections import SubModelPage
+    from pipeline.charts.submodel_page import PageContent
 
 FITTED = "bounded least squares (soft L1) on the durations of blocks in logs of line numbers"
 FROM_SPEEDS = "steady speeds in rapids"
@@ -216,11 +216,11 @@ class Control(SubModel[Fitting, Judging, ControlModelFile]):
         lines = ("G21 G90 G94", "G0 X0 Y0", "G1 X40 F600", "Y40", "X0", "Y0", "M30")
         return pd.DataFrame({"program": ["\n".join(lines) + "\n"]})
 
-    def page(self, shown: Shown[ControlModelFile]) -> "SubModelPage":
+    def page(self, shown: Shown[ControlModelFile]) -> "PageContent":
         """Parameters, run times, and the verdict in words."""
-        from pipeline.submodels.control.page import page
+        from pipeline.submodels.control.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def _moves(text: str) -> Moves:

@@ -1,95 +1,83 @@
-"""Cutting's part of a machine's page: verdict, key figures, sections, in the shop floor's words."""
+"""Page of the cut: coefficients, what maintenance reads from them, the spindle's load, forces."""
 
-from pipeline.charts.default_section import strongest_correlation
-from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number
-from pipeline.charts.sections import (
-    Block,
-    Compared,
-    Heading,
-    Section,
-    SubModelPage,
-    present,
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pipeline.charts.bands import Strip, axis, strips_figure
+from pipeline.charts.judged import Tried
+from pipeline.charts.numbers import NARROW, TOGETHER, counted, joined, number, real
+from pipeline.charts.parameters import KnownValue, fit_words
+from pipeline.charts.sections import Block, Figure, Figures, Heading, present
+from pipeline.charts.sources import stated
+from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.tables import Column, Table, code, tabulated
+from pipeline.schema.cutting import (
+    CHANNEL,
+    CHANNEL_FORCE,
+    CHANNELS,
+    MAGNITUDE,
+    MEAN_FORCE,
+    MECHANICS,
+    OTHERS,
+    PLAIN,
+    PLANE,
+    SPINDLE,
+    CutRecording,
+    CuttingModel,
+    NoLoadPoint,
+    ResidualConditions,
+    SpindleLoad,
 )
-from pipeline.schema.cutting import CuttingModel, ResidualConditions
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.cutting.figures import no_load_figures, revolutions
-from pipeline.submodels.cutting.headline import (
-    ERROR_WORDS,
-    beyond_words,
-    cutting_verdict,
-    key_figures,
-    plain_better_words,
-    recordings_words,
-    undetermined_words,
-)
-from pipeline.submodels.cutting.judged_tables import (
-    PLAIN_WHAT,
-    components_table,
-    cross_table,
-    load_table,
-    runs_table,
-    truth_table,
-)
-from pipeline.submodels.cutting.runs import (
-    ALIKE,
-    ERRORS,
-    CuttingFacts,
-    cutting_facts,
-    worst_run,
-)
-from pipeline.submodels.cutting.tables import (
-    METHODS,
-    chain_table,
-    coefficients_table,
-    logs_table,
-    methods_table,
-    recordings_table,
-    spindle_table,
-    terms_table,
-    training_files_table,
-    unit_of,
-    value_words,
-)
 
-ILL = 1e4
-"""Condition number of the scaled Jacobian above which coefficients are hard to separate [1]."""
-CLOSE = 0.95
-"""Correlation above which two coefficients are known as a sum only [1]."""
-UNCONVERGED = 1.5
-"""Error of a search over the other's beyond which it has not found the optimum [1]."""
-MOST_FEEDS = 4
-"""Feeds of a set of conditions that are named."""
-LAW = (
-    "The force on a cutting edge is taken as a cutting coefficient times the area of the chip "
-    "plus an edge coefficient times its width, along the cutting speed (t), away from the "
-    "workpiece (r) and along the axis (a)."
-)
-NO_FORCES = (
-    "No force was recorded on a dynamometer, so no coefficient of a direction is known: a slot at "
-    "three feeds or more, at 10 kHz, gives all of them."
-)
-LOAD_SERVES = (
-    "When there is no dynamometer, the load of the spindle serves: logged over MTConnect with the "
-    "line of a program of known cuts, and once without a cut, it gives the specific force, though "
-    "no coefficient of a direction."
-)
+MEANINGS = {
+    "K_tc": "cutting, along the cutting speed: grows with material and a blunter rake",
+    "K_rc": "cutting, away from the workpiece",
+    "K_ac": "cutting, along the tool’s axis",
+    "K_te": "edge, along the cutting speed: rubbing, grows as the edge wears",
+    "K_re": "edge, away from the workpiece: grows first as flank wear grows",
+    "K_ae": "edge, along the tool’s axis",
+    "runout": "how far the tool’s axis is off the spindle’s",
+    "runout_angle": "where that offset is, from the first tooth on",
+    "helix": "helix angle of the edges",
+    "kienzle.k_c11": "Kienzle: specific force of a chip 1 mm thick and wide",
+    "kienzle.m_c": "Kienzle: how fast the specific force falls with thicker chips",
+    "natural_frequency_Hz": "natural frequency of dynamometer and workpiece",
+    "damping": "its damping ratio",
+    "p0": "no-load power of a spindle that hardly turns",
+    "p1": "no-load power that grows with speed",
+    "p2": "no-load power that grows with speed squared",
+    "specific_force": "power at the tool for each volume of chips in time, edges and all",
+}
+"""What the parameters of the cut mean, for people."""
+OF_LOAD = {
+    "K_tc": "of the specific force what grows with the chip",
+    "K_te": "of it what the edges take, for each width in the cut",
+}
+"""Meanings of those parameters that the spindle's load gives too."""
+METHODS = {"least_squares": "least squares", "genetic": "genetic search"}
+TERMS = {
+    "runout": "runout", "helix": "helix angle", "modes": "ringing of the dynamometer’s channels",
+    "teeth": "an edge of its own for each tooth",
+}  # fmt: skip
+"""Methods and terms of the model, for people."""
 WEAR = (
     "The edge coefficients are the part of the force that does not depend on the chip, that is "
     "rubbing. Edge coefficients that grow with the same tool, material and depth mean a wearing "
     "edge: measure its flank and change it. Runout that grows means dirt, a worn collet or a bent "
-    "shank: clean the taper, clamp the tool anew, check it with a dial gauge. Runout also loads "
-    "one tooth more than its neighbours, and that one wears first."
+    "shank: clean the taper, clamp the tool anew, check it with a dial gauge. One set of records "
+    "cannot say whether either has grown, nor tell a worn edge from a harder batch of material: "
+    "cut the same slots again, once with a new edge and then every few weeks, and the list of "
+    "changes says what moved."
 )
-ONCE = (
-    "One set of records cannot say whether either has grown, nor tell a worn edge from a harder "
-    "batch of material: cut the same slots again, once with a new edge and then every few weeks, "
-    "and the list of changes below says what moved."
-)
-JUDGED = "Only recordings that were not used in the fit are judged."
-CROSS = (
-    "Every recording was learnt from, so each is also predicted by a fit on the others: a weaker "
-    "proof than a recording of another day or another clamping would be."
+NO_FORCES = (
+    "No force was recorded on a dynamometer, so no coefficient of a direction is known: a slot at "
+    "three feeds or more, at 10 kHz, gives all of them. Without a dynamometer the load of the "
+    "spindle serves: logged with the line of a program of known cuts, and once without a cut, it "
+    "gives the specific force."
 )
 WORN = ("K_te", "K_re", "K_ae", "spindle specific_force", "spindle K_te")
 """Parameters that grow as an edge wears, by group and name."""
@@ -100,38 +88,90 @@ REMEDIES = {
               "dial gauge",
 }  # fmt: skip
 """What growth beyond both intervals means, by parameter."""
+MOST_FEEDS, POINTS = 4, 120
+"""Feeds of a set of conditions that are named, and points of a curve from coefficients [1]."""
+TURN = 360.0
+"""One turn of the spindle [deg]."""
+SAME = 0.02
+"""Share by which the speeds of two levels differ at most [1]."""
+POLYNOMIAL = ("p0", "p1", "p2")
+"""Coefficients of the no-load power over the speed in rev/s [W], [W s], [W s^2]."""
+
+Seen = Shown[CuttingModel]
 
 
-def cutting_page(shown: Shown[CuttingModel]) -> SubModelPage:
-    """Everything that only cutting can show and say."""
-    facts = cutting_facts(shown)
-    worst, peak = worst_run(facts.telling), worst_run(facts.telling, "peak")
-    truth = truth_table(facts) if shown.origin == "simulated" else None
-    return SubModelPage(
-        verdict=cutting_verdict(facts),
-        key_figures=key_figures(facts),
-        doubts=[words] if (words := plain_better_words(facts)) else [],
-        notes=[
-            *([undetermined_words(facts)] if facts.undetermined else []),
-            *([words] if (words := beyond_words(facts)) else []),
-        ],
-        sections=[s for s in (cut_section(facts), prediction_section(facts)) if s is not None],
-        truth=[] if truth is None else [truth],
-        changed=wear_note,
-        compared={} if shown.model is None and shown.verdict is None else {
-            "cut_rms_percent": Compared(
-                name="Error of cutting forces (RMS), worst recording", unit="%",
-                value=worst.size("rms") if worst else None,
-            ),
-            "cut_peak_percent": Compared(
-                name="Error of peak cutting forces, worst recording", unit="%",
-                value=peak.size("peak") if peak else None,
-            ),
-            "cuts_judged": Compared(
-                name="Cuts judged", unit="", value=len(facts.judged) if shown.verdict else None
-            ),
+def content(shown: Seen) -> PageContent:
+    """What the page of the cut alone knows."""
+    model = shown.model
+    return PageContent(
+        about="The force on a cutting edge is taken as a cutting coefficient times the area of the "
+        "chip plus an edge coefficient times its width, along the cutting speed (t), away from the "
+        "workpiece (r) and along the axis (a).",
+        rules="The model is given speed, feed, depth and the tool alone. Errors are of the force "
+        "in the plane of the feed over one mean revolution: RMS of modelled less measured force as "
+        "a share of the measured RMS force; of its largest and of its mean value. Recordings "
+        f"“{OTHERS}” are training recordings as a fit without them predicts them: a weaker proof "
+        "than a recording of another day or another clamping. The 90 % interval counts the law of "
+        "the chip that the records leave open, the coefficients, and errors on recordings left "
+        "out; it widens outside of what was learnt. Mean-force coefficients: the plain "
+        "guess, without helix, runout or the mode of a channel.",
+        case="recording",
+        counts=(
+            Counting(key="cut_rms_percent", name="Error of cutting forces (RMS)", quantity=PLANE,
+                     error="relative_percent", instead=OTHERS),
+            Counting(key="cut_peak_percent", name="Error of peak cutting forces",
+                     quantity=MAGNITUDE, error="peak_percent", instead=OTHERS),
+            Counting(key="cut_mean_percent", name="Error of mean cutting forces",
+                     quantity=MAGNITUDE, error="mean_percent", instead=OTHERS),
+        ),
+        judged_count=("cuts_judged", "Cuts judged"),
+        guess=PLAIN,
+        titles={PLAIN: "mean-force coefficients",
+                MECHANICS: "mechanics alone"},
+        todo={
+            "passed": "Plan cuts with these forces, with this tool and material.",
+            "failed": "Do not plan cuts with these forces; record the failed conditions again with "
+            "a new edge and the tool clamped anew.",
+            "unknown": "Keep a recording at another feed or depth out of roles.training, to judge "
+            "by.",
         },
+        cause=_causes(shown),
+        facts=[] if model is None else [one for one in _facts(model) if one],
+        meaning=lambda group, name: meaning(model, group, name),
+        groups={} if model is None else {
+            "": "the cut", MEAN_FORCE: "the mean forces alone", SPINDLE: "the spindle’s load",
+            **{group: f"{group} of the dynamometer" for group in model.parameters
+               if group.startswith(CHANNEL)},
+        },
+        of_group={} if model is None else {
+            "": present(Heading(heading="What maintenance can read from this", text=WEAR)
+                        if model.coefficients else None),
+            SPINDLE: present(*_spindle(shown, model)),
+        },
+        figures=[] if model is None else [_recordings(shown, model)],
+        tried=[] if model is None else list(_tried(model)),
+        tried_where="on the training records, or on those left out",
+        drawn=[Drawn(
+            quantity=PLANE, error="relative_percent", axis="Angle of the spindle, °",
+            regime=OTHERS if shown.verdict is None or shown.verdict.judged_role is None else "",
+            shown=tuple(f"{CHANNEL_FORCE}{channel}" for channel in CHANNELS),
+            other=(PLAIN, "mean-force coefficients"),
+        )],
+        shown_facts=("predicted by",),
+        truth=list(_truth(shown)) if shown.origin == "simulated" else [],
+        truth_note="True coefficients are those of the straight line nearest to the simulated edge "
+        "force, which is no straight line. The angle of the runout is determined only up to whole "
+        "pitches of the teeth. No-load power, rev/min: at the tool.",
+        changed=wear_note,
     )  # fmt: skip
+
+
+def meaning(model: CuttingModel | None, group: str, name: str) -> str:
+    """What a parameter means, with what was remarked on it."""
+    means = OF_LOAD.get(name) if group == SPINDLE else None
+    means = means or MEANINGS.get(name, "–")
+    remark = "" if model is None or group else model.remarks.get(name, "")
+    return f"{means}; {remark}" if remark else means
 
 
 def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
@@ -157,124 +197,76 @@ def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
     )
 
 
-# ---- the cut
+# ---- the model in words
 
 
-def cut_section(facts: CuttingFacts) -> Section | None:
-    """Coefficients and what they were found from, then the spindle's own load."""
-    model = facts.model
-    if model is None:
-        return None
-    identified = facts.has_coefficients
-    text = [
-        LAW if identified else _no_forces(model),
-        f"{_found_from(model)} {_fit_words(model)}".strip() if identified else "",
-        _runout_words(model),
-        residual_words(model),
-    ]
-    if facts.verdict is None and identified:
-        text.append("No recording has been held against the forces yet: there is no verdict.json.")
-    blocks: list[Block] = present(coefficients_table(facts), chain_table(facts))
-    if identified:
-        blocks.append(Heading(heading="What maintenance can read from this",
-                              text=f"{WEAR} {ONCE}"))  # fmt: skip
-    methods = methods_table(facts)
-    if methods is not None:
-        blocks += [Heading(heading="How they were identified", text=methods_words(model)), methods]
-    blocks += present(terms_table(facts), recordings_table(facts), training_files_table(facts))
-    spindle = present(
-        spindle_table(facts), load_table(facts), no_load_figures(facts), logs_table(facts)
-    )
-    words = spindle_words(model)
-    if spindle or words:
-        blocks += [Heading(heading="Power of the spindle", text=words), *spindle]
-    return Section(key="cutting", title="The cut: forces at the tool",
-                   text=[words for words in text if words], blocks=blocks)  # fmt: skip
+def _causes(shown: Seen) -> str:
+    """What explains recordings that failed: faults, conditions that were not learnt."""
+    if shown.verdict is None:
+        return ""
+    failed = {s.group for s in shown.verdict.scores if s.status == "failed"}
+    rows = () if shown.model is None else shown.model.recordings
+    said = [f" In {one.recording} {one.fault}." for one in rows
+            if one.fault and one.recording in failed]  # fmt: skip
+    outside = {one.case for one in shown.verdict.outside} & failed
+    if outside:
+        said.append(f" {len(outside)} of those that failed lie outside of what was learnt: name "
+                    "such recordings in roles.training too.")  # fmt: skip
+    return "".join(said)
 
 
-def _no_forces(model: CuttingModel) -> str:
-    """Why there are no coefficients, and what serves where nothing better can be recorded."""
-    reason = model.reason.rstrip(".")
-    words = f"No coefficient of the cut could be found: {reason}." if reason else NO_FORCES
-    return words if model.spindle is not None else f"{words} {LOAD_SERVES}"
-
-
-def _found_from(model: CuttingModel) -> str:
-    count = sum(row.role == "training" for row in model.recordings)
-    of = _cut_words(model)
-    if not count:
-        return f"The recordings that they were identified from{of} are not named."
-    return f"Identified from {counted(count, 'recording')}{of}."
-
-
-def _cut_words(model: CuttingModel) -> str:
-    """Which tool cut which material."""
+def _facts(model: CuttingModel) -> Iterator[str]:
+    """Tool and material, fit, runout, the learnt part."""
+    if not model.coefficients:
+        reason = model.reason.rstrip(".")
+        yield f"No coefficient of the cut could be found: {reason}." if reason else NO_FORCES
     tool = model.tool
     kind = str(tool.get("kind") or "").replace("_", " ")
-    words = f" of a {kind} cutter" if kind else " of a tool"
     diameter, flutes = tool.get("diameter_mm"), tool.get("flutes")
-    size = [f"{diameter:g}{NARROW}mm" if diameter else "", f"{flutes:g} teeth" if flutes else ""]
-    named = [one for one in size if one]
-    if named:
-        words += f" ({', '.join(named)})"
-    return f"{words} in {model.material}" if model.material else words
+    size = ", ".join(w for w in (f"{diameter:g}{NARROW}mm" if diameter else "",
+                                 f"{flutes:g} teeth" if flutes else "") if w)  # fmt: skip
+    yield (
+        f"The tool is {f'a {kind} cutter' if kind else 'not described'}{f' ({size})' * bool(size)}"
+        f"{f', the material {model.material}' if model.material else ''}."
+    )
+    yield _fitted(model)
+    runout = model.coefficients.get("runout")
+    if runout is not None and runout.determined:
+        yield (
+            f"In these records the tool’s axis was {number(runout.value)}{NARROW}µm off the "
+            "spindle’s."
+        )
+    rows = model.residual_conditions
+    if rows:
+        more = f" and {counted(len(rows) - 3, 'more set')} of conditions" if len(rows) > 3 else ""
+        yield (
+            "Beside mechanics the model holds what mechanics leave over, by the angle of the "
+            "spindle; affine in the feed. That part was learnt, not understood, and is used only "
+            f"where it was learnt: {'; '.join(_conditions(row) for row in rows[:3])}{more}. Under "
+            "any other conditions mechanics alone predict."
+        )
 
 
-def _fit_words(model: CuttingModel) -> str:
-    """How well the fit holds, and which two coefficients are the most correlated."""
-    fit, words = model.fit, []
-    if fit is not None:
-        over = [counted(n, one) for n, one in ((fit.samples, "sample"),
-                                               (fit.revolutions, "revolution")) if n]  # fmt: skip
-        words.append(f"The residual of the fit is {number(fit.rms_error_percent, 2)} % of the RMS "
-                     "force" + (f" over {' of '.join(over)}" if over else ""))  # fmt: skip
-        ill = ", so some are hard to separate" if fit.condition > ILL else ""
-        words.append(f"the condition is {number(fit.condition, 2)}{ill}")
+def _fitted(model: CuttingModel) -> str:
+    fit = model.fit
+    if fit is None:
+        return ""
+    over = [counted(n, one) for n, one in ((fit.samples, "sample"),
+                                           (fit.revolutions, "revolution")) if n]  # fmt: skip
+    said = f"The residual of the fit is {number(fit.rms_error_percent, 2)} % of the RMS force"
+    said += f" over {' of '.join(over)}" if over else ""
     taken = model.prediction
     if taken is not None and taken.line:
-        words.append("forces are predicted by a law whose edge force grows over "
-                     f"{number(1e6 * taken.growth_m, 2)} um of chip, with a size effect of "
-                     f"exponent {number(taken.exponent, 2)}")  # fmt: skip
-    pair = strongest_correlation(_shown_correlation(model))
-    if pair is not None:
-        close = ", so that little more than their sum is known" if abs(pair[2]) > CLOSE else ""
-        words.append(f"the most correlated are {pair[0]} and {pair[1]} (correlation "
-                     f"{fixed(pair[2], 2)}{close})")  # fmt: skip
-    text = "; ".join(words)
-    return f"{text[0].upper()}{text[1:]}." if text else ""
-
-
-def _shown_correlation(model: CuttingModel) -> Correlation:
-    """Correlation of those unknowns that the table shows; the fit has others besides."""
+        said += (
+            f"; forces are predicted by a law whose edge force grows over "
+            f"{number(1e6 * taken.growth_m, 2)} µm of chip, with a size effect of exponent "
+            f"{number(taken.exponent, 2)}"
+        )
     names, values = model.correlation.names, model.correlation.values
     kept = [k for k, name in enumerate(names) if name in model.coefficients]
-    return Correlation(
-        names=tuple(names[k] for k in kept),
-        values=tuple(tuple(values[i][j] for j in kept) for i in kept),
-    )
-
-
-def _runout_words(model: CuttingModel) -> str:
-    """What the runout was when the records were made; empty where it is not determined."""
-    runout = model.coefficients.get("runout")
-    if runout is None or not runout.determined:
-        return ""
-    off = f"{value_words(runout)}{NARROW}{unit_of(runout)}".strip()
-    return f"In these records the tool’s axis was {off} off the spindle’s."
-
-
-def residual_words(model: CuttingModel) -> str:
-    """What is learnt beside mechanics, and for which conditions; empty where nothing is."""
-    rows = model.residual_conditions
-    if not rows:
-        return ""
-    holds = "; ".join(_conditions(row) for row in rows[:3])
-    more = f" and {counted(len(rows) - 3, 'more set')} of conditions" if len(rows) > 3 else ""
-    return (
-        "Beside mechanics the model holds what mechanics leave over, by the angle of the spindle; "
-        "affine in the feed. That part was learnt, not understood, and is used only where it was "
-        f"learnt: {holds}{more}. Under any other conditions mechanics alone predict."
-    )
+    shown = Correlation(names=tuple(names[k] for k in kept),
+                        values=tuple(tuple(values[i][j] for j in kept) for i in kept))  # fmt: skip
+    return fit_words(said, fit.condition, shown)
 
 
 def _conditions(row: ResidualConditions) -> str:
@@ -283,105 +275,154 @@ def _conditions(row: ResidualConditions) -> str:
     if len(feeds) > MOST_FEEDS:
         words = f"{len(feeds)} feeds from {feeds[0]:g} to {feeds[-1]:g}"
     low, high = row.holds_for_mm
-    return ", ".join(
-        [
-            f"{number(round(row.speed_rpm))}{TOGETHER}rev/min",
-            f"{row.axial_depth_mm:g}{TOGETHER}mm deep",
-            f"learnt at {words}{TOGETHER}mm per tooth",
-            f"used from {low:g} to {high:g}",
-        ]
-    )
-
-
-def methods_words(model: CuttingModel) -> str:
-    """Which search came closer and what it cost, in one sentence; empty without two."""
-    by_name = {row.method: row for row in model.methods}
-    if not all(name in by_name for name in METHODS):
-        return ""
-    squares, genetic = (by_name[name] for name in METHODS)
-    errors = [squares.rms_error_percent, genetic.rms_error_percent]
-    if errors[1] > UNCONVERGED * errors[0]:
-        after = (
-            f" after {counted(genetic.evaluations, 'evaluation')}" if genetic.evaluations else ""
-        )
-        return (
-            f"Least squares errs by {number(errors[0], 3)} % of the RMS force; the genetic search "
-            f"had not converged{after} ({number(errors[1], 3)} %)."
-        )
-    if abs(errors[0] - errors[1]) <= ALIKE * max(errors):
-        text = f"Least squares and the genetic search are alike within {100 * ALIKE:g} %"
-    else:
-        first = "Least squares" if errors[0] < errors[1] else "The genetic search"
-        text = (
-            f"{first} comes closer: {number(min(errors), 3)} against {number(max(errors), 3)} % "
-            "of the RMS force"
-        )
-    if not squares.evaluations or not genetic.evaluations:
-        return text + "."
     return (
-        f"{text}; for each evaluation of least squares the genetic search needed "
-        f"{number(genetic.evaluations / squares.evaluations, 2)}."
+        f"{number(round(row.speed_rpm))}{TOGETHER}rev/min, {row.axial_depth_mm:g}{TOGETHER}mm "
+        f"deep, learnt at {words}{TOGETHER}mm per tooth, used from {low:g} to {high:g}"
     )
 
 
-def spindle_words(model: CuttingModel) -> str:
-    """What was found from the spindle's load, and what it is good for."""
+def _tried(model: CuttingModel) -> Iterator[Tried]:
+    """Searches on the same waveforms, and terms of the model on recordings left out."""
+    for row in model.methods:
+        yield Tried(task="search", label=METHODS.get(row.method, row.method), unit="%",
+                    error=row.rms_error_percent, evaluations=row.evaluations,
+                    serves=row.method == model.method)  # fmt: skip
+    several = [one.role for one in model.recordings].count("training") != 1
+    for term in model.terms:
+        label = ", ".join(TERMS.get(one, one) for one in term.terms) or "coefficients alone"
+        yield Tried(task="terms beside the coefficients", label=label, serves=term.kept,
+                    error=100 * term.value if several else term.value,
+                    unit="%" if several else "criterion")  # fmt: skip
+
+
+RECORDED: tuple[Column[CutRecording], ...] = (
+    Column("Recording", lambda one: code(one.recording)),
+    Column("use", lambda one: "learnt from" if one.role == "training" else one.role),
+    Column("revolutions", lambda one: number(one.revolutions), ""),
+    Column("what was done to it, or why not",
+           lambda one: one.reason or one.fault or "; ".join(one.notes) or "–"),
+)  # fmt: skip
+
+
+def _recordings(shown: Seen, model: CuttingModel) -> Table | None:
+    caption = f"Recordings of the cut ({len(model.recordings)})"
+    return tabulated(caption, model.recordings, RECORDED, made_from(shown, "model.json"),
+                     folded=True)  # fmt: skip
+
+
+# ---- the spindle's load
+
+LOGS: tuple[Column[tuple[str, str, str]], ...] = (
+    Column("Log", lambda row: code(row[0])), Column("use", lambda row: row[1]),
+    Column("what of it is not used, or why not", lambda row: row[2]),
+)  # fmt: skip
+
+
+def _spindle(shown: Seen, model: CuttingModel) -> list[Block | None]:
+    """Heading, no-load power and logs of the spindle's load."""
     spindle = model.spindle
     if spindle is None:
-        return ""
+        return []
+    rows = [(name, "used", "; ".join(one.removeprefix(f"{name}: ") for one in spindle.notes
+                                     if one.startswith(f"{name}: ")) or "–")
+            for name in spindle.recordings]  # fmt: skip
+    rows += [(lost.case, "left out", lost.reason.removeprefix(f"{lost.case} "))
+             for lost in spindle.left_out]  # fmt: skip
+    logs = tabulated(f"Logs of the spindle’s load ({len(rows)})", rows, LOGS,
+                     made_from(shown, "model.json"), folded=True)  # fmt: skip
+    head = Heading(heading="Power of the spindle", text=_spindle_words(model, spindle))
+    return [head, _no_load(shown, model, spindle), logs]
+
+
+def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
+    """What was found from the spindle's load, and what it is good for."""
     in_table = {lost.reason for lost in spindle.left_out}
     reason = "; ".join(one for one in spindle.reason.split("; ") if one not in in_table)
     ends = [words.rstrip(".") for words in (spindle.assumed, reason)]
     rest = "".join(f" {words[0].upper()}{words[1:]}." for words in ends if words)
-    words = "From the load that the control shows"
-    if spindle.recordings:
-        used = spindle.recordings
-        many = f" and {len(used) - 2} more" if len(used) > 2 else ""
-        words += f" ({', '.join(used[:2])}{many})"
     specific = model.spindle_parameters.get("specific_force")
     if specific is None or not specific.determined:
-        return f"{words} no specific force could be had.{rest}"
-    # N/mm^2 as power for a rate of chips [W min/cm^3]
-    watts = number((specific.value or 0.0) / 60)
+        return f"From the load that the control shows no specific force could be had.{rest}"
+    watts = number((specific.value or 0.0) / 60)  # N/mm^2 as power for a rate [W min/cm^3]
     return (
-        f"{words} each cm³ of chips a minute takes {watts}{NARROW}W at the tool: no "
-        "dynamometer is needed to watch this one number, and it grows as the edge wears, with thin "
-        f"chips most.{rest}"
+        f"From the load that the control shows each cm³ of chips a minute takes {watts}{NARROW}W "
+        "at the tool: no dynamometer is needed to watch this one number, and it grows as the edge "
+        f"wears, with thin chips most.{rest}"
     )
 
 
-# ---- predicted forces
-
-
-def prediction_section(facts: CuttingFacts) -> Section | None:
-    """Every recording against the model, then the worst and the best predicted revolution."""
-    if facts.verdict is None:
+def _no_load(shown: Seen, model: CuttingModel, spindle: SpindleLoad) -> Figures | None:
+    """No-load power over speed, with the levels that it was found from."""
+    strip, top = no_load_strip(model, spindle)
+    if not strip.curves and not strip.dots:
         return None
-    verdict = cutting_verdict(facts)
-    text = [
-        verdict.sentence if verdict is not None else "",
-        f"{JUDGED if facts.judged or not facts.cross else CROSS} The model is given speed, "
-        "feed, depth and the tool alone, and what it predicts is laid over the mean revolution "
-        "that was measured.",
-        _plain_words(facts),
-    ]
-    if not facts.runs and not facts.cross:
-        text.append("No recording was held against the model.")
-    return Section(
-        key="forces",
-        title="How well forces are predicted",
-        text=[words for words in text if words],
-        blocks=present(runs_table(facts), cross_table(facts), revolutions(facts),
-                       components_table(facts)),
+    words = f"Power of the spindle without a cut, {counted(len(spindle.curve), 'level')} of speed."
+    below = axis("Speed, rev/min", (0.0, top))
+    figure = Figure(svg=strips_figure([strip], below, words), caption=words,
+                    sources=made_from(shown, "model.json"))  # fmt: skip
+    legend = [("p-positive", "measured", "dot"), ("l-modelled", "fitted curve", "line"),
+              ("s-band", "its 95 % band", "box")]  # fmt: skip
+    return Figures(figures=[figure], legend=legend, kind="one")
+
+
+def no_load_strip(model: CuttingModel, spindle: SpindleLoad) -> tuple[Strip, float]:
+    """Levels of the no-load power with the fitted curve, and the top speed [rev/min]."""
+    levels = np.array([
+        (one.speed_rpm, one.power_W, one.half_width_95_W, one.measured_W)
+        for one in sorted(spindle.curve, key=lambda one: one.speed_rpm)
+    ], dtype=np.float64).reshape(-1, 4)  # fmt: skip
+    values = {k: model.spindle_parameters[name].value for k, name in enumerate(POLYNOMIAL)
+              if name in model.spindle_parameters}  # fmt: skip
+    known = {k: value for k, value in values.items() if value is not None}
+    curves, ends = [], spindle.range_rpm
+    if ends is not None and ends[0] < ends[1] and known and len(known) == len(values):
+        speed = np.linspace(*ends, POINTS)
+        power = np.sum([v * (speed / 60.0) ** k for k, v in known.items()], axis=0)
+        curves = [("modelled", speed, power)]
+    at, fitted, half, measured = levels.T
+    strip = Strip(
+        head="No-load power, W", height=220, zero=True, curves=curves,
+        areas=[("s-band", at, fitted - half, fitted + half)] if len(at) > 1 else [],
+        dots=[("p-positive", at, measured)] if len(at) else [],
     )  # fmt: skip
+    top = max([1.0, *at.tolist(), *([ends[1]] if ends else [])])
+    return strip, float(top)
 
 
-def _plain_words(facts: CuttingFacts) -> str:
-    """In what the plain guess is closer than the model, or that it is nowhere."""
-    compared = [run for run in facts.telling if run.size("rms", "plain") is not None]
-    if not compared:
-        return ""
-    better = {kind: sum(run.plain_better(kind) for run in compared) for kind in ERRORS}
-    closer = [f"in the {ERROR_WORDS[kind]} on {many}" for kind, many in better.items() if many]
-    where = f"closer than the model {joined(closer)}" if closer else "nowhere closer than the model"
-    return f"Held against {recordings_words(facts)}, the plain guess ({PLAIN_WHAT}) is {where}."
+# ---- the truth of a simulated machine
+
+
+def _truth(shown: Seen) -> Iterator[KnownValue]:
+    """Coefficients, runout, specific force and no-load powers of what stands in both."""
+    model, truth = shown.model, stated(shown.truth, "cutting")
+    if model is None:
+        return
+    flutes = real(model.tool.get("flutes")) or 1.0
+    found = dict(model.coefficients)
+    stored = stated(truth, "parameters")
+    values: dict[str, Any] = dict(stored) if isinstance(stored, dict) else {}
+    if "specific_force" in model.spindle_parameters:
+        found["specific_force"] = model.spindle_parameters["specific_force"]
+        values["specific_force"] = stated(truth, "spindle", "specific_force")
+    for name, value in values.items():
+        true = real(value.get("value") if isinstance(value, dict) else value)
+        if true is not None and name in found:
+            period = TURN / max(flutes, 1.0) if name == "runout_angle" else 0.0
+            yield KnownValue(name=name, true=true, parameter=found[name], period=period)
+    yield from _true_powers(model, truth)
+
+
+def _true_powers(model: CuttingModel, truth: Any) -> Iterator[KnownValue]:
+    """No-load power at the tool at the speeds that were simulated; the truth is the motor's."""
+    spindle, pairs = model.spindle, stated(truth, "spindle", "no_load_W")
+    if spindle is None or not spindle.curve or not isinstance(pairs, list):
+        return
+    efficiency = real(stated(truth, "spindle", "efficiency")) or 1.0
+    for speed, power in pairs:
+        near: NoLoadPoint = min(spindle.curve, key=lambda one: abs(one.speed_rpm - speed))
+        if abs(near.speed_rpm - speed) <= SAME * abs(speed):
+            half = near.half_width_95_W
+            p = Parameter(value=near.power_W, unit="WATT", determined=True, method="",
+                          interval_95=(near.power_W - half, near.power_W + half))  # fmt: skip
+            yield KnownValue(name=f"no-load power at {number(round(speed))}",
+                             true=efficiency * power, parameter=p)  # fmt: skip

@@ -222,9 +222,9 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
 
     def page(self, shown: Shown[CuttingModel]) -> Any:
         """Coefficients, predicted revolutions and the power of the spindle."""
-        from pipeline.submodels.cutting.page import cutting_page
+        from pipeline.submodels.cutting.page import content
 
-        return cutting_page(shown)
+        return content(shown)
 
 
 def _loader(

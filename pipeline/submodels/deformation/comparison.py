@@ -1,6 +1,5 @@
 """Errors of methods side by side: RMSE, largest error, correlation, relative error with a floor."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,7 @@ from pipeline.submodels.deformation.methods import PERSISTENCE as PERSISTENCE
 from pipeline.submodels.deformation.model import MAPE_FLOOR_UM, MethodScore
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 GROWTH = "growth"
 """Name of the quantity."""
@@ -80,21 +79,4 @@ def columns_of(name: str, by_seed: Floats) -> dict[str, Floats]:
     found = {f"{BASELINE}{name}": by_seed.mean(axis=0)}
     if len(by_seed) > 1:
         found |= {f"{BASELINE}{name} {k + 1}": one for k, one in enumerate(by_seed)}
-    return found
-
-
-def methods_table(
-    predictions: "pd.DataFrame", names: Sequence[str], role: str = "held_out"
-) -> dict[str, MethodScore]:
-    """Errors of all methods on the recordings of one role, each with the range over its seeds."""
-    rows = predictions[
-        (predictions["quantity"] == GROWTH) & (predictions["regime"] == "")
-        & (predictions["role"] == role)
-    ]  # fmt: skip
-    measured = rows["measured"].to_numpy(float)
-    found = {}
-    for name in names:
-        seeds = [c for c in rows.columns if c.startswith(f"{BASELINE}{name} ")]
-        columns = seeds or [f"{BASELINE}{name}"]
-        found[name] = method_score(name, rows[columns].to_numpy(float).T, measured)
     return found

@@ -13,15 +13,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.numbers import TOGETHER, counted, fixed, instant, moment
-from pipeline.charts.sources import Source
-from pipeline.charts.tables import sources
+from pipeline.charts.numbers import instant, moment
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import HOUR
-from pipeline.schema.verdict import Role, Score, Verdict
+from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.deformation.comparison import GROWTH, methods_table
-from pipeline.submodels.deformation.model import DeformationModel, MethodScore
+from pipeline.submodels.deformation.comparison import GROWTH
+from pipeline.submodels.deformation.model import DeformationModel
 
 GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
 """Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
@@ -89,12 +87,6 @@ class GrowthFacts:
 
     shown: Seen
 
-    @property
-    def role(self) -> Role:
-        """Of the recordings that decide."""
-        verdict = self.shown.verdict
-        return (None if verdict is None else verdict.judged_role) or "held_out"
-
     @cached_property
     def whole(self) -> pd.DataFrame:
         """Rows of growth of all recordings, each once; empty without predictions."""
@@ -109,33 +101,6 @@ class GrowthFacts:
         verdict = self.shown.verdict
         found = () if verdict is None else (s.limits.get("max") for s in verdict.of(GROWTH))
         return next((limit for limit in found if limit is not None), None)
-
-    @cached_property
-    def methods(self) -> dict[str, MethodScore]:
-        """All methods on the recordings that decide, the least error first."""
-        if self.shown.model is None or not (self.whole["role"] == self.role).any():
-            return {}
-        found = methods_table(self.whole, list(self.shown.model.compared), self.role)
-        return dict(sorted(found.items(), key=lambda one: one[1].rmse_um))
-
-    @cached_property
-    def total(self) -> Score | None:
-        """Errors of the model that serves over all recordings that decide."""
-        return self.of_all("")
-
-    def of_all(self, regime: str, quantity: str = GROWTH) -> Score | None:
-        """Score over all recordings that decide."""
-        verdict = self.shown.verdict
-        found = [] if verdict is None else verdict.of(quantity, group="all", role=self.role)
-        return next((s for s in found if s.regime == regime), None)
-
-    def ranked(self) -> list[Score]:
-        """Scores of the recordings that decide, the best first."""
-        verdict = self.shown.verdict
-        found = [] if verdict is None else verdict.of(GROWTH, role=self.role)
-        single = [s for s in found
-                  if s.regime == "" and s.group != "all" and s.rmse is not None]  # fmt: skip
-        return sorted(single, key=lambda s: s.rmse or 0.0)
 
     @cached_property
     def first_hour(self) -> FirstHour | None:
@@ -216,18 +181,20 @@ class GrowthFacts:
     def cost(self) -> tuple[float, float] | None:
         """Largest error with faulty sensors as they are, and with them replaced [um]."""
         verdict = self.shown.verdict
-        cases = [] if verdict is None else [c for c in verdict.cases if c.role == self.role]
+        cases = [] if verdict is None else [
+            c for c in verdict.cases if c.role == verdict.judged_role
+        ]  # fmt: skip
         as_is = [_number(c.facts[AS_IS].value) for c in cases if AS_IS in c.facts]
         replaced = [_number(c.facts[REPLACED].value) for c in cases if REPLACED in c.facts]
         return (max(as_is), max(replaced)) if as_is and replaced else None
 
     def runs(self, regime: str) -> list[tuple[Floats, Floats]]:
         """Stretches in a regime: time since each began [s], error of the model [um]."""
-        rows, model = self.shown.predictions, self.shown.model
-        if rows is None or model is None:
+        rows, model, verdict = self.shown.predictions, self.shown.model, self.shown.verdict
+        if rows is None or model is None or verdict is None:
             return []
         rows = rows[(rows["quantity"] == GROWTH) & (rows["regime"] == regime)
-                    & (rows["role"] == self.role)]  # fmt: skip
+                    & (rows["role"] == verdict.judged_role)]  # fmt: skip
         found = []
         for _, one in rows.groupby("group"):
             one = one.sort_values("t")
@@ -262,36 +229,3 @@ def condition(verdict: Verdict | None, case: str, name: str) -> float | None:
     cases = [] if verdict is None else [c for c in verdict.cases if c.case == case]
     value = cases[0].conditions[name].value if cases and name in cases[0].conditions else None
     return float(value) if isinstance(value, int | float) else None
-
-
-# ---- in words
-
-
-def um(value: float | None, decimals: int = 1) -> str:
-    """A length with one decimal and its unit."""
-    return "not known" if value is None else f"{fixed(value, decimals)}{TOGETHER}µm"
-
-
-def whole_um(value: float) -> str:
-    """A length in whole micrometres."""
-    return f"{fixed(value, 0)}{TOGETHER}µm"
-
-
-def short(case: str) -> str:
-    """Name of a recording as a person says it: its file without folder and ending.
-
-    >>> short("growth/profile-18-warm-up.csv")
-    'profile-18-warm-up'
-    """
-    return case.rpartition("/")[2].rpartition(".")[0] or case
-
-
-def judged_on(facts: GrowthFacts) -> str:
-    """Recordings that decide, with their number."""
-    many = counted(len(facts.ranked()), "recording")
-    return f"{many} {'of its golden set' if facts.role == 'golden' else 'held out of its fit'}"
-
-
-def made_from(facts: GrowthFacts, *files: str) -> list[Source]:
-    """Files of the sub-model as sources."""
-    return sources(facts.shown.shelf, *(facts.shown.folder / file for file in files))

@@ -1,78 +1,105 @@
-"""Page of spindle growth: the first hour, faulty sensors, all methods, what the model is off by."""
+"""Page of spindle growth: first hour, faulty sensors, methods, errors after starts and stops."""
 
-from collections.abc import Sequence
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
 
+from pipeline.charts.bands import Strip, axis, band, readings, strips_figure
+from pipeline.charts.judged import Tried, case_words
 from pipeline.charts.numbers import NARROW, TOGETHER, counted, fixed, joined, number, signed
-from pipeline.charts.sections import (
-    Action,
-    Compared,
-    Figure,
-    Figures,
-    PartVerdict,
-    Section,
-    SubModelPage,
-    absent,
-    present,
-)
-from pipeline.charts.sources import Source
-from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
+from pipeline.charts.parameters import listed
+from pipeline.charts.sections import Action, Figure, Figures, Section, present
+from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
+from pipeline.charts.tables import Cell, Column, Table, tabulated
+from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
 from pipeline.submodels.deformation import figures
+from pipeline.submodels.deformation.comparison import GROWTH, PERSISTENCE
 from pipeline.submodels.deformation.growth_facts import (
+    GOAL_MAPE,
+    GOAL_MAX_UM,
     FirstHour,
     GrowthFacts,
     Seen,
     SensorFault,
-    condition,
-    judged_on,
-    made_from,
-    short,
-    um,
-    whole_um,
 )
-from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED
+from pipeline.submodels.deformation.methods import METHODS
+from pipeline.submodels.deformation.model import COOLING, WARMING, DeformationModel, MethodsFile
+from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
+COUNTS = (
+    Counting(key="growth_max_um", name="Largest error of the growth", quantity=GROWTH, error="max",
+             whole=True),
+    Counting(key="growth_rmse_um", name="RMSE of the growth", quantity=GROWTH, whole=True),
+)  # fmt: skip
+"""Errors that count, over all recordings."""
 
-def page(shown: Seen) -> SubModelPage:
-    """Everything that a machine's page says of its spindle's growth."""
-    from pipeline.submodels.deformation.page_sections import compared_section, errors_section
 
-    facts = GrowthFacts(shown=shown)
-    return SubModelPage(
-        verdict=_verdict(facts),
-        key_figures=_key_figures(facts),
-        actions=_actions(facts),
-        notes=_notes(facts),
-        sections=[
-            _expected(facts),
-            *present_sections(compared_section(facts), errors_section(facts)),
-        ],
-        compared={
-            "growth_rmse_um": _compared("Growth of the spindle, RMSE", facts.total, "rmse"),
-            "growth_max_um": _compared("Growth of the spindle, largest error", facts.total, "max"),
+def content(shown: Seen) -> PageContent:
+    """What the page of spindle growth alone knows."""
+    facts, model = GrowthFacts(shown=shown), shown.model
+    warm = _warm_words(facts)
+    load = f"kerf compensation --machine {shown.machine} --out FILE"
+    titles = {name: one.label for name, one in METHODS.items()}
+    return PageContent(
+        about="A spindle lengthens as it warms, and the tool goes with it towards the workpiece. "
+        "The model gives the growth since the start from the temperatures along the spindle, its "
+        "speed and the air, so that the control can take it off.",
+        rules="A growth that is right when the spindle is warm may be wrong while it warms or "
+        "cools, so the errors stand apart. The fixed interval is that of the temperatures alone; "
+        "the other one follows the probe where one is left in the machine.",
+        case="recording",
+        counts=COUNTS,
+        guess=PERSISTENCE,
+        titles=titles,
+        todo={
+            "passed": _sentence(f"{warm}, or load the correction ({load})" if warm else
+                                f"load the correction ({load})"),
+            "failed": "Load no correction from this model; measure the growth before finishing.",
+            "unknown": "Record further speed profiles that the model is not fitted on.",
         },
-    )
-
-
-def present_sections(*sections: Section | None) -> list[Section]:
-    """Those sections that there are."""
-    return [one for one in sections if one is not None]
-
-
-def _compared(name: str, score: Score | None, error: str) -> Compared:
-    return Compared(name=name, unit="um", value=None if score is None else getattr(score, error))
+        facts=_goal_words(facts),
+        head=_key_figures(facts),
+        notes=[_faults_words(facts)],
+        actions=list(_actions(facts, warm)),
+        meaning=listed({
+            f"{name}_growth_per_kelvin": f"growth for each kelvin of the sensors at the {name}"
+            for name in figures.GROUP_NAMES
+        }),
+        figures=[] if model is None else [_network(shown, model)],
+        tried=[] if model is None else list(_tried(shown, model)),
+        drawn=[Drawn(
+            quantity=GROWTH, error="max", axis="Time, min", factor=1 / figures.MINUTE,
+            beside=lambda case: _signals(facts, case), legend=_legend(facts),
+        )],
+        shown_facts=("R", "MAPE", "range", "faulty", "largest error"),
+        of_judgement=[_transitions(facts)],
+        first=[_expected(facts)],
+    )  # fmt: skip
 
 
 # ---- in words
 
 
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:].rstrip('.')}."
+
+
+def _um(value: float, decimals: int = 0) -> str:
+    return f"{fixed(value, decimals)}{TOGETHER}µm"
+
+
 def _speed_words(speed: float | None) -> str:
-    return "" if speed is None else f"{number(round(speed))}{NARROW}rev/min"
+    return "" if speed is None else f" at up to {number(round(speed))}{NARROW}rev/min"
+
+
+def _interval_words(facts: GrowthFacts, hour: FirstHour) -> str:
+    verdict = facts.shown.verdict
+    if verdict is not None and (GROWTH, "") in verdict.unknown_intervals:
+        return "90 % interval not known"
+    return f"90 % interval {fixed(hour.low, 0)} to {_um(hour.high)}"
 
 
 def _hour_words(facts: GrowthFacts) -> str:
@@ -80,324 +107,247 @@ def _hour_words(facts: GrowthFacts) -> str:
     hour = facts.first_hour
     if hour is None:
         return ""
-    at = f" at up to {_speed_words(hour.speed)}" if hour.speed is not None else ""
     return (
-        f"In its first hour{at} the spindle grows by up to {whole_um(hour.growth)} "
-        f"({_interval_words(facts, hour)})"
+        f"In its first hour{_speed_words(hour.speed)} the spindle grows by up to "
+        f"{_um(hour.growth)} ({_interval_words(facts, hour)})"
     )
-
-
-def _interval_words(facts: GrowthFacts, hour: FirstHour) -> str:
-    unknown = facts.shown.verdict is not None and facts.shown.verdict.unknown_intervals
-    if unknown and (GROWTH, "") in unknown:
-        return "90 % interval not known"
-    return f"90 % interval {fixed(hour.low, 0)} to {whole_um(hour.high)}"
 
 
 def _warm_words(facts: GrowthFacts) -> str:
-    """How long to warm up."""
-    hour = facts.first_hour
+    """How long to warm up; empty where nothing is predicted."""
+    hour, verdict = facts.first_hour, facts.shown.verdict
     if hour is None:
         return ""
-    at = f" at {_speed_words(hour.speed)}" if hour.speed is not None else ""
-    rest = f" (the rest of the hour then moves less than {whole_um(hour.within_um)})"
-    sure = facts.shown.verdict is not None and facts.shown.verdict.status == "passed"
+    sure = verdict is not None and verdict.status == "passed"
+    rest = f" (the rest of the hour then moves less than {_um(hour.within_um)})"
     return (
-        f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min{at} before finishing "
-        f"cuts{rest if sure else ' and measure what it then still grows'}"
+        f"warm up for {fixed(np.ceil(hour.settled_min), 0)}{TOGETHER}min"
+        f"{_speed_words(hour.speed)} before finishing cuts"
+        f"{rest if sure else ' and measure what it then still grows'}"
     )
 
 
-def sensor_words(fault: SensorFault) -> str:
+def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
+    found = []
+    if (hour := facts.first_hour) is not None:
+        aside = f"{_interval_words(facts, hour)},{_speed_words(hour.speed)}".rstrip(",")
+        found.append(("Growth in the first hour", _um(hour.growth), aside))
+    if facts.faults:
+        named = ", ".join(one.sensor for one in facts.faults)
+        found.append(("Faulty temperature sensors", str(len(facts.faults)), named))
+    return found
+
+
+def _goal_words(facts: GrowthFacts) -> list[str]:
+    """Goals of the paper beside what the method that serves reaches."""
+    verdict = facts.shown.verdict
+    largest = COUNTS[0].worst(verdict)
+    known = [] if verdict is None else [
+        float(fact.value) for case in verdict.cases if case.role == verdict.judged_role
+        for name, fact in case.facts.items()
+        if name.startswith("MAPE") and isinstance(fact.value, float | int)
+    ]  # fmt: skip
+    goals = (
+        f"Goals (FFNN2015): largest error below {_um(GOAL_MAX_UM)} and relative error (MAPE, "
+        f"growth below 5 µm counting as 5 µm) below {fixed(GOAL_MAPE, 1)} %."
+    )
+    if largest is None or largest.max is None or not known:
+        return [goals]
+    met = ["met" if value < goal else "missed"
+           for value, goal in ((largest.max, GOAL_MAX_UM), (max(known), GOAL_MAPE))]  # fmt: skip
+    return [
+        f"{goals} The method that serves: largest error {_um(largest.max, 1)}, {met[0]}; MAPE up "
+        f"to {fixed(max(known), 1)} %, {met[1]}. The published figures rest on a test run that may "
+        "be the training run."
+    ]
+
+
+# ---- faulty sensors
+
+
+def _fault_words(one: SensorFault) -> str:
     """What is wrong with a sensor and since when, without a full stop."""
     off = ""
-    if fault.worst_K is not None:
-        side = "high" if fault.worst_K > 0 else "low"
-        off = f", reads up to {fixed(abs(fault.worst_K), 1)}{TOGETHER}K too {side}"
+    if one.worst_K is not None:
+        side = "high" if one.worst_K > 0 else "low"
+        off = f", reads up to {fixed(abs(one.worst_K), 1)}{TOGETHER}K too {side}"
     return (
-        f"{fault.sensor} is {fault.kind} since {short(fault.case)}, minute "
-        f"{fixed(fault.minute, 0)} ({fault.moment}){off}, in {counted(fault.cases, 'recording')}, "
-        f"last in {short(fault.last)}"
+        f"{one.kind} since {case_words(one.case)}, minute {fixed(one.minute, 0)} ({one.moment})"
+        f"{off}, in {counted(one.cases, 'recording')}, last in {case_words(one.last)}"
     )
-
-
-def _mend(faults: Sequence[SensorFault]) -> str:
-    """What to do about faulty sensors; empty without any that lasts."""
-    lasting = [one for one in faults if one.lasts]
-    if not lasting:
-        return ""
-    words = [
-        f"{'reconnect or replace' if one.kind == DEAD else 'replace'} {one.sensor}"
-        for one in lasting
-    ]
-    said = joined(words)
-    return f"{said[:1].upper()}{said[1:]}"
-
-
-def _actions(facts: GrowthFacts) -> list[Action]:
-    """Sensors to be mended, and how to keep the growth out of finishing cuts."""
-    found = [
-        Action(
-            what="Reconnect or replace the sensor" if one.kind == DEAD else "Replace the sensor",
-            where=f"{one.sensor} ({one.place})",
-            why=f"It {sensor_words(one).removeprefix(one.sensor).strip()}. "
-            "The model does without it.",
-            until="next stop", who="maintenance", evidence="growth-errors",
-        )
-        for one in facts.faults if one.lasts
-    ]  # fmt: skip
-    verdict, warm = facts.shown.verdict, _warm_words(facts)
-    if warm and verdict is not None and verdict.status in ("passed", "failed"):
-        why = f"{_hour_words(facts)}."
-        if verdict.status == "failed":
-            why += f" That model failed: {_failure(facts)}."
-        found.append(Action(what=warm[:1].upper() + warm[1:], where="Spindle", why=why,
-                            until="before finishing cuts", who="process engineer",
-                            evidence="growth"))  # fmt: skip
-    return found
 
 
 def _cost_words(facts: GrowthFacts) -> str:
     """What the faulty sensors cost as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
-    as_is, replaced = facts.cost
     return (
-        f"Read as they are they would put the predicted growth off by up to {whole_um(as_is)}; "
-        f"the model does without them and is off by up to {um(replaced)}."
+        f"Read as they are they would put the predicted growth off by up to {_um(facts.cost[0])}; "
+        f"the model does without them and is off by up to {_um(facts.cost[1], 1)}."
     )
 
 
-def _verdict(facts: GrowthFacts) -> PartVerdict | None:
-    """What growth is to be expected and what to do; the status of the judgement."""
-    shown, verdict = facts.shown, facts.shown.verdict
-    if shown.model is None and verdict is None:
-        return None
-    hour = _hour_words(facts)
-    if verdict is None or verdict.status == "not judged":
-        why = "; ".join(verdict.reasons) if verdict is not None and verdict.reasons else (
-            "no recording was kept out of its fit"
+def _faults_words(facts: GrowthFacts) -> str:
+    said = "; ".join(f"{one.sensor} is {_fault_words(one)}" for one in facts.faults)
+    return f"Temperature sensors: {said}. {_cost_words(facts)}".rstrip() if said else ""
+
+
+def _actions(facts: GrowthFacts, warm: str) -> Iterator[Action]:
+    """Sensors to be mended, and how to keep the growth out of finishing cuts."""
+    for one in facts.faults:
+        if one.lasts:
+            yield Action(
+                what="Reconnect or replace the sensor" if one.kind == DEAD
+                else "Replace the sensor",
+                where=f"{one.sensor} ({one.place})",
+                why=f"It is {_fault_words(one)}. The model does without it.",
+                until="next stop", who="maintenance", evidence="growth",
+            )  # fmt: skip
+    verdict = facts.shown.verdict
+    if warm and verdict is not None and verdict.status in ("passed", "failed"):
+        failed = " That model failed." if verdict.status == "failed" else ""
+        yield Action(
+            what=warm[:1].upper() + warm[1:], where="Spindle",
+            why=f"{_hour_words(facts)}.{failed}", until="before finishing cuts",
+            who="process engineer", evidence="growth",
         )  # fmt: skip
-        return PartVerdict(
-            status="unknown",
-            sentence=f"{hour}{'; but the' if hour else 'The'} model of the spindle’s growth has "
-            f"not been judged: {why.rstrip('.')}.",
-            todo="Record further speed profiles that the model is not fitted on.",
-        )
-    warm = _warm_words(facts)
-    if verdict.status == "failed":
-        advice = (
-            "Load no correction from this model; "
-            f"{warm or 'measure the growth before finishing cuts'}."
-        )
-        return PartVerdict(
-            status="failed",
-            sentence=f"{hour}{'; but the' if hour else 'The'} model of that growth failed on "
-            f"{judged_on(facts)}: {_failure(facts)}. {advice}",
-            todo="Load no correction from this model.",
-        )
-    command = f"kerf compensation --machine {shown.machine} --out FILE"
-    loads = f"load the correction ({command}), which leaves up to {um(_largest(facts))}"
-    advice = f"{warm}, or {loads}" if warm else loads
-    return PartVerdict(
-        status="passed",
-        sentence=f"{hour}{'; the' if hour else 'The'} model of that growth passed on "
-        f"{judged_on(facts)}: it is off by {um(_largest(facts))} at most"
-        f"{_limit_words(facts)}.",
-        todo=_sentence(advice),
-    )
 
 
-def _sentence(words: str) -> str:
-    return f"{words[:1].upper()}{words[1:]}."
-
-
-def _failure(facts: GrowthFacts) -> str:
-    """By how much and where it missed its limit; else the judge's gravest reason."""
-    worst = max(facts.ranked(), key=lambda s: s.max or 0.0, default=None)
-    if worst is not None and facts.limit is not None and (worst.max or 0.0) > facts.limit:
-        return f"it is off by up to {um(worst.max)} in {short(worst.group)}{_limit_words(facts)}"
-    reasons = () if facts.shown.verdict is None else facts.shown.verdict.reasons
-    return reasons[0] if reasons else "the judge gave no reason"
-
-
-def _limit_words(facts: GrowthFacts) -> str:
-    return "" if facts.limit is None else f" (limit {um(facts.limit)})"
-
-
-def _largest(facts: GrowthFacts) -> float | None:
-    return None if facts.total is None else facts.total.max
-
-
-def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
-    found = []
-    if facts.total is not None:
-        found.append(("Largest error of growth", um(_largest(facts)),
-                      f"recordings held out{_limit_words(facts)}"))  # fmt: skip
-    if (hour := facts.first_hour) is not None:
-        aside = _interval_words(facts, hour)
-        if hour.speed is not None:
-            aside += f", at up to {_speed_words(hour.speed)}"
-        found.append(("Growth in the first hour", whole_um(hour.growth), aside))
-    if facts.faults:
-        lasting = ", ".join(one.sensor for one in facts.faults)
-        found.append(("Faulty temperature sensors", str(len(facts.faults)), lasting))
-    return found
-
-
-def _notes(facts: GrowthFacts) -> list[str]:
-    said = []
-    if facts.faults:
-        todo = _mend(facts.faults) or "Temperature sensors"
-        said.append(f"{todo}: {'; '.join(map(sensor_words, facts.faults))}. "
-                    f"{_cost_words(facts)}".rstrip())  # fmt: skip
-    return said
-
-
-# ---- what to expect
-
-
-def _expected(facts: GrowthFacts) -> Section:
-    """Growth that is to be expected: the first hour, faulty sensors, a typical and a worst case."""
-    key, title = "growth", "Spindle growth: what to expect"
-    shown = facts.shown
-    if shown.model is None:
-        needs = (
-            "It is identified from three temperatures or more along the spindle and a displacement "
-            "probe at its nose, once a minute over ten speed profiles or more."
-        )
-        return Section(key=key, title=title, text=[absent(shown.folder / "model.json", needs)])
-    text = [
-        "A spindle lengthens as it warms, and the tool goes with it towards the workpiece. The "
-        "model gives the growth since the start from the temperatures along the spindle, its speed "
-        "and the air, so that the control can take it off.",
-    ]
-    if (hour := facts.first_hour) is not None:
-        text.append(
-            f"{_hour_words(facts)}: the largest of {counted(hour.others, 'recording')} that last "
-            f"an hour, {short(hour.case)}, where the probe read {whole_um(hour.measured)} at that "
-            f"time. From minute {fixed(hour.settled_min, 0)} the rest of that hour moves less than "
-            f"{whole_um(hour.within_um)}."
-        )
-    if shown.verdict is not None and shown.verdict.reasons:
-        text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
-    if shown.predictions is None:
-        path = shown.folder / "predictions.parquet"
-        text.append(absent(path, "Without it no recording can be drawn."))
-    return Section(
-        key=key, title=title, text=text,
-        blocks=present(_sensors_table(facts), _recordings(facts)),
-    )  # fmt: skip
-
-
-def _sensors_table(facts: GrowthFacts) -> Table | None:
-    """Faulty sensors, since when, how far off, what to do."""
-    columns: list[Column[SensorFault]] = [
-        Column("Sensor", lambda one: one.sensor),
-        Column("where it sits", lambda one: one.place),
-        Column("is", lambda one: Cell(text=one.kind, status="failed")),
-        Column("since recording", lambda one: short(one.case)),
-        Column("at minute", lambda one: fixed(one.minute, 0), unit=""),
-        Column("date", lambda one: one.moment),
-        Column("off by up to", lambda one: "–" if one.worst_K is None else signed(one.worst_K),
-               unit="K"),
-        Column("recordings", lambda one: number(one.cases), unit=""),
-        Column("last in", lambda one: short(one.last)),
-        Column("what to do", _sensor_todo),
-    ]  # fmt: skip
-    return tabulated("Faulty temperature sensors", facts.faults, columns,
-                     made_from(facts, "verdict.json"), note=_cost_words(facts))  # fmt: skip
-
-
-def _sensor_todo(one: SensorFault) -> str:
+def _todo(one: SensorFault) -> str:
     if not one.lasts:
         return "nothing: the last recording is sound"
     return "check cable and plug, else replace" if one.kind == DEAD else "replace"
 
 
-def _recordings(facts: GrowthFacts) -> Figures | None:
-    """A typical and the worst recording."""
-    ranked = facts.ranked()
-    if facts.shown.predictions is None or not ranked:
-        return None
-    worst = max(ranked, key=lambda s: s.max or 0.0)
-    others = [one for one in ranked if one is not worst]
-    chosen = [(one, "Typical recording") for one in others[len(others) // 2 :][:1]]
-    chosen.append((worst, "Recording with the largest error"))
-    drawn, with_sensors = [], False
-    for score, words in chosen:
-        one = _recorded(facts, score.group)
-        with_sensors |= bool(one.temperatures)
-        speed = condition(facts.shown.verdict, score.group, "highest speed")
-        at = "" if speed is None else f", up to {_speed_words(speed)}"
-        caption = (
-            f"{words}, {short(score.group)}{at}: RMSE {um(score.rmse, 2)}, largest error "
-            f"{um(score.max)}."
+FAULTS: tuple[Column[SensorFault], ...] = (
+    Column("Sensor", lambda one: one.sensor),
+    Column("where it sits", lambda one: one.place),
+    Column("is", lambda one: Cell(text=one.kind, status="failed")),
+    Column("since recording", lambda one: case_words(one.case)),
+    Column("at minute", lambda one: fixed(one.minute, 0), unit=""),
+    Column("date", lambda one: one.moment),
+    Column("off by up to", lambda one: "–" if one.worst_K is None else signed(one.worst_K), "K"),
+    Column("recordings", lambda one: number(one.cases), unit=""),
+    Column("last in", lambda one: case_words(one.last)),
+    Column("what to do", _todo),
+)
+
+
+def _expected(facts: GrowthFacts) -> Section | None:
+    """What to expect: growth of the first hour, faulty sensors."""
+    hour = facts.first_hour
+    text = []
+    if hour is not None:
+        text.append(
+            f"{_hour_words(facts)}: the largest of {counted(hour.others, 'recording')} that last "
+            f"an hour, {case_words(hour.case)}, where the probe read {_um(hour.measured)} at that "
+            f"time. From minute {fixed(hour.settled_min, 0)} the rest of that hour moves less than "
+            f"{_um(hour.within_um)}."
         )
-        drawn.append(Figure(
-            svg=figures.recording_figure(one, facts.limit, caption), caption=caption,
-            sources=[*made_from(facts, "predictions.parquet"), *_trace_source(facts, score.group)],
-        ))  # fmt: skip
-    legend = [("l-measured", "growth measured", "line"), ("l-window", "growth modelled", "line"),
-              ("s-band", "its 90 % interval", "box")]  # fmt: skip
-    if facts.limit is not None:
-        legend.append(("l-limit", f"limit of the largest error, ±{um(facts.limit)}", "dots"))
-    if with_sensors:
-        legend += [
-            (f"l-{css}", f"sensors, {name}", "line")
-            for css, name in zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)
-        ]
-        legend += [("l-speed", "air, spindle speed", "line")]
-        if facts.faults:
-            legend.append(("l-batch", "faulty sensor", "dots"))
-    return Figures(figures=drawn, legend=legend)
-
-
-def _recorded(facts: GrowthFacts, group: str) -> figures.Recorded:
-    rows = facts.whole[facts.whole["group"] == group].sort_values("t")
-    time, measured, predicted, low, high = (
-        rows[name].to_numpy(float) for name in ("t", "measured", "predicted", "low", "high")
-    )
-    clock, temperatures, speed = _traces(facts, group)
-    return figures.Recorded(
-        time=time, measured=measured, predicted=predicted, low=low, high=high,
-        temperatures=temperatures, speed=speed, clock=clock,
+    table: Table | None = tabulated(
+        "Faulty temperature sensors", facts.faults, FAULTS, made_from(facts.shown, "verdict.json"),
+        note=_cost_words(facts),
     )  # fmt: skip
+    if not text and table is None:
+        return None
+    title = "Spindle growth: what to expect"
+    return Section(key="growth", title=title, text=text, blocks=present(table))
 
 
-def _traces(
-    facts: GrowthFacts, group: str
-) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray | None]:
-    """Clock [s], temperatures [degC] by CSS class and name, speed [rev/min] of a recording.
+# ---- figures
 
-    Empty where the signals are not there, or their columns are named otherwise than the sensors.
-    """
+
+def _tried(shown: Seen, model: DeformationModel) -> Iterator[Tried]:
+    total: Score | None = COUNTS[0].worst(shown.verdict)
+    for name, one in model.compared.items():
+        later = None if total is None else total.baselines.get(name)
+        spread = 0.5 * (one.seed_rmse_um[1] - one.seed_rmse_um[0]) if one.seeds > 1 else None
+        yield Tried(label=one.label, error=one.rmse_um, unit="µm", spread=spread,
+                    serves=name == model.champion,
+                    later=total if name == model.champion else later)  # fmt: skip
+
+
+def _network(shown: Seen, model: DeformationModel) -> Figures:
+    """Bands of the best improved network over the sensors, and the groups of sensors."""
+    path = shown.folder / "methods.json"
+    stored = None if shown.shelf is None else shown.shelf.read(path, MethodsFile, "the training")
+    weights = np.array(model.inputs.weights)
+    improved = [] if stored is None else [
+        (model.compared[name].rmse_um, name) for name, found in stored.documents.items()
+        if found and found[0].get("kind") == FuzzyFilteredSettings.kind and name in model.compared
+    ]  # fmt: skip
+    bands, words = None, "Weight of each sensor in front, middle and rear (fuzzy c-means)"
+    if stored is not None and improved:
+        name = min(improved)[1]
+        bands = figures.network_bands(stored.documents[name][0], weights.shape[1])
+        centres = joined([fixed(c + 1, 1) for c, _ in bands])
+        words = (
+            f"Above: bands of “{model.compared[name].label}” (first seed) over the sensors, "
+            f"centred at sensor {centres}. Below: weight of each sensor in front, middle and rear "
+            "(fuzzy c-means)"
+        )
+    names = "; ".join(f"{k + 1} {name}" for k, name in enumerate(model.sensors.sensors))
+    caption = f"{words}. Sensors: {names}."
+    strips, below = figures.network_strips(bands, weights)
+    figure = Figure(svg=strips_figure(strips, below, caption), caption=caption,
+                    sources=made_from(shown, "model.json", "methods.json"))  # fmt: skip
+    legend = [(f"s-{css}", name, "box") for css, name in
+              zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]  # fmt: skip
+    return Figures(figures=[figure], legend=legend, kind="one",
+                   folded="How the sensors are grouped, and what the network looks at")  # fmt: skip
+
+
+def _transitions(facts: GrowthFacts) -> Figures | None:
+    """Errors over the time since the spindle began to warm, and since it began to cool."""
+    drawn = []
+    for regime, verb, began in ((WARMING, "start or a higher speed", "to warm"),
+                                (COOLING, "stop or a lower speed", "to cool")):  # fmt: skip
+        one = figures.transitions(facts.runs(regime))
+        if one is None:
+            continue
+        caption = (
+            f"After a {verb}: error of the model since the spindle began {began}, over "
+            f"{counted(one.count, 'time')}; 90 % of the samples lie within {_um(one.widest, 1)}."
+        )
+        below = axis("Time, min", (0.0, float(one.minutes[-1]) + figures.BIN_MIN / 2))
+        strip = figures.transition_strip(one, facts.limit)
+        drawn.append(Figure(svg=strips_figure([strip], below, caption), caption=caption,
+                            sources=made_from(facts.shown, "predictions.parquet")))  # fmt: skip
+    legend = [("l-window", "median", "line"), ("s-band", "90 % of the samples", "box")]
+    return Figures(figures=drawn, legend=legend) if drawn else None
+
+
+def _legend(facts: GrowthFacts) -> list[tuple[str, str, str]]:
+    groups = [(f"l-{css}", f"sensors, {name}", "line") for css, name in
+              zip(figures.GROUP_CURVES, figures.GROUP_NAMES, strict=True)]  # fmt: skip
+    faulty = [("l-batch", "faulty sensor", "dots")] if facts.faults else []
+    return [*groups, ("l-speed", "air, spindle speed", "line"), *faulty]
+
+
+def _signals(facts: GrowthFacts, case: str) -> list[Strip]:
+    """Temperatures and speed of a recording; none where its signals are not there."""
     shown = facts.shown
-    if shown.signals is None or shown.model is None:
-        return np.zeros(0), {}, None
+    if shown.signals is None or shown.model is None or shown.shelf is None:
+        return []
     names = shown.model.sensors.sensors
-    table = shown.shelf.table(
-        _trace(facts, group), ("t", *names, AMBIENT, SPEED), "raw files, by reading", all_of=False
-    )
+    path = shown.signals / "traces" / parquet_name(case)
+    table = shown.shelf.table(path, ("t", *names, AMBIENT, SPEED), "raw files, by reading",
+                              all_of=False)  # fmt: skip
     if table is None or "t" not in table.column_names:
-        return np.zeros(0), {}, None
-    columns = {name: table.column(name).to_numpy().astype(float) for name in table.column_names}
-    clock = columns["t"] - columns["t"][0]
-    weights = np.array(shown.model.inputs.weights)
-    faulty = {one.sensor for one in facts.faults if one.case <= group}
-    found: dict[str, np.ndarray] = {}
-    for k, name in enumerate(names):
-        css = "batch" if name in faulty else figures.GROUP_CURVES[int(weights[:, k].argmax())]
-        if name in columns:
-            found[f"{css} {name}"] = columns[name]
-    if found and AMBIENT in columns:
-        found[f"speed {AMBIENT}"] = columns[AMBIENT]
-    return clock, found, columns.get(SPEED)
-
-
-def _trace(facts: GrowthFacts, group: str) -> Path:
-    return (facts.shown.signals or Path()) / "traces" / parquet_name(group)
-
-
-def _trace_source(facts: GrowthFacts, group: str) -> list[Source]:
-    return [] if facts.shown.signals is None else sources(facts.shown.shelf, _trace(facts, group))
+        return []
+    columns = {name: readings(table.column(name).to_numpy().astype(float))
+               for name in table.column_names}  # fmt: skip
+    minutes = (columns["t"] - columns["t"][0]) / figures.MINUTE
+    faulty = {one.sensor for one in facts.faults if one.case <= case}
+    group = np.array(shown.model.inputs.weights).argmax(axis=0)
+    curves = [("batch" if name in faulty else figures.GROUP_CURVES[k], minutes, columns[name])
+              for k, name in zip(group, names, strict=True) if name in columns]  # fmt: skip
+    if AMBIENT in columns:
+        curves.append(("speed", minutes, columns[AMBIENT]))
+    sound = band(0, 1, *(y for css, _, y in curves if css != "batch"))
+    strips = [Strip(head="Temperatures, °C", height=120, curves=curves, unit="°C",
+                    scale=(sound.low, sound.high))]  # fmt: skip
+    if SPEED in columns:
+        strips.append(Strip(head="Spindle speed, rev/min", height=44, zero=True,
+                            curves=[("speed", minutes, columns[SPEED])]))  # fmt: skip
+    return strips

@@ -260,9 +260,9 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
 
     def page(self, shown: Shown[DeformationModel]) -> Any:
         """The first hour, faulty sensors, all methods, where the model errs."""
-        from pipeline.submodels.deformation.page import page
+        from pipeline.submodels.deformation.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def _interval(

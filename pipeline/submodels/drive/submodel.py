@@ -293,9 +293,9 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
 
     def page(self, shown: Shown[DriveModel]) -> Any:
         """Friction, mass and parameters of each axis; recordings against the twin."""
-        from pipeline.submodels.drive.page import drive_page
+        from pipeline.submodels.drive.page import content
 
-        return drive_page(shown)
+        return content(shown)
 
 
 def _own_time(cases: list[Case]) -> list[Case]:

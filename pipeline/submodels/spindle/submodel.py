@@ -57,7 +57,7 @@ from pipeline.twin.spindle import (
 )
 
 if TYPE_CHECKING:
-    from pipeline.charts.sections import SubModelPage
+    from pipeline.charts.submodel_page import PageContent
 
 METHOD = "bounded least squares (soft L1) on free runs over the training days"
 REMEDY = {
@@ -251,11 +251,11 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
             values["coolant_temperature"] = 22.0
         return pd.DataFrame({"time": time, **values, TARGET: 22.0})
 
-    def page(self, shown: Shown[SpindleModelFile]) -> "SubModelPage":
+    def page(self, shown: Shown[SpindleModelFile]) -> "PageContent":
         """The thermal network, the judged days, and the verdict in words."""
-        from pipeline.submodels.spindle.page import page
+        from pipeline.submodels.spindle.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def no_stretch(training: Sequence[Case], cases: Cases, settings: Fitting) -> str:

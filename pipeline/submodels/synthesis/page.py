@@ -1,37 +1,26 @@
 """Page of the generated signals: what a judge reads from them, what can be learnt from them."""
 
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
+from pipeline.charts.bands import Axis, Strip, axis, band, strips_figure, tick_words
 from pipeline.charts.numbers import counted, joined, number, unit_words
-from pipeline.charts.sections import (
-    Compared,
-    Figure,
-    Figures,
-    PartVerdict,
-    Section,
-    SubModelPage,
-    absent,
-    present,
-)
+from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import Table, cells, names, numbers, sources
+from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.nets.diversity import FeatureScaling
-from pipeline.schema.verdict import Score
+from pipeline.schema.arrays import Floats
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.statistics import rank_correlation
-from pipeline.submodels.synthesis import figures
 from pipeline.submodels.synthesis.judging import (
     AUGMENTED,
-    COPY,
     GENERATED,
-    LEARNT,
     MEAN,
-    ORDERS,
+    NEAREST,
     RECORDED,
     SPECTRUM,
-    SPREAD,
 )
 from pipeline.submodels.synthesis.model import (
     GeneratorFile,
@@ -42,188 +31,105 @@ from pipeline.submodels.synthesis.model import (
 
 Seen = Shown[SynthesisModel]
 POINTS = 250
-"""Points of each kind on the map of features."""
+"""Points of each kind on the map of features [1]."""
 CHANNELS_SHOWN = 3
-"""Channels whose windows and spectra are drawn."""
-NEEDS = "It needs whole tool lives with the wear measured in between; see docs/synthesis.md."
+"""Channels whose windows and spectra are drawn [1]."""
 
 
-def page(shown: Seen) -> SubModelPage:
-    """Everything that a machine's page says of generated signals."""
-    total = _total(shown, GENERATED)
-    unit = "" if shown.model is None else _unit(shown.model)
-    return SubModelPage(
-        verdict=_verdict(shown),
-        key_figures=_key_figures(shown),
-        notes=list(shown.model.faults) if shown.model is not None else [],
-        sections=[_section(shown)],
-        compared={
-            "generated_wear_mae": Compared(
-                name="Wear read from generated signals, mean error", unit=unit,
-                value=None if total is None else total.mae,
-            )
+def content(shown: Seen) -> PageContent:
+    """What the page of generated signals alone knows."""
+    model = shown.model
+    judge = model.judges[0] if model is not None and model.judges else ""
+    stored = None
+    if shown.shelf is not None and model is not None:
+        stored = shown.shelf.read(shown.folder / "generator.json", GeneratorFile)
+    return PageContent(
+        about="A network makes signals at a given wear and given conditions of the cut. They are "
+        "synthetic, learnt from "
+        f"{'windows' if model is None else counted(model.windows, 'window')} of "
+        f"{'simulated ' * (shown.origin == 'simulated')}records of tools in training.",
+        rules="Figures are of tools that were held out: the wear that a judge reads from generated "
+        "windows against the wear that was asked for; the wear of recorded windows by learners "
+        "that saw generated ones. Distance between windows of the same conditions: a collapsed "
+        "generator has −100 %. Distance to the nearest training window: a copy has −100 %. The "
+        "nearest training windows are those of other tools at about the same wear.",
+        case="tool",
+        counts=(
+            Counting(key="generated_wear_mae", name="Error of the wear read from generated signals",
+                     quantity=GENERATED, regime=judge, error="mae", whole=True),
+            Counting(key="generated_wear_rmse", quantity=GENERATED, regime=judge,
+                     name="RMSE of the wear read, worst tool"),
+        ),
+        guess=MEAN,
+        titles={MEAN: "mean wear", RECORDED: "recorded signals",
+                NEAREST: "nearest training windows"},
+        todo={
+            "passed": "Signals at a wear that was not recorded: kerf synthesise --machine "
+            f"{shown.machine} --wear VALUE --out FILE.",
+            "failed": "Use them for no purpose but trials; train longer, or record more tools.",
+            "unknown": "Keep tools out of roles.training, to judge by.",
         },
+        facts=[_augmentation(shown), *([] if model is None else _curve_words(shown, model))],
+        notes=[] if model is None else list(model.faults),
+        figures=[] if model is None else [
+            _figures(shown, model, None if stored is None else reference_of(stored))
+        ],
+        drawn=[Drawn(quantity=GENERATED, regime=judge, error="mae", axis="Use of the tool",
+                     other=(RECORDED, "read from recorded signals"))],
+        shown_facts=("coverage", "density", "bias", "windows"),
+        of_judgement=[] if model is None else [_spectra(shown, model)],
     )  # fmt: skip
 
 
-def _unit(model: SynthesisModel) -> str:
-    return "" if model.is_class else "µm"
-
-
-def _total(shown: Seen, quantity: str) -> Score | None:
-    """Errors over all tools that decide; of wear by the first judge."""
-    found = () if shown.verdict is None else shown.verdict.of(
-        quantity, group="all", role=shown.verdict.judged_role or "held_out"
-    )  # fmt: skip
-    return found[0] if found else None
-
-
-def _with_unit(value: float | None, unit: str) -> str:
-    return f"{number(value)} {unit}".rstrip()
-
-
-def _headline(shown: Seen) -> str:
-    """What a judge reads, in a sentence or two."""
-    total, model = _total(shown, GENERATED), shown.model
-    if total is None or model is None:
-        return ""
-    unit = _unit(model)
-    said = (
-        f"From generated signals of {counted(len(_tools(shown)), 'tool')} not learnt from, a judge "
-        f"reads the wear that was asked for to {_with_unit(total.mae, unit)} (mean error)"
-    )
-    real = total.baselines.get(RECORDED)
-    if real is not None:
-        said += f"; from the recorded signals themselves to {_with_unit(real.mae, unit)}"
-    return f"{said}."
-
-
-def _tools(shown: Seen) -> list[str]:
-    """Tools that decide."""
-    verdict = shown.verdict
-    if verdict is None:
-        return []
-    role = verdict.judged_role or "held_out"
-    return list(dict.fromkeys(one.group for one in verdict.cases if one.role == role))
+def _amount(model: SynthesisModel, value: float) -> str:
+    return f"{number(value)} {'' if model.is_class else 'µm'}".rstrip()
 
 
 def _augmentation(shown: Seen) -> str:
     """Whether generated windows help to learn the wear of recorded ones."""
-    if shown.verdict is None:
+    skills = () if shown.verdict is None else shown.verdict.skills
+    one = next((s for s in skills if s.quantity == AUGMENTED and s.baseline == RECORDED
+                and s.mae is not None), None)  # fmt: skip
+    if one is None or one.mae is None:
         return ""
-    for skill in shown.verdict.skills:
-        if skill.quantity != AUGMENTED or skill.baseline != RECORDED or skill.mae is None:
-            continue
-        saved, ends = skill.mae, skill.mae_interval_95
-        way = 1.0 if saved > 0 else -1.0
-        if ends is None:
-            interval = f"{counted(skill.groups, 'tool')}, too few for an interval"
-        else:
-            low, high = sorted(100 * way * end for end in ends)
-            interval = f"95 % interval {number(low)} to {number(high)} %"
-        if ends is not None and ends[0] > 0:
-            use = ""
-        elif ends is not None and ends[1] < 0:
-            use = " That is harm, so none are used for learning."
-        else:
-            use = " That is not shown to be real, so none are used for learning."
-        what = "lower" if saved > 0 else "raise"
-        return (
-            f"Generated windows beside the recorded ones {what} the mean error of wear by "
-            f"{number(100 * abs(saved))} % ({interval}).{use}"
-        )
-    return ""
-
-
-def _verdict(shown: Seen) -> PartVerdict | None:
-    model, verdict = shown.model, shown.verdict
-    if model is None and verdict is None:
-        return None
-    command = f"kerf synthesise --machine {shown.machine} --wear VALUE --out FILE"
-    if verdict is None or verdict.status == "not judged":
-        why = "; ".join(verdict.reasons) if verdict is not None else "no tool was held out"
-        return PartVerdict(
-            status="unknown",
-            sentence=f"The generated signals have not been judged: {why.rstrip('.')}.",
-            todo="Keep tools out of roles.training, to judge by.",
-        )
-    if verdict.status == "failed":
-        reason = verdict.reasons[0] if verdict.reasons else "the judge gave no reason"
-        return PartVerdict(
-            status="failed",
-            sentence=f"The generated signals failed: {reason.rstrip('.')}. {_headline(shown)}",
-            todo="Use them for no purpose but trials; train longer, or record more tool lives.",
-        )
-    return PartVerdict(
-        status="passed",
-        sentence=f"{_headline(shown)} {_augmentation(shown)}".strip(),
-        todo=f"Signals at a wear that was not recorded: {command}.",
+    ends, way = one.mae_interval_95, 1.0 if one.mae > 0 else -1.0
+    if ends is None:
+        interval, use = f"{counted(one.groups, 'tool')}, too few for an interval", ""
+    else:
+        low, high = sorted(100 * way * end for end in ends)
+        interval = f"95 % interval {number(low)} to {number(high)} %"
+        use = " That is harm, so none are used for learning." if ends[1] < 0 else ""
+    if ends is None or ends[0] <= 0 <= ends[1]:
+        use = " That is not shown to be real, so none are used for learning."
+    return (
+        f"Generated windows beside the recorded ones {'lower' if one.mae > 0 else 'raise'} the "
+        f"mean error of wear by {number(100 * abs(one.mae))} % ({interval}).{use}"
     )
-
-
-def _key_figures(shown: Seen) -> list[tuple[str, str, str]]:
-    total, model = _total(shown, GENERATED), shown.model
-    if total is None or model is None:
-        return []
-    mean = total.baselines.get(MEAN)
-    aside = "" if mean is None else f"mean wear alone {_with_unit(mean.mae, _unit(model))}"
-    return [
-        ("Wear read from generated signals: mean error", _with_unit(total.mae, _unit(model)), aside)
-    ]
-
-
-def _section(shown: Seen) -> Section:
-    model = shown.model
-    key, title = "synthesis", "Generated signals of wear"
-    if model is None:
-        return Section(key=key, title=title, text=[absent(shown.folder / "model.json", NEEDS)])
-    origin = "simulated records" if model.origin == "simulated" else "records"
-    text = [
-        "A network makes signals at a given wear and given conditions of the cut. They are "
-        f"synthetic, learnt from {counted(model.windows, 'window')} of {origin} of tools in "
-        "training; figures are of tools that were held out.",
-        _headline(shown), _augmentation(shown), *_curve_words(model, _recorded(shown)),
-    ]  # fmt: skip
-    if model.faults:
-        text.append("Of the training: " + "; ".join(model.faults) + ".")
-    if shown.verdict is None:
-        text.append(absent(shown.folder / "verdict.json", "Without it nothing is judged."))
-    elif shown.verdict.reasons:
-        text.append("Reasons as the judge gave them: " + "; ".join(shown.verdict.reasons) + ".")
-    stored = None
-    if shown.shelf is not None:
-        stored = shown.shelf.read(shown.folder / "generator.json", GeneratorFile)
-    known = None if stored is None else reference_of(stored)
-    return Section(
-        key=key, title=title, text=[words for words in text if words],
-        blocks=present(
-            _drawn(shown, known), _tools_table(shown), _spectra_table(shown),
-        ),
-    )  # fmt: skip
 
 
 def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
     """Slope and rank correlation of each judge over recorded windows of tools not learnt from."""
-    frame = shown.predictions
-    if frame is None or shown.verdict is None or "baseline_recorded" not in frame:
+    frame, verdict = shown.predictions, shown.verdict
+    if frame is None or verdict is None or "baseline_recorded" not in frame:
         return {}
-    frame = frame[(frame["quantity"] == GENERATED) & frame["group"].isin(_tools(shown))]
+    frame = frame[(frame["quantity"] == GENERATED) & (frame["role"] == verdict.judged_role)]
     found = {}
     for name, one in frame.groupby("regime"):
         one = one.dropna(subset=["measured", "baseline_recorded"])
-        asked, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
-        if len(one) > 2 and np.ptp(asked) > 0 and np.ptp(read) > 0:
-            rank = rank_correlation(asked, read)
-            found[str(name)] = float(np.polyfit(asked, read, 1)[0]), rank
+        wear, read = one["measured"].to_numpy(), one["baseline_recorded"].to_numpy()
+        if len(one) > 2 and np.ptp(wear) > 0 and np.ptp(read) > 0:
+            slope = float(np.polyfit(wear, read, 1)[0])
+            found[str(name)] = slope, rank_correlation(wear, read)
     return found
 
 
-def _curve_words(model: SynthesisModel, recorded: dict[str, tuple[float, float]]) -> list[str]:
-    said = []
+def _curve_words(shown: Seen, model: SynthesisModel) -> Iterator[str]:
+    """How each judge reads the wear, and how the first one followed it in training."""
+    recorded = _recorded(shown)
     for name, one in model.curves.items():
         words = (
             f"Over {counted(len(one.asked), 'wear')} from {number(one.asked[0])} to "
-            f"{_with_unit(one.asked[-1], _unit(model))} the {name} reads with a slope of "
+            f"{_amount(model, one.asked[-1])} the {name} reads with a slope of "
             f"{number(one.slope)} and a rank correlation of {number(one.rank_correlation)} over "
             f"single windows, {number(one.rank_of_means)} over the mean of each wear."
         )
@@ -237,177 +143,101 @@ def _curve_words(model: SynthesisModel, recorded: dict[str, tuple[float, float]]
         if one.false_intervals:
             where = joined([f"{number(a)} to {number(b)}" for a, b in one.false_intervals])
             words += f" The reading falls while the wear grows from {where}: trust nothing there."
-        said.append(words)
+        yield words
     if len(model.looks) > 1:
-        looked = joined(
-            [f"{_with_unit(one.mae, _unit(model))} after {one.step} steps" for one in model.looks]
-        )
-        said.append(f"In training the mean error of the {model.judges[0]} was {looked}.")
-    return said
+        looked = joined([f"{_amount(model, one.mae)} after {one.step} steps"
+                         for one in model.looks])  # fmt: skip
+        yield f"In training the mean error of the {model.judges[0]} was {looked}."
 
 
-def _made_from(shown: Seen, *files: str) -> list[Source]:
-    return sources(shown.shelf, *(shown.folder / name for name in files))
+# ---- figures
 
 
-def _drawn(shown: Seen, known: Reference | None) -> Figures | None:
-    """Windows, the judge's curve, spectra and the map."""
-    model = shown.model
-    if model is None:
-        return None
-    found: list[Figure] = []
+def _figures(shown: Seen, model: SynthesisModel, known: Reference | None) -> Figures:
+    """Windows, the judges' curves and the map of features."""
+    made = made_from(shown, "model.json", "generator.json")
+    found = []
     if known is not None:
         many = min(CHANNELS_SHOWN, len(model.channels))
-        found += [_windows(shown, model, known, k) for k in range(many)]
+        found += [_windows(model, known, k, made) for k in range(many)]
     for name, one in model.curves.items():
-        said = f"Wear that the {name} reads from generated windows; straight: the wear asked"
-        found.append(
-            Figure(
-                svg=figures.curve_figure(one, _unit(model), said), caption=f"{said}.",
-                sources=_made_from(shown, "model.json"),
-            )
+        wear, mean, low, high = (np.array(v) for v in (one.asked, one.mean, one.low, one.high))
+        unit = "" if model.is_class else ", µm"
+        strip = Strip(
+            head=f"Wear read by the {name}{unit}", height=220, areas=[("s-band", wear, low, high)],
+            curves=[("measured", wear, wear), ("window", wear, mean)],
         )  # fmt: skip
-    spectra = _spectra(shown)
-    if spectra:
-        said = "Power in bands, mean over the windows of tools not learnt from, dB"
-        found.append(
-            Figure(
-                svg=figures.spectra_figure(spectra[:CHANNELS_SHOWN], said), caption=f"{said}.",
-                sources=_made_from(shown, "predictions.parquet"),
-            )
-        )  # fmt: skip
+        below = axis(f"Wear that was given{unit}", (float(wear[0]), float(wear[-1])))
+        words = f"Wear that the {name} reads from generated windows; straight: the wear given."
+        found.append(_figure([strip], below, words, made))
     if known is not None:
-        found.append(_map(shown, known))
+        found.append(_map(known, made))
     legend = [("l-measured", "recorded", "line"), ("l-window", "generated", "line"),
               ("s-band", "5 to 95 % of generated windows", "box")]  # fmt: skip
-    return Figures(figures=found, legend=legend) if found else None
+    return Figures(figures=found, legend=legend)
 
 
-def _windows(shown: Seen, file: SynthesisModel, mine: Reference, channel: int) -> Figure:
-    unit = unit_words(file.units[channel])
-    rows = [
-        (f"wear {_with_unit(float(wear), _unit(file))}", real[channel], made[channel])
-        for wear, real, made in zip(mine.shown_wear, mine.shown, mine.like, strict=True)
-    ]
-    said = f"{file.channels[channel].replace('_', ' ')}{f', {unit}' if unit else ''}"
-    drawn = figures.windows_figure(rows, file.length / file.rate_Hz, said)
+def _figure(strips: Sequence[Strip], below: Axis, words: str, made: list[Source]) -> Figure:
+    return Figure(svg=strips_figure(strips, below, words), caption=words, sources=made)
+
+
+def _windows(model: SynthesisModel, known: Reference, channel: int, made: list[Source]) -> Figure:
+    """Recorded windows of a channel over generated ones at the same wear."""
+    unit = unit_words(model.units[channel])
+    said = f"{model.channels[channel].replace('_', ' ')}{f', {unit}' if unit else ''}"
+    ms = np.linspace(0.0, 1e3 * (model.length - 1) / model.rate_Hz, model.length)
+    every = band(0, 1, known.shown[:, channel].ravel(), known.like[:, channel].ravel())
+    strips = [
+        Strip(head=f"wear {_amount(model, float(wear))}", height=110, scale=(every.low, every.high),
+              curves=[("measured", ms, real[channel]), ("window", ms, fake[channel])])
+        for wear, real, fake in zip(known.shown_wear, known.shown, known.like, strict=True)
+    ]  # fmt: skip
     words = f"{said[:1].upper()}{said[1:]}: windows of training tools, and generated at the same."
-    return Figure(svg=drawn, caption=words, sources=_made_from(shown, "generator.json"))
+    return _figure(strips, axis("Time, ms", (0.0, float(ms[-1]))), words, made)
 
 
-def _spectra(shown: Seen) -> list[tuple[str, Any, Any, Any]]:
-    """Words, frequency, recorded and generated level of each channel."""
-    model, frame = shown.model, shown.predictions
-    if model is None or frame is None or not len(frame):
-        return []
-    tools = _tools(shown)
-    rows = frame[(frame["quantity"] == SPECTRUM) & frame["group"].isin(tools)]
-    found = []
-    for channel in model.channels:
-        mean = rows[rows["regime"] == channel].groupby("t")[["measured", "predicted"]].mean()
-        if len(mean) > 1:
-            words = channel.replace("_", " ")
-            real, made = (mean[name].to_numpy(float) for name in ("measured", "predicted"))
-            found.append((words, mean.index.to_numpy(float), real, made))
-    return found
-
-
-def _map(shown: Seen, known: Reference) -> Figure:
+def _map(known: Reference, made: list[Source]) -> Figure:
+    """Two principal components of the features of recorded and generated windows, as points."""
     scaling = FeatureScaling.of(known.recorded)
-    real, made = scaling(known.recorded), scaling(known.generated)
+    real, fake = scaling(known.recorded), scaling(known.generated)
     centre = real.mean(axis=0)
     _, _, axes = np.linalg.svd(real - centre, full_matrices=False)
     every = max(-(-len(real) // POINTS), 1)
-    first, second = ((one[::every] - centre) @ axes[:2].T for one in (real, made))
-    said = "Features of recorded windows in training (orange) and of generated ones (blue)"
-    return Figure(
-        svg=figures.map_figure(first, second, said), caption=f"{said}.",
-        sources=_made_from(shown, "generator.json"),
-    )  # fmt: skip
+    points: list[Floats] = [(one[::every] - centre) @ axes[:2].T for one in (real, fake)]
+    across = band(0, 1, *(one[:, 0] for one in points))
+    ranked: list[Floats] = [one[np.argsort(one[:, 0])] for one in points]
+    strip = Strip(head="Second principal component of the features", height=260, dots=[
+        (css, one[:, 0], one[:, 1])
+        for css, one in zip(("s-before", "s-after"), ranked, strict=True)
+    ])  # fmt: skip
+    below = axis("First principal component", (across.low, across.high))
+    words = "Features of recorded windows in training (orange) and of generated ones (blue)."
+    return _figure([strip], below, words, made)
 
 
-def _tools_table(shown: Seen) -> Table | None:
-    """Tools not learnt from: wear from generated windows, from what learners saw, distances."""
-    verdict, model = shown.verdict, shown.model
-    if verdict is None or model is None or not _tools(shown):
+def _spectra(shown: Seen, model: SynthesisModel) -> Figures | None:
+    """Power in bands of recorded and generated windows of tools that decide, over frequency."""
+    frame, verdict = shown.predictions, shown.verdict
+    if frame is None or verdict is None or not len(frame):
         return None
-    unit = _unit(model)
-    rows = []
-    for tool in [*_tools(shown), "all"]:
-        one = {q: verdict.of(q, group=tool, role=verdict.judged_role or "held_out")
-               for q in (GENERATED, LEARNT, AUGMENTED, SPREAD, COPY)}  # fmt: skip
-        score = {q: some[0] if some else None for q, some in one.items()}
-        case = next((c for c in verdict.cases if c.group == tool), None)
-        coverage = None if case is None else case.facts.get("coverage")
-        generated = score[GENERATED]
-        rows.append(
-            cells(
-                tool if tool != "all" else "all of them",
-                *(number(None if s is None else s.mae)
-                  for s in (generated, _base(generated), score[LEARNT], score[AUGMENTED])),
-                number(_mean_percent(score[SPREAD])),
-                number(_mean_percent(score[COPY])),
-                number(None if coverage is None else coverage.value),
-            )
-        )  # fmt: skip
-    return Table(
-        caption="Tools not learnt from: mean error of wear, and how generated windows lie",
-        heads=[
-            *names("Tool"),
-            *numbers(
-                ("of generated windows", unit), ("of recorded ones, the judge alone", unit),
-                ("learnt from generated", unit), ("learnt from both", unit),
-                group="Mean error of wear",
-            ),
-            *numbers(("spread beyond recorded", "%"), ("distance beyond held-out", "%"),
-                     ("coverage", "")),
-        ],
-        rows=rows, sources=_made_from(shown, "verdict.json"),
-        note="Spread: distance of windows of the same conditions; a collapsed generator has −100. "
-        "Distance: to the nearest training window; a copy has −100.",
-    )  # fmt: skip
-
-
-def _base(score: Score | None) -> Any:
-    return None if score is None else score.baselines.get(RECORDED)
-
-
-def _mean_percent(score: Score | None) -> float | None:
-    return None if score is None else score.mean_percent
-
-
-def _spectra_table(shown: Seen) -> Table | None:
-    """Mean distance of levels by channel, beside that between tools."""
-    verdict, model = shown.verdict, shown.model
-    if verdict is None or model is None:
+    rows: Any = frame[(frame["quantity"] == SPECTRUM) & (frame["role"] == verdict.judged_role)]
+    strips, frequency = [], np.zeros(0)
+    for channel in model.channels[:CHANNELS_SHOWN]:
+        mean = rows[rows["regime"] == channel].groupby("t")[["measured", "predicted"]].mean()
+        if len(mean) > 1:
+            frequency = mean.index.to_numpy(float)
+            place: Floats = np.log10(frequency)
+            real: Floats = mean["measured"].to_numpy(float)
+            made: Floats = mean["predicted"].to_numpy(float)
+            curves = [("measured", place, real), ("window", place, made)]
+            head = f"{channel.replace('_', ' ')}, dB"
+            strips.append(Strip(head=head, height=110, curves=curves))
+    if not strips:
         return None
-    rows = []
-    for channel in model.channels:
-        found = [
-            next((s for s in verdict.of(q, group="all", role=verdict.judged_role or "held_out")
-                  if s.regime == channel), None)
-            for q in (SPECTRUM, ORDERS)
-        ]  # fmt: skip
-        band, order = found
-        if band is None:
-            continue
-        other = band.baselines.get("nearest")
-        rows.append(
-            cells(
-                channel.replace("_", " "), number(band.mae),
-                number(None if other is None else other.mae),
-                number(None if order is None else order.mae),
-            )
-        )  # fmt: skip
-    if not rows:
-        return None
-    return Table(
-        caption="Spectra of generated windows against those of tools not learnt from: mean "
-        "difference of levels",
-        heads=[*names("Channel"),
-               *numbers(("generated, bands", "dB"), ("nearest training windows, bands", "dB"),
-                        ("generated, spindle orders", "dB"))],
-        rows=rows, sources=_made_from(shown, "verdict.json"),
-        note="The nearest training windows are those of other tools at about the same wear: what "
-        "tools differ by.",
-    )  # fmt: skip
+    marks = [(float(np.log10(f)), tick_words(float(f"{f:.3g}")))
+             for f in (frequency[0], frequency[len(frequency) // 2], frequency[-1])]  # fmt: skip
+    below = Axis(words="Frequency, Hz", span=(marks[0][0], marks[-1][0]), marks=marks)
+    words = "Power in bands, mean over the windows of tools not learnt from."
+    figure = _figure(strips, below, words, made_from(shown, "predictions.parquet"))
+    legend = [("l-measured", "recorded", "line"), ("l-window", "generated", "line")]
+    return Figures(figures=[figure], legend=legend, kind="one")

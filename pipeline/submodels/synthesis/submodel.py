@@ -244,9 +244,9 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
 
     def page(self, shown: Shown[SynthesisModel]) -> Any:
         """Windows over the wear, the judge's curve, spectra, what is learnt from them."""
-        from pipeline.submodels.synthesis.page import page
+        from pipeline.submodels.synthesis.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def _constant(life: Life) -> Callable[[], Life]:

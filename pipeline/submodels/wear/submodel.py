@@ -230,9 +230,9 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
 
     def page(self, shown: Shown[WearModel]) -> Any:
         """Wear over the life of each tool held out, methods compared, where the model errs."""
-        from pipeline.submodels.wear.page import page
+        from pipeline.submodels.wear.page import content
 
-        return page(shown)
+        return content(shown)
 
 
 def _conditions(windows: WearWindows) -> dict[str, Condition]:

@@ -1,14 +1,12 @@
 """A machine's cut as its sub-model stores it: coefficients, judged recordings, revolutions."""
 
-import re
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.sections import Figures, Heading, SubModelPage
-from pipeline.charts.tables import Table
+from pipeline.charts.sections import SubModelPage
 from pipeline.schema.cutting import (
     CHANNEL_FORCE,
     HIGHEST,
@@ -32,7 +30,8 @@ from pipeline.schema.model import Correlation, Parameter, SourceFile, Training
 from pipeline.schema.verdict import Figures as Errors
 from pipeline.schema.verdict import Score, Verdict
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.cutting.page import cutting_page
+from pipeline.submodels.cutting.submodel import SUBMODEL
+from tests.submodels.made_pages import made
 
 METHOD = "least squares of every sample of the waveform, residuals clustered by revolution"
 LIMITS = {"peak": 25.0, "mean": 20.0, "rms": 20.0}
@@ -284,7 +283,10 @@ def _revolution(feed: float, factor: float) -> pd.DataFrame:
     size = pd.DataFrame({name: np.hypot(f[0], f[1]) for name, f in plane.items()})
     parts += [waveform.assign(quantity=PLANE, regime="", t=np.tile(TURN, 2)),
               size.assign(quantity=MAGNITUDE, regime="", t=TURN)]  # fmt: skip
-    return pd.concat(parts, ignore_index=True).assign(case=name_of(feed))
+    name = name_of(feed)
+    return pd.concat(parts, ignore_index=True).assign(
+        case=name, group=name, unit="N", low=np.nan, high=np.nan
+    )  # fmt: skip
 
 
 TRUTH = {
@@ -295,38 +297,16 @@ TRUTH = {
 }  # fmt: skip
 
 
-def page(
+def shown(
     found: CuttingModel | None = None, judged: Verdict | None = None,
     curves: pd.DataFrame | None = None, **changes: Any,
-) -> SubModelPage:  # fmt: skip
-    """The page of what is given; nothing else is known."""
-    shown = Shown(
+) -> Shown[CuttingModel]:  # fmt: skip
+    """What is given; nothing else is known."""
+    return Shown(
         machine="m", origin="simulated", model=found, verdict=judged, predictions=curves, **changes
     )
-    return cutting_page(shown)
 
 
-def words(page: SubModelPage) -> str:
-    """Everything that a page says, in the order in which it stands there."""
-    said: list[str] = []
-    if page.verdict is not None:
-        said += [page.verdict.status, page.verdict.sentence, page.verdict.todo]
-    said += [word for figure in page.key_figures for word in figure] + page.doubts + page.notes
-    for section in page.sections:
-        said += [section.title, *section.text]
-        for block in section.blocks:
-            said += block_words(block)
-    for table in page.truth:
-        said += block_words(table)
-    return re.sub(r"\s+", " ", " ".join(said))
-
-
-def block_words(block: Any) -> list[str]:
-    if isinstance(block, Heading):
-        return [block.heading, block.text]
-    if isinstance(block, Figures):
-        return [one for figure in block.figures for one in (figure.caption, figure.status_words)]
-    assert isinstance(block, Table)
-    rows = [cell.text for row in block.rows for cell in row]
-    heads = [f"{head.group} {head.name}" for head in block.heads]
-    return [block.caption, block.note, *heads, *rows]
+def page(*parts: Any, **changes: Any) -> SubModelPage:
+    """The page of what is given."""
+    return made(SUBMODEL, shown(*parts, **changes))

@@ -30,15 +30,13 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Case, Cases, conditions_of
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
-from pipeline.submodels.cutting.judged_tables import load_table, runs_table
-from pipeline.submodels.cutting.page import cutting_page
 from pipeline.submodels.cutting.predictions import ForcePredictor, force_targets
 from pipeline.submodels.cutting.recordings import CuttingRecording
-from pipeline.submodels.cutting.runs import components, cutting_facts
 from pipeline.submodels.cutting.settings import CuttingLimits
 from pipeline.submodels.cutting.submodel import SUBMODEL, _facts
 from pipeline.submodels.judge import judge
 from tests.submodels.cutting.recorded import SETTINGS, SLOT, SLOTS, identified, known_of, recordings
+from tests.submodels.made_pages import made, tables
 
 HEAD = Model(submodel="cutting", machine="m", origin="simulated", parameters={}, trained_on=())
 BETWEEN = ("training", "held_out", "training")
@@ -158,37 +156,6 @@ def test_the_scatter_of_the_revolutions_is_kept_and_not_scored():
     assert inside.mean() > 0.9
 
 
-def force_rows(scale: float) -> pd.DataFrame:
-    """10 N that turn once a revolution about a mean of (3, 4) N, predicted ``scale`` too large."""
-    t = np.linspace(0, 360, 720, endpoint=False)
-    angle = np.radians(t)
-    x, y = 3 + 10 * np.cos(angle), 4 + 10 * np.sin(angle)
-    parts = {
-        CHANNEL_FORCE + "x": x, CHANNEL_FORCE + "y": y, CHANNEL_FORCE + "z": 10 * np.cos(angle),
-        PLANE: np.concatenate([x, y]), MAGNITUDE: np.hypot(x, y),
-    }  # fmt: skip
-    frames = [
-        pd.DataFrame({"measured": f, "predicted": scale * f, "baseline_plain": f}).assign(
-            case="a", regime="", quantity=name
-        )
-        for name, f in parts.items()
-    ]
-    return pd.concat(frames, ignore_index=True)
-
-
-def test_figures_of_a_force_that_turns():
-    found = components(force_rows(1.1), "a", "")
-    assert found["x"].measured == pytest.approx(
-        {"peak": 13.0, "mean": 3.0, "rms": np.sqrt(9 + 50)}, rel=1e-4
-    )
-    for name in ("x", "y", "resultant"):
-        assert found[name].errors == pytest.approx({"rms": 10.0, "peak": 10.0, "mean": 10.0})
-        assert found[name].plain == pytest.approx({"rms": 0.0, "peak": 0.0, "mean": 0.0})
-    assert found["resultant"].measured["peak"] == pytest.approx(15.0, rel=1e-4)
-    assert found["resultant"].measured["rms"] == pytest.approx(np.sqrt(125), rel=1e-4)
-    assert found["z"].errors["mean"] is None  # a mean next to nothing is no measure
-
-
 def test_served_forces_are_those_of_the_model(tmp_path):
     """A table of conditions: peak, mean and RMS of the force in the plane of a trained slot."""
     model = fitted(BETWEEN)
@@ -225,15 +192,12 @@ def test_intervals_of_peak_and_mean_are_judged_and_shown():
         machine="m", origin="simulated", model=fitted(("training", "training", "held_out")),
         verdict=found.verdict, predictions=found.predictions,
     )  # fmt: skip
-    facts = cutting_facts(shown)
-    (run,) = facts.judged
-    assert run.outside.startswith("feed per tooth 0.15 mm (learnt: 0.05 to 0.1)")
-    assert run.levels["peak"].held and 0 < run.levels["mean"].half_percent < 40
-    table = runs_table(facts)
-    assert "2 of 2 intervals of 90" in table.caption
-    words = [cell.text for cell in table.rows[0]]
-    assert f"± {run.levels['peak'].half_percent:.1f}" in words
-    assert any("outside of what was learnt" in one for one in words)
+    found_ = tables(made(SUBMODEL, shown))
+    (singles,) = (rows for caption, rows in found_.items() if caption.startswith("Single values"))
+    held = {row[0]: row[7] for row in singles if row[1] == "2.csv"}
+    assert held == {PEAK: "inside", MEAN: "inside"}
+    (outside,) = found_["Outside of the conditions of training"]
+    assert outside == ["2.csv", "feed per tooth", "0.150", "0.05 to 0.1", "mm"]
 
 
 def test_the_spindles_load_is_compared_with_the_dynamometer():
@@ -258,9 +222,6 @@ def test_the_spindles_load_is_compared_with_the_dynamometer():
     f_z, a_p = 1e-4, 2.0
     by_hand = 2 * a_p / (2 * np.pi) * 1.1 * (850 * 2 * f_z * 1e3 + 22 * np.pi)
     assert rows["predicted"].iloc[1] == pytest.approx(by_hand, rel=1e-3)
-    shown = Shown(machine="m", origin="simulated", model=model, verdict=None, predictions=frame)
-    table = load_table(cutting_facts(shown))
-    assert "MAPE" in table.caption and "3 recordings" in table.caption and len(table.rows) == 3
 
 
 def test_a_judged_cut_makes_a_page():
@@ -269,7 +230,7 @@ def test_a_judged_cut_makes_a_page():
         machine="m", origin="simulated", model=fitted(BETWEEN), verdict=found.verdict,
         predictions=found.predictions,
     )  # fmt: skip
-    page = cutting_page(shown)
+    page = made(SUBMODEL, shown)
     assert page.verdict is not None and page.verdict.status == "passed"
-    assert [one.key for one in page.sections] == ["cutting", "forces"]
+    assert [one.key for one in page.sections] == ["cutting", "cutting-judged", "cutting-files"]
     assert page.compared["cuts_judged"].value == 1

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from pipeline.charts.sections import Figures, Heading, SubModelPage
-from pipeline.charts.tables import Table
 from pipeline.schema.drive import (
     MOTOR,
     CurvePoint,
@@ -235,8 +233,9 @@ def trace(recording: str, axis: str, seconds: float = 24.6, rows: int = 4000) ->
         ("speed", "mm/s"): (speed, np.full(rows, np.nan)),
     }  # fmt: skip
     return pd.concat([
-        pd.DataFrame({"case": recording, "quantity": f"{name} {axis}", "unit": unit, "t": t,
-                      "measured": measured, "predicted": predicted})
+        pd.DataFrame({"case": recording, "group": recording, "quantity": f"{name} {axis}",
+                      "unit": unit, "regime": "", "t": t, "measured": measured,
+                      "predicted": predicted})
         for (name, unit), (measured, predicted) in columns.items()
     ], ignore_index=True)  # fmt: skip
 
@@ -265,36 +264,3 @@ def shown(**changes) -> Shown[DriveModel]:
     parts = {"model": drive_model(), "verdict": verdict_on(), "predictions": predictions(),
              "truth": TRUTH, **changes}  # fmt: skip
     return Shown(machine="mill01", origin="simulated", **parts)
-
-
-def words(page: SubModelPage | None) -> str:
-    """What a page says, without its figures."""
-    if page is None:
-        return ""
-    said: list[str] = []
-    if page.verdict is not None:
-        said += [page.verdict.status, page.verdict.sentence, page.verdict.todo]
-    said += [word for figure in page.key_figures for word in figure]
-    said += page.notes
-    for section in page.sections:
-        said += [section.title, *section.text]
-        for block in section.blocks:
-            if isinstance(block, Heading):
-                said += [block.heading, block.text]
-            elif isinstance(block, Figures):
-                said += [one.caption for one in block.figures]
-            else:
-                said += table_words(block)
-    for table in page.truth:
-        said += table_words(table)
-    return plain(" ".join(word for word in said if word))
-
-
-def plain(text: str) -> str:
-    """Text with ordinary spaces."""
-    return " ".join(text.split())
-
-
-def table_words(table: Table) -> list[str]:
-    heads = [f"{head.group} {head.label}".strip() for head in table.heads]
-    return [table.caption, *heads, *(cell.text for row in table.rows for cell in row), table.note]

@@ -10,10 +10,11 @@ import pytest
 
 from pipeline.schema.drive import DriveModel, FeedDrive, Servo
 from pipeline.schema.structure import structured
-from pipeline.submodels.drive.page import drive_page
-from tests.submodels.drive.shown_drives import shown, words
+from pipeline.submodels.drive.submodel import SUBMODEL
+from tests.submodels.drive.shown_drives import shown
 from tests.submodels.drive.test_disturbance import EMPS, identified, recorded
 from tests.submodels.drive.test_judging import judged, stored
+from tests.submodels.made_pages import made, words
 
 __all__ = ["judged"]
 
@@ -55,8 +56,8 @@ def test_verdict_and_page_name_entry_and_cause(kind, judged, model):
     factor = case.facts["disturbance X, factor"].value
     assert factor == pytest.approx(per_unit, rel=0.05)
     assert following_error(found) < 20  # of its own size, with the pulses where they enter [%]
-    said = words(drive_page(shown(model=model, verdict=found, predictions=None, truth=None)))
-    assert "Recorded disturbances" in said and cause in said
+    page = made(SUBMODEL, shown(model=model, verdict=found, predictions=None, truth=None))
+    assert "disturbance X, factor" in str(page) and cause in words(page)
 
 
 def following_error(verdict) -> float:

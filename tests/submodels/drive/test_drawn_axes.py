@@ -19,13 +19,13 @@ from pipeline.submodels.drive.model import (
     identified_axis,
     loop_gains,
 )
-from pipeline.submodels.drive.page_axes import drives_section
 from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_file
 from pipeline.submodels.drive.records import AxisChannels, DriveRecords
 from pipeline.submodels.drive.servo.fit import identify_servo
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting
 from tests.submodels.drive.drawn_axis import DrawnAxis, drawn_axis, recorded_table
+from tests.submodels.made_pages import made, words
 
 MECHANICS = (
     "mass", "coulomb_positive", "coulomb_negative", "viscous_positive", "viscous_negative",
@@ -125,8 +125,5 @@ def test_positions_alone_give_a_model_with_the_loop_gain_and_the_reason(tmp_path
     model = SUBMODEL.fit(SUBMODEL.cases(Records(signals=tmp_path), settings), settings, tmp_path)
     assert model.axes == {} and _inside(model.parameters["X"]["loop_gain"], axis.loop_gain)
     shown = Shown(machine="m", origin="recorded", model=model, verdict=None, predictions=None)
-    section = drives_section(shown)
-    assert section is not None
-    heading, table = section.blocks[:2]
-    assert "record the torque command" in heading.text
-    assert "Kv" in str(table.rows)
+    said = words(made(SUBMODEL, shown))
+    assert "record the torque command" in said and "Kv" in said

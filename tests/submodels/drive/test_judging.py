@@ -26,7 +26,6 @@ from pipeline.submodels.drive.comparison import (
     constant_level,
     following_comparison,
 )
-from pipeline.submodels.drive.page import Driven, _judged_words
 from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import (
     BLOCKS,
@@ -48,6 +47,7 @@ from pipeline.submodels.judge import Judged, judge
 from pipeline.twin.drive import IdentifiedDrive, identified_drive
 from tests.machine.steps import simulate_drive
 from tests.submodels.drive.servo_rig import Rig, recording, strokes
+from tests.submodels.made_pages import made, words
 from tests.twin.axes import DriveParameters
 
 IDENTITY = MachineIdentity(name="mill", origin="simulated")
@@ -175,8 +175,7 @@ def test_the_only_recording_is_judged_by_blocks_of_its_own_time(judged):
     shown = Shown(
         machine="mill", origin="simulated", model=model, verdict=found.verdict, predictions=None
     )
-    runs = Driven.of(shown).judged
-    assert _judged_words(runs).startswith("3 blocks of the only recording’s own time")
+    assert "a block of the only recording" in words(made(SUBMODEL, shown))
     other = [drive_case(TRAINED, "training"), drive_case(NEW, "held_out")]
     assert _own_time(other) == []
 

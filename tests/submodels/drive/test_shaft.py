@@ -17,8 +17,8 @@ from pipeline.shop.drives.commands import Move
 from pipeline.shop.drives.parameters import Axis, ShaftRecords
 from pipeline.shop.drives.shafts import _sweeps, both_ends
 from pipeline.shop.parameters import AxisLimits
+from pipeline.submodels.drive.figures import loops_figure
 from pipeline.submodels.drive.mechanics.estimates import SENSOR
-from pipeline.submodels.drive.page_speed_loops import loops_figure
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.submodels.drive.shaft_signals import MASS, signals_of
@@ -235,7 +235,7 @@ def test_loops_that_were_not_compared_have_their_reason() -> None:
 
 
 def test_figure_draws_both_loops() -> None:
-    drawn = str(loops_figure(loops(20.0, 300.0), "speed"))
+    drawn = str(loops_figure(loops(20.0, 300.0), []).figures[0].svg)
     curves = re.findall(r'<path d="M[^"]+" class="curve ([^"]*)"', drawn)
     assert len(curves) == 2
     for kind in curves:  # a curve has no fill: without a stroke of its class it is not seen

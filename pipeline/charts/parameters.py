@@ -1,0 +1,237 @@
+"""Parameters of a model on its page: values with intervals, what is open, the simulated truth."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import ceil
+from string import ascii_lowercase
+
+from pipeline.charts.numbers import (
+    NARROW,
+    between,
+    counted,
+    fixed,
+    number,
+    percent,
+    powers,
+    relative,
+    resolved,
+    signed,
+    unit_words,
+)
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, code, left_out, names, numbers
+from pipeline.schema.model import Correlation, Parameter
+
+Units = Mapping[str, tuple[str, float]]
+"""Unit in a file -> unit as a shop speaks it, and the factor between the two."""
+Meaning = Callable[[str, str], str]
+"""Group and name of a parameter -> what it is, for people; "–" where its name says all."""
+MOST_OPEN = 20
+"""Rows of the table of the truth above which it is folded [1]."""
+MOST_NAMED = 4
+"""Undetermined parameters that are named at the head of a page [1]."""
+ILL = 1e4
+"""Condition of the scaled Jacobian above which parameters are hard to separate [1]."""
+CLOSE = 0.95
+"""Correlation above which of two parameters little more than the sum is known [1]."""
+
+
+def listed(meanings: Mapping[str, str]) -> Meaning:
+    """Meanings from a table by the last word of a parameter's name."""
+    return lambda group, name: meanings.get(name, meanings.get(name.rpartition(" ")[2], "–"))
+
+
+def in_units(p: Parameter, units: Units) -> Parameter:
+    """A parameter with value, interval and unit as a shop speaks them.
+
+    >>> p = Parameter(value=0.004, unit="m/s", interval_95=(0.003, 0.005), determined=True,
+    ...               method="a fit")
+    >>> shown = in_units(p, {"m/s": ("mm/s", 1e3)})
+    >>> shown.value, shown.interval_95, shown.unit
+    (4.0, (3.0, 5.0), 'mm/s')
+    """
+    unit, factor = units.get(p.unit, (p.unit, 1.0))
+    ends = p.interval_95
+    return replace(
+        p, unit=unit, value=None if p.value is None else p.value * factor,
+        interval_95=None if ends is None else (ends[0] * factor, ends[1] * factor),
+    )  # fmt: skip
+
+
+def unit_of(p: Parameter) -> str:
+    """Unit of a parameter as it is printed; a dash for none."""
+    return powers(unit_words(p.unit)) if p.unit not in ("", "1") else "–"
+
+
+def parameters_table(
+    caption: str, parameters: Mapping[str, Parameter], made: Sequence[Source],
+    meaning: Callable[[str], str] = lambda name: "–",
+) -> Table | None:  # fmt: skip
+    """Parameters with value, interval and unit, and their method or what to record."""
+    if not parameters:
+        return None
+    methods = Counter(p.method for p in parameters.values() if p.determined)
+    often = [m for m, count in methods.items() if m and (count > 1 or len(methods) == 1)]
+    marks = {
+        method: "–" if len(methods) == 1 else f"({letter})"
+        for method, letter in zip(often, ascii_lowercase, strict=False)
+    }
+    return Table(
+        caption=caption,
+        note=_methods_words(marks),
+        heads=[
+            *names("Parameter", "means"),
+            *numbers(("value", ""), ("95 % interval", "")),
+            *names("unit", "method, or what to record"),
+        ],
+        rows=[_row(name, p, meaning(name), marks) for name, p in parameters.items()],
+        sources=list(made),
+    )
+
+
+def _methods_words(marks: Mapping[str, str]) -> str:
+    """The methods, under the marks that stand in the rows."""
+    if list(marks.values()) == ["–"]:
+        return f"Those with a number were found by {next(iter(marks)).rstrip('.')}."
+    said = "; ".join(f"{mark} {method.rstrip('.')}" for method, mark in marks.items())
+    return f"Methods: {said}." if said else ""
+
+
+def _row(name: str, p: Parameter, means: str, marks: Mapping[str, str]) -> list[Cell]:
+    low, high = p.interval_95 or (None, None)
+    known = p.determined and p.value is not None
+    lacking = "; ".join(w for w in (p.method, p.remedy) if w) or "–"
+    value = number(p.value, resolved(low, high)) if known else "not determined"
+    interval = between(low, high) if known and p.interval_95 else "–"
+    return cells(
+        code(name), means, value if known else Cell(text=value, status="unknown"), interval,
+        unit_of(p), (marks.get(p.method, p.method) or "–") if known else lacking,
+    )  # fmt: skip
+
+
+def undetermined_words(
+    groups: Mapping[str, Mapping[str, Parameter]], meaning: Meaning, title: str
+) -> str:
+    """Parameters that the records do not determine, the first of them in words; empty for none."""
+    lost = [
+        f"{f'({group}) ' if group else ''}{name if means == '–' else means}"
+        for group, parameters in groups.items()
+        for name, p in parameters.items() if not p.determined
+        for means in [meaning(group, name)]
+    ]  # fmt: skip
+    if not lost:
+        return ""
+    more = [f"{len(lost) - MOST_NAMED} more"] if len(lost) > MOST_NAMED else []
+    return (
+        f"Of the {title} the records do not determine {'; '.join(lost[:MOST_NAMED] + more)}: the "
+        "tables say what to record for a number."
+    )
+
+
+def strongest_correlation(correlation: Correlation) -> tuple[str, str, float] | None:
+    """The pair of parameters that the records tell apart worst, and their correlation."""
+    pairs = [
+        (abs(r), correlation.names[i], correlation.names[j], r)
+        for i, row in enumerate(correlation.values)
+        for j, r in enumerate(row[:i])
+        if r is not None
+    ]
+    return max(pairs)[1:] if pairs else None
+
+
+def fit_words(residual: str, condition: float | None, correlation: Correlation) -> str:
+    """How well a fit holds, and which two parameters are the most correlated; "" for nothing."""
+    said = [residual] if residual else []
+    if condition is not None:
+        ill = ", so some are hard to separate" if condition > ILL else ""
+        said.append(f"the condition is {number(condition, 2)}{ill}")
+    if (pair := strongest_correlation(correlation)) is not None:
+        close = ", so that little more than their sum is known" if abs(pair[2]) > CLOSE else ""
+        said.append(f"the most correlated are {pair[0]} and {pair[1]} (correlation "
+                    f"{fixed(pair[2], 2)}{close})")  # fmt: skip
+    text = "; ".join(said)
+    return f"{text[0].upper()}{text[1:]}." if text else ""
+
+
+# ---- the truth of a simulated machine
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownValue:
+    """A parameter of a simulated machine: as it was identified, and its true value."""
+
+    name: str
+    """Group and name in one."""
+    true: float
+    """True value, in the unit of the parameter."""
+    parameter: Parameter
+    """As identified."""
+    period: float = 0.0
+    """Period up to which it is determined, in the same unit; 0 for none."""
+
+    @property
+    def holds(self) -> bool | None:
+        """Whether the 95 % interval holds the truth, or that and whole periods; None without."""
+        p = self.parameter
+        if not p.determined or p.interval_95 is None:
+            return None
+        low, high = p.interval_95
+        whole = self.period * ceil((low - self.true) / self.period) if self.period else 0.0
+        return low <= self.true + whole <= high
+
+    @property
+    def off_percent(self) -> float | None:
+        """Difference of the value from the true one [%]; None for angles and a truth of 0."""
+        p = self.parameter
+        if not p.determined or p.value is None or not self.true or self.period:
+            return None
+        return 100 * (p.value / self.true - 1)
+
+
+def truth_table(
+    title: str, known: Sequence[KnownValue], made: Sequence[Source], note: str = ""
+) -> Table | None:
+    """True value, value found, and whether its 95 % interval holds the truth."""
+    if not known:
+        return None
+    judged = [one.holds for one in known if one.holds is not None]
+    return Table(
+        caption=f"{title[:1].upper()}{title[1:]}: simulated against identified; {sum(judged)} of "
+        f"{number(len(judged))} intervals hold the truth{left_out(len(known), MOST_ROWS)}",
+        note=note,
+        heads=[*names("Parameter"),
+               *numbers(("true", ""), ("identified", ""), ("off by", "%"), ("95 % interval", "")),
+               *names("unit", "interval")],
+        rows=[_truth_row(one) for one in known[:MOST_ROWS]],
+        sources=list(made),
+        folded=len(known) > MOST_OPEN,
+    )  # fmt: skip
+
+
+def _truth_row(one: KnownValue) -> list[Cell]:
+    p, holds = one.parameter, one.holds
+    low, high = p.interval_95 or (None, None)
+    digits = resolved(low, high)
+    modulo = f", modulo {one.period:g}{unit_words(p.unit)}" if one.period else ""
+    said = {True: ("holds the truth", "passed"), False: ("misses the truth", "failed")}
+    return cells(
+        code(one.name), number(float(one.true), digits),
+        number(p.value, digits) if p.determined else "not determined",
+        relative(one.off_percent, lambda share: signed(share, 2)),
+        "–" if holds is None else between(low, high), unit_of(p),
+        "–" if holds is None else Cell(text=said[holds][0] + modulo, status=said[holds][1]),
+    )  # fmt: skip
+
+
+def truth_words(known: Iterable[KnownValue], title: str) -> str:
+    """How many intervals hold the truth, and which miss it; empty where none does."""
+    judged = [one for one in known if one.holds is not None]
+    missed = [one.name for one in judged if not one.holds]
+    if not missed:
+        return ""
+    held, total = len(judged) - len(missed), len(judged)
+    return (
+        f"Of {counted(total, 'interval')} of 95{NARROW}% of the {title} {held} hold the simulated "
+        f"truth ({percent(held, total)}); {', '.join(missed)} miss{'es' * (len(missed) == 1)} it."
+    )
