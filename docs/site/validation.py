@@ -123,10 +123,10 @@ def _page(
         f"The tables are made from `data/metrics/<machine>_{name}.json`, which\n\n"
         f"```sh\ndvc repro judge_{name}\n```\n\n"
         "writes for the machines of the active fleet; `reports/<machine>_"
-        f"{name}.html` has every recording. MAE and RMSE are over all judged samples. *Error saved* "
-        "is the share of a baseline's mean absolute error that the model avoids. Machines marked "
-        "*simulated* are those of the simulated shop floor; mill00 has short records and the quick "
-        "budget.\n"
+        f"{name}.html` has every recording. MAE and RMSE are over all judged samples. "
+        "*Error saved* is the share of a baseline's mean absolute error that the model avoids. "
+        "Machines marked *simulated* are those of the simulated shop floor; mill00 has short "
+        "records and the quick budget.\n"
     )
 
 
