@@ -2,9 +2,10 @@
 
 What we choose stands in params.yaml; what a machine and a workshop are, which is long, in JSON
 beside it, since DVC reads a stage's parameters anew for each stage and YAML takes it fifty times as
-long.  A stage depends on a machine's sections by their hashes: DVC writes what a stage depends on
-into dvc.lock, and writes all of that anew after each stage.  What a value is not is never made of
-it: no word becomes a truth value or a list of letters, no fraction a whole number.
+long.  A stage of a machine depends on its sections, its own and those for all, by their hashes: DVC
+writes what a stage depends on into dvc.lock, and writes all of that anew after each stage.  What a
+value is not is never made of it: no word becomes a truth value or a list of letters, no fraction a
+whole number.
 """
 
 import json
@@ -104,8 +105,9 @@ def parted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
     machines = values.get("machine", {})
     parts = {f"{MACHINES}/{name}.json": one for name, one in machines.items()}
     parts |= {
-        f"{HASHES}/{name}.json": {section: _hash(content) for section, content in one.items()}
+        f"{HASHES}/{name}.json": {section: _hash(content) for section, content in sections.items()}
         for name, one in machines.items()
+        for sections in [own | one]
     }
     parts[CATALOGUE] = {name: values[name] for name in CATALOGUES if name in values}
     return own, {name: json.dumps(one, indent=1) + "\n" for name, one in parts.items()}

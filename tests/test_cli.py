@@ -332,17 +332,20 @@ def active(project: Path) -> str:
 
 def test_another_fleet_is_made_active(project: Path) -> None:
     leave(project, "recorded", "mazak01")
+    lock, first = project / "dvc.lock", active(project)
+    lock.write_text("of the first fleet")
     done = kerf(project, "fleet", "recorded")
     assert (done.exit_code, done.stdout) == (0, "fleet recorded: mazak01\n")
     assert active(project) == "recorded"
+    assert not lock.exists(), "of the machines of another fleet"
     assert kerf(project, "fleet", "recorded").exit_code == 0
     with inside(project):
         build(project, "compose")
     assert "mazak01" in params(project)["machine"]
     # dependencies of the report that no stage of this fleet writes
     assert all((project / "data" / name).is_dir() for name in ("truth", "programs", "trials"))
-    kerf(project, "fleet", "simulated")
-    assert active(project) == "simulated"
+    kerf(project, "fleet", first)
+    assert (active(project), lock.read_text()) == (first, "of the first fleet")
 
 
 @pytest.mark.parametrize("name", ["active", "nowhere", "../fleet/recorded"])

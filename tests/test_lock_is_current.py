@@ -39,17 +39,22 @@ def test_dvc_repro_has_nothing_to_do() -> None:
     assert not to_run, f"{to_run}: run `make repro` and commit dvc.lock"
 
 
+LOCKS = {ACTIVE: ROOT / "dvc.lock", **{p.stem: p for p in (ROOT / "data/locks").glob("*.lock")}}
+"""Of each fleet."""
+
+
 @pytest.fixture(scope="module")
-def locked() -> dict[str, Any]:
-    found: dict[str, Any] = YAML(typ="safe").load(ROOT / "dvc.lock")  # 1e-6 is a number, as for DVC
-    return found["stages"]
+def locked() -> dict[str, dict[str, Any]]:
+    """Stages by fleet."""
+    read = YAML(typ="safe").load  # 1e-6 is a number, as for DVC
+    return {fleet: read(path)["stages"] for fleet, path in LOCKS.items()}
 
 
-def test_every_fleet_was_built_by_this_code(locked: dict[str, Any]) -> None:
+def test_every_fleet_was_built_by_this_code(locked: dict[str, dict[str, Any]]) -> None:
     """Also those that are not active, whose stages DVC does not look at."""
     known = fingerprints(ROOT / "pipeline")
     stale = {
-        name for name, stage in locked.items()
+        (fleet, name) for fleet, stages in locked.items() for name, stage in stages.items()
         for stage_name, digest in stage.get("params", {}).get("data/code.json", {}).items()
         if known.get(stage_name) != digest
     }  # fmt: skip
@@ -57,25 +62,25 @@ def test_every_fleet_was_built_by_this_code(locked: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("fleet", FLEETS)
-def test_every_fleet_was_built_with_these_settings(locked: dict[str, Any], fleet: str) -> None:
+def test_every_fleet_was_built_with_these_settings(
+    locked: dict[str, dict[str, Any]], fleet: str
+) -> None:
     own, parts = parted(yaml.safe_load(composed(ROOT / "conf", (f"fleet={fleet}",))))
     files = {f"data/settings/{name}": json.loads(text) for name, text in parts.items()}
     machines = {Path(name).stem for name in parts if name.startswith("machine/")}
     found = set()
-    for name, stage in locked.items():
-        if name.partition("@")[2] not in machines:
-            continue
+    for name, stage in locked[fleet].items():
         found.add(name.partition("@")[2])
         for file, values in stage["params"].items():
             there = own if file == "params.yaml" else files.get(file)
             if there is not None:
                 now = json.loads(json.dumps({key: there.get(key) for key in values}))
                 assert now == json.loads(json.dumps(values)), f"{name}: {file} has changed"
-    assert found == machines
+    assert found == {"", *machines}
 
 
 @pytest.mark.skipif(shutil.which("git") is None, reason="git is not on the PATH")
-def test_git_holds_nothing_that_a_build_computes() -> None:
+def test_git_holds_nothing_that_a_build_computes(locked: dict[str, dict[str, Any]]) -> None:
     """But for what is small and read by people: metrics, and what ``compose`` puts together."""
     answer = subprocess.run(
         ["git", "ls-files"], cwd=ROOT, capture_output=True, text=True, check=False
@@ -83,9 +88,9 @@ def test_git_holds_nothing_that_a_build_computes() -> None:
     if answer.returncode:
         pytest.skip("not a clone")
     held = answer.stdout.splitlines()
-    stages = yaml.safe_load((ROOT / "dvc.lock").read_text())["stages"]
     outs = {
-        out["path"] for name, stage in stages.items() if name != "compose"
+        out["path"]
+        for stages in locked.values() for name, stage in stages.items() if name != "compose"
         for out in stage.get("outs", []) if not out["path"].startswith(HELD)
     }  # fmt: skip
     found = [file for file in held if outs & {file, *map(str, Path(file).parents)}]

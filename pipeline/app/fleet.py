@@ -19,7 +19,7 @@ import yaml
 
 from pipeline.app.lines import many
 from pipeline.fleet import Fleet
-from pipeline.parameters import read_params, structure
+from pipeline.parameters import ParametersError, read_params, read_yaml, structure
 from pipeline.schema.cache import content_key, keep, kept
 from pipeline.schema.days import UTC, day_of_text
 from pipeline.schema.files import NotWrittenError, replacing
@@ -31,6 +31,9 @@ if TYPE_CHECKING:
 
 CONF = Path("conf")
 DATA = Path("data")
+LOCK, LOCKS = Path("dvc.lock"), DATA / "locks"
+"""The active fleet's lock, and the folder with those of the others: DVC writes the whole file anew
+after each stage."""
 PACKAGE = Path(__file__).parents[1]
 COMPOSED_BY = (PACKAGE / "stages/compose.py", PACKAGE / "parameters.py")
 """Code that a composition is made by."""
@@ -195,7 +198,7 @@ def _bring_devices(
 
 
 def use_fleet(name: str) -> Fleet:
-    """Make ``conf/fleet/<name>.yaml`` the active one.
+    """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build.
 
     Raises
     ------
@@ -218,10 +221,24 @@ def use_fleet(name: str) -> Fleet:
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
     active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml", written)
+    with suppress(OSError, ParametersError):  # an active fleet that is none has no lock either
+        _change_lock(str(read_yaml(active.read_text()).get("name")), chosen.name)
     if active.is_symlink() or not active.exists() or active.read_text() != text:
         with replacing(active, follow=False) as part:
             part.write_text(text)
     return chosen
+
+
+def _change_lock(now: str, chosen: str) -> None:
+    """Put dvc.lock of the fleet ``now`` by, and that of the one ``chosen`` in its place."""
+    for source, target in ((LOCK, _kept_lock(now)), (_kept_lock(chosen), LOCK)):
+        if now != chosen and source.exists():
+            target.parent.mkdir(parents=True, exist_ok=True)
+            source.replace(target)
+
+
+def _kept_lock(fleet: str) -> Path:
+    return LOCKS / f"{fleet}.lock"
 
 
 def _whole(path: Path, written: dict[str, Any]) -> str:

@@ -16,7 +16,7 @@ from pipeline.stages.compose import compose
 CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
-HELD = ("code.json", "golden/", "index/", "metrics/", "settings/")
+HELD = ("code.json", "golden/", "index/", "locks/", "metrics/", "settings/")
 """What of data/ git holds."""
 IGNORED = (
     "mlflow.db",

@@ -86,7 +86,8 @@ def test_the_stage_declares_its_sections(name: str) -> None:
         pytest.skip(f"no machine of the active fleet is in its list {each}")
     some = machines[0] if each else None
     found = {section_path(values, s, some) for s in sections}
-    declared = {f"machine.{some}.{one}" for one in parameters(stage).get(MACHINE_FILE, [])}
+    of_machine = parameters(stage).get(MACHINE_FILE, [])
+    declared = {section_path(values, one, some) for one in of_machine}
     if "data/settings/catalogue.json" in paths(stage.get("deps", [])):
         declared |= found & set(CATALOGUES)
     assert declared | set(parameters(stage)[""]) == found
