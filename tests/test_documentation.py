@@ -16,7 +16,8 @@ import validation  # noqa: E402
 
 README = ROOT / "README.md"
 PAGES = sorted((ROOT / "docs").rglob("*.md"))
-HOW_TO = [ROOT / "docs" / f"{subject.page}.md" for subject in validation.SUBJECTS.values()]
+SUBJECTS = [subject.page for subject in validation.SUBJECTS.values()]
+HOW_TO = [ROOT / "docs" / f"{name}.md" for name in (*SUBJECTS, "optimisation", "tools")]
 INDEX = json.loads(pictures.INDEX.read_text())
 REMEDY = "build its fleet and run `make pictures`"
 SHOWN = re.compile(r"!\[[^\]]*\]\((?:docs/|\.\./)?pictures/(\w+)\.png\)\s*(\*[^*]+\*)?")
