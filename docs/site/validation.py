@@ -70,13 +70,17 @@ SUBJECTS = {
     ),
 }  # fmt: skip
 QUANTITY_HEAD = (
-    "| machine | quantity | unit | MAE | RMSE | worst RMSE of a group | error "
-    "| inside the 90 % interval | error saved against |\n|---|---|---|---|---|---|---|---|---|\n"
+    "| machine | quantity | MAE, RMSE, worst | error | inside 90 % | error saved against |\n"
+    "|---|---|---|---|---|---|\n"
 )
 OPTIMISED_HEAD = (
     "| machine | program | time as programmed | optimised | change | cost | peak load "
     "| P(load > limit) | geometry |\n|---|---|---|---|---|---|---|---|---|\n"
 )
+
+
+SHOWN = {"N/m": (1e-6, "N/µm"), "N s/m": (1e-3, "N s/mm"), "m": (1e6, "µm")}
+"""Units in which quantities are shown, and the factor to them."""
 
 
 def pages(metrics: Path) -> dict[str, str]:
@@ -120,14 +124,43 @@ def _page(
         f"[{subject.title}](../theory/{subject.page}.md). Method of all judgements: "
         f"[Judgement](../theory/judgement.md).\n\n"
         f"| machine | verdict | cases judged |\n|---|---|---|\n{verdicts}\n{QUANTITY_HEAD}{rows}\n"
+        f"{_identified(files, simulated)}"
         f"The tables are made from `data/metrics/<machine>_{name}.json`, which\n\n"
         f"```sh\ndvc repro judge_{name}\n```\n\n"
         "writes for the machines of the active fleet; `reports/<machine>_"
-        f"{name}.html` has every recording. MAE and RMSE are over all judged samples. "
-        "*Error saved* is the share of a baseline's mean absolute error that the model avoids. "
-        "Machines marked *simulated* are those of the simulated shop floor; mill00 has short "
+        f"{name}.html` has every recording. MAE and RMSE are over all judged samples, "
+        "*worst* is the greatest RMSE of a group, *inside 90 %* the share of samples inside the "
+        "90 % prediction interval. *Error saved* is the share of a baseline's mean absolute error "
+        "that the model avoids. Machines marked *simulated* are those of the simulated shop floor; mill00 has short "
         "records and the quick budget.\n"
     )
+
+
+def _identified(files: dict[str, dict[str, Any]], simulated: set[str]) -> str:
+    """Table of the parameters that stand among the key figures, or nothing."""
+    rows = [
+        f"| {_label(machine, simulated)} | {part} | {name.replace('_', ' ')} "
+        f"| {_parameter(values)} |\n"
+        for machine, figures in files.items()
+        for part, parameters in figures.items()
+        if isinstance(parameters, dict)
+        for name, values in parameters.items()
+        if isinstance(values, dict) and "interval_95" in values
+    ]
+    head = "| machine | part | parameter | identified, 95 % interval |\n|---|---|---|---|\n"
+    return head + "".join(rows) + "\n" if rows else ""
+
+
+def _unit(values: dict[str, Any]) -> str:
+    return "µm" if values["unit"] == "um" else str(values["unit"])
+
+
+def _parameter(values: dict[str, Any]) -> str:
+    if values["value"] is None or values["interval_95"] is None:
+        return "not determined"
+    factor, unit = SHOWN.get(values["unit"], (1.0, values["unit"]))
+    value, low, high = (_figure(factor * x) for x in (values["value"], *values["interval_95"]))
+    return f"{value} ({low} to {high}) {unit}"
 
 
 def _quantities(figures: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
@@ -147,8 +180,8 @@ def _row(machine: str, quantity: str, values: dict[str, Any]) -> str:
         coverage += ", too wide to be of use"
     relative = values["relative_percent"]
     error = "–" if relative is None else f"{relative:.3g} %"
-    cells = (machine, quantity.replace("_", " "), values["unit"], _figure(values["mae"]),
-             _figure(values["rmse"]), _figure(values["worst_rmse"]), error, coverage,
+    errors = ", ".join(_figure(values[key]) for key in ("mae", "rmse", "worst_rmse"))
+    cells = (machine, quantity.replace("_", " "), f"{errors} {_unit(values)}", error, coverage,
              saved or "–")  # fmt: skip
     return f"| {' | '.join(cells)} |\n"
 
@@ -236,7 +269,7 @@ def readme_table(metrics: Path) -> str:
         relative = f"{values['relative_percent']:.2g} %"
         rows.append(
             f"| {_label(machine, simulated)} | {words} | {_figure(values['rmse'])} "
-            f"{values['unit']}, {relative} | {saved} | {figures['status']} "
+            f"{_unit(values)}, {relative} | {saved} | {figures['status']} "
             f"| `judge_{name}@{machine}` |\n"
         )
     head = "| machine | predicted | RMSE | mean error saved against | verdict | `dvc repro` |\n"
