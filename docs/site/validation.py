@@ -131,8 +131,8 @@ def _page(
         f"{name}.html` has every recording. MAE and RMSE are over all judged samples, "
         "*worst* is the greatest RMSE of a group, *inside 90 %* the share of samples inside the "
         "90 % prediction interval. *Error saved* is the share of a baseline's mean absolute error "
-        "that the model avoids. Machines marked *simulated* are those of the simulated shop floor; mill00 has short "
-        "records and the quick budget.\n"
+        "that the model avoids. Machines marked *simulated* are those of the simulated shop floor; "
+        "mill00 has short records and the quick budget.\n"
     )
 
 
