@@ -54,9 +54,14 @@ SYMBOLS = {
     "body_start": "K", "v_0": "m/s", "v_1": "m/s", "top": "m/s", "a": "m/s^2", "t": "s", "s": "m",
     "length": "m", "distance": "m", "radius": "m", "curvature": "1/m", "drift": "m/s",
     "heat": "1", "feed": "m/s", "spindle": "rev/min", "speeds": "rev/min",
-    "jump": "m/s",
+    "jump": "m/s", "v": "m/s", "step": "s", "feedforward": "1",
 }  # fmt: skip
 """Units of names that mean the same in all formulas, where a docstring says none."""
+ENDINGS = {
+    "_rad_s": "rad/s", "_m_min": "m/min", "_rpm": "rev/min", "_kWh": "kW h", "_C": "degC",
+    "_Hz": "Hz", "_W": "W", "_mm": "mm", "_um": "um", "_s": "s", "_m": "m",
+}  # fmt: skip
+"""Units that end a parameter's name."""
 ANY = {"x", "y", "cos", "sin", "values", "of_part", "points", "centres", "temperatures", "band",
        "motor", "feeds", "sources"}  # fmt: skip
 """Parameters of any unit, or with columns of several, which the text names."""
@@ -136,8 +141,11 @@ def parameter_units(function: Callable[..., Any]) -> dict[str, str]:
                 found[name] = units[place]
             elif units and (len(units) == 1 or len(several) == 1):
                 found[name] = units[0]  # columns of several units: the first of them
-    known = SYMBOLS | found
-    return {name: known[name] for name in inspect.signature(function).parameters if name in known}
+    names = inspect.signature(function).parameters
+    ended = {name: unit for name in names for end, unit in reversed(ENDINGS.items())
+             if name.endswith(end)}  # fmt: skip
+    known = SYMBOLS | ended | found
+    return {name: known[name] for name in names if name in known}
 
 
 def return_units(function: Callable[..., Any]) -> list[str]:
@@ -175,7 +183,8 @@ MIXED = {
     "laws_lines": "as local_lines", "life_price": "currency of the tool table",
     "limited": "volts, as the parameters", "not_negative": "unit of the values",
     "objective": "unit of the points, squared", "published": "columns of several units",
-    "rotated": "unit of the vector", "sensor_groups": "weights", "settling_time": "as the time",
+    "rotated": "unit of the vector", "samples": "unit of the values",
+    "sensor_groups": "weights", "settling_time": "as the time",
     "tool_limits": "unit of the limit", "unit_heat": "columns of several units",
     "unit_responses": "as its heat", "first_order": "unit of the start",
     "fuzzy_rules": "columns of several units",
@@ -262,7 +271,6 @@ EXAMPLES: dict[str, dict[str, Any]] = {
                       "motor": winding},
     "torque": {"i_d": -1.0, "i_q": 8.0, "motor": winding},
     "copper_loss": {"i_d": -1.0, "i_q": 8.0, "motor": winding},
-    "magnetic_energy": {"i_d": -1.0, "i_q": 8.0, "motor": winding},
     "quasi_steady_body": {"start": 35.0, "ambient": 20.0, "coolant": 18.0, "parameters": spindle},
     "cutting_speed": {"diameter": 0.012, "n": 80.0},
     "margin": {"depth": [1e-3, 2e-3], "limit": [1.5e-3, 1e-3]},
