@@ -4,9 +4,13 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import yaml
+from jsonschema import Draft202012Validator
+
+from pipeline.app.json_schema import schema_files
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "docs/site"))
@@ -92,3 +96,26 @@ def test_a_digest_sees_the_third_digit_and_no_more(tmp_path: Path) -> None:
         return pictures.figures_digest(tmp_path, "m_drive")
 
     assert digest(1.2345) == digest(1.2345001) != digest(1.2445)
+
+
+def sections() -> list[Any]:
+    """Sections of machines' files that the pages show, by page and name."""
+    found = []
+    for page in PAGES:
+        for block in re.findall(r"^```yaml\n(.*?)^```", page.read_text(), re.M | re.S):
+            shown = yaml.safe_load(block)
+            for name in set(shown) & set(MACHINE["properties"]):
+                found.append(pytest.param(name, shown[name], id=f"{page.stem}-{name}"))
+    return found
+
+
+MACHINE = json.loads(schema_files()["machine.json"])
+
+
+@pytest.mark.parametrize(("name", "shown"), sections())
+def test_a_section_that_a_page_shows_is_one(name: str, shown: Any) -> None:
+    whole = {"$defs": MACHINE["$defs"], **MACHINE["properties"][name]}
+    faults = Draft202012Validator(whole).iter_errors(json.loads(json.dumps(shown, default=str)))
+    leaves = [leaf for fault in faults for leaf in (fault.context or [fault])]
+    wrong = [leaf.message for leaf in leaves if leaf.validator != "required"]  # it may be a part
+    assert not wrong
