@@ -1,5 +1,6 @@
 # `make repro` sets up and runs the main job, `make test` sets up and runs the tests,
-# `make proof` the tests that need many seeds, mutations or long fuzzing, `make docs` the site.
+# `make proof` the tests that need many seeds, mutations or long fuzzing, `make docs` the site,
+# `make pictures` the pictures of docs/ and README that show the fleet built last, and README's figures.
 #   make repro FLEET=recorded RECORDINGS=path   runs it on real recordings
 
 VENV := .venv
@@ -15,7 +16,7 @@ PIP = $(BIN)/pip install --quiet --disable-pip-version-check -c requirements.loc
 # uv where it is on the path; torch always by pip, whose configuration may name an index of CPU builds
 INSTALL = $(if $(shell command -v uv),uv pip install --quiet --python $(BIN)/python -c requirements.lock,$(PIP))
 
-.PHONY: repro test proof setup benchmark docs clean
+.PHONY: repro test proof setup benchmark docs pictures clean
 
 repro: $(READY)
 ifdef FLEET
@@ -41,6 +42,10 @@ benchmark: $(TESTS)
 
 docs: $(TESTS)
 	NO_MKDOCS_2_WARNING=1 mkdocs build --strict
+
+pictures: $(TESTS)
+	python docs/site/pictures.py
+	python docs/site/validation.py
 
 setup: $(TESTS)
 

@@ -16,9 +16,11 @@ from tests.small_project import new_project
 from tests.test_cli import kerf
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 PART = "G21 G90 G17\nG54\nT4 M6\nS5000 M3\nG0 X-20 Y20 Z5\nG1 Z-2 F500\nX50 F1200\nM30\n"
-QUICK = {"interpret", "simulate", "check", "status", "machine schema", "fleet simulated"}
+QUICK = {
+    "interpret", "simulate", "check", "preflight", "status", "machine schema", "fleet simulated",
+}  # fmt: skip
 """Commands that run here; of those below, tests of their own run each."""
 MODELS = "asks an identified model"
 MINUTES = "takes a minute and an identified model"

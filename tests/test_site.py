@@ -1,5 +1,6 @@
 """The documentation as a site: no broken link, nothing from elsewhere, notebooks with plots."""
 
+import json
 import re
 import subprocess
 import sys
@@ -44,11 +45,28 @@ def site(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 
 def test_every_page_and_notebook_is_there(site: Path) -> None:
-    pages = {path.stem for path in (ROOT / "docs").glob("*.md")}
-    assert pages <= {path.stem for path in site.glob("*.html")}
+    pages = {path.relative_to(ROOT / "docs") for path in (ROOT / "docs").rglob("*.md")}
+    assert {page.with_suffix(".html") for page in pages} <= {
+        path.relative_to(site) for path in site.rglob("*.html")
+    }
     for notebook in (ROOT / "notebooks").glob("*.ipynb"):
         assert "Not run" in (site / f"notebooks/{notebook.stem}.html").read_text()
     assert "twin" in (site / "index.html").read_text()
+
+
+def test_settings_and_schemas_are_made(site: Path) -> None:
+    assert "position_gain" in (site / "settings.html").read_text()
+    assert json.loads((site / "schema/machine.json").read_text())["$defs"]
+
+
+def test_validation_shows_the_figures_of_every_machine(site: Path) -> None:
+    metrics = sorted((ROOT / "data/metrics").glob("*_drive.json"))
+    page = (site / "validation/drive.html").read_text()
+    for path in metrics:
+        machine = path.stem.removesuffix("_drive")
+        assert machine in page
+        assert f"{json.loads(path.read_text())['force X']['rmse']:.3g}" in page
+    assert "mill01 (simulated)" in page and "emps (simulated)" not in page
 
 
 def test_the_reference_shows_units_and_shapes(site: Path) -> None:

@@ -1,9 +1,12 @@
-"""Hooks of the site: pages made from README, changes, notebooks and docstrings; pages not there."""
+"""Hooks of the site: pages from README, notebooks, docstrings, settings and key figures."""
 
 import ast
 import re
+import subprocess
 import sys
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -11,6 +14,7 @@ from mkdocs.structure.files import File, Files
 
 sys.path.insert(0, str(Path(__file__).parent))
 import notebook_pages
+import validation
 
 ROOT = Path(__file__).parents[2]
 COPIES = {
@@ -19,6 +23,9 @@ COPIES = {
     "CONTRIBUTING.md": "contributing.md",
 }
 """Pages of the repository's root, and their names in the site."""
+SETTINGS = "settings.md"
+SOURCES = Path(__file__).resolve().parents[2]
+"""Repository whose package describes the settings, also where docs/ is a link into it."""
 
 
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
@@ -41,9 +48,33 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         files.append(File.generated(config, f"notebooks/{path.stem}.md", content=page))
         for name, picture in pictures.items():
             files.append(File.generated(config, f"notebooks/{name}", content=picture))
+    for name, content in described_settings().items():
+        files.append(File.generated(config, name, content=content))
+    for name, page in validations().items():
+        files.append(File.generated(config, f"validation/{name}.md", content=page))
     for room in rooms():
         files.append(File.generated(config, f"reference/{room}.md", content=reference(room)))
     return files
+
+
+@cache
+def described_settings() -> dict[str, str]:
+    """Settings page and JSON Schemas, as the code describes them, by path in the site."""
+    command = [sys.executable, "-m", "pipeline.app", "machine", "schema"]
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        subprocess.run(
+            [*command, "--out", folder / "schema", "--page", folder / SETTINGS],
+            cwd=SOURCES, check=True, stdout=subprocess.DEVNULL,
+        )  # fmt: skip
+        written = [folder / SETTINGS, *sorted((folder / "schema").iterdir())]
+        return {str(path.relative_to(folder)): path.read_text("utf-8") for path in written}
+
+
+@cache
+def validations() -> dict[str, str]:
+    """Tables of the judged figures by subject."""
+    return validation.pages(SOURCES / "data/metrics")
 
 
 def notebooks() -> list[Path]:
@@ -76,11 +107,19 @@ def _filled(entry: Any) -> Any:
     ((title, target),) = entry.items()
     if target == "notebooks/":
         return {title: [{_question(p): f"notebooks/{p.stem}.md"} for p in notebooks()]}
+    if target == "validation/":
+        return {
+            title: [{_heading(p): f"validation/{name}.md"} for name, p in validations().items()]
+        }
     if target == "reference/":
         return {title: [{room: f"reference/{room}.md"} for room in rooms()]}
     if isinstance(target, list):
-        return {title: [one for one in map(_filled, target) if _there(one)]}
+        return {title: [e for e in map(_filled, target) if _there(e)]}
     return entry
+
+
+def _heading(page: str) -> str:
+    return page.splitlines()[0].removeprefix("# Validation: ").capitalize()
 
 
 def _question(path: Path) -> str:
@@ -89,7 +128,8 @@ def _question(path: Path) -> str:
 
 def _there(entry: dict[str, Any]) -> bool:
     (target,) = entry.values()
-    return target in COPIES.values() or (ROOT / "docs" / target).exists()
+    made = (*COPIES.values(), SETTINGS)
+    return isinstance(target, list) or target in made or (ROOT / "docs" / target).exists()
 
 
 def _pages(nav: list[Any]) -> list[str]:

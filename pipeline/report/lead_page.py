@@ -11,11 +11,12 @@ from pipeline.report.changes import Change, columns
 from pipeline.report.evidence import EvidencePage
 from pipeline.report.facts import MachineFacts
 from pipeline.report.folders import MachineFolders, evidence_page
-from pipeline.report.records import NS, source_of
+from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
 from pipeline.report.states import MachineVerdict
 from pipeline.report.texts import Texts
 from pipeline.report.work import Day, Work
+from pipeline.schema.si import NS
 
 MOST_ACTIONS = 12
 """Actions that stand on the page at once; the others open on demand."""

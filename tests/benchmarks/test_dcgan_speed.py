@@ -12,7 +12,7 @@ from pipeline.nets.dcgan_training import train_gan
 STEPS = 12
 MOST_MS = 400.0
 """Of a step: asked were 40 ms.  Convolutions and the dense layer of these sizes are 3 GFLOP and
-more, which one core multiplies in 30 ms at its very best; see docs/synthesis.md."""
+more, which one core multiplies in 30 ms at its very best; see docs/performance.md."""
 
 
 @pytest.mark.benchmark(timer=process_time)

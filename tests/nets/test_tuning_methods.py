@@ -87,7 +87,7 @@ def compared(searches: list[str], budget: Budget) -> tuple[np.ndarray, dict[str,
 
 @pytest.mark.proof
 def test_tuning_of_a_network_by_each_search(capsys: pytest.CaptureFixture[str]) -> None:
-    """Who wins, as docs/search.md states it; each seed is a task of its own, which all share."""
+    """Who wins, as docs/theory/search.md states it; a seed is a task that all searches share."""
     searches = [*METHODS, "TPE"]
     found, hit = compared(searches, BUDGET)
     order = ranking(found)

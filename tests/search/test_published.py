@@ -85,7 +85,7 @@ def test_off_the_middle_the_swarm_beats_whales_and_wolves() -> None:
 @pytest.mark.proof
 @pytest.mark.parametrize("moved", [False, True], ids=["as published", "moved"])
 def test_thirteen_functions_thirty_seeds(moved: bool, capsys) -> None:
-    """Who wins, as docs/search.md states it; the table is printed."""
+    """Who wins, as docs/theory/search.md states it; the table is printed."""
     searches = [*METHODS, "whale by axis"]
     found = costs(searches, PAPER, moved=moved)
     order = ranking(found)

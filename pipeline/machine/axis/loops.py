@@ -54,7 +54,7 @@ class CurrentLoopParameters(Ranged, section="current_loop"):
 
 
 def induced_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
-    """Return the voltages induced by speed [rad/s] in d and q [V] at these currents [A]."""
+    """Return the voltages [V] induced in d and q by speed [rad/s] at these currents [A]."""
     w_e = motor.pole_pairs * speed
     return -w_e * motor.inductance_q * i_q, w_e * (motor.inductance_d * i_d + motor.flux)
 

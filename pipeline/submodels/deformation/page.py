@@ -12,6 +12,7 @@ from pipeline.charts.sections import Action, Figure, Figures, Section, present
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.nets.settings import FuzzyFilteredSettings
+from pipeline.schema.si import MINUTE
 from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
 from pipeline.submodels.deformation import figures
@@ -71,7 +72,7 @@ def content(shown: Seen) -> PageContent:
         figures=[] if model is None else [_network(shown, model)],
         tried=[] if model is None else list(_tried(shown, model)),
         drawn=[Drawn(
-            quantity=GROWTH, error="max", axis="Time, min", factor=1 / figures.MINUTE,
+            quantity=GROWTH, error="max", axis="Time, min", factor=1 / MINUTE,
             beside=lambda case: _signals(facts, case), legend=_legend(facts),
         )],
         shown_facts=("R", "MAPE", "range", "faulty", "largest error"),
@@ -337,7 +338,7 @@ def _signals(facts: GrowthFacts, case: str) -> list[Strip]:
         return []
     columns = {name: readings(table.column(name).to_numpy().astype(float))
                for name in table.column_names}  # fmt: skip
-    minutes = (columns["t"] - columns["t"][0]) / figures.MINUTE
+    minutes = (columns["t"] - columns["t"][0]) / MINUTE
     faulty = {one.sensor for one in facts.faults if one.case <= case}
     group = np.array(shown.model.inputs.weights).argmax(axis=0)
     curves = [("batch" if name in faulty else figures.GROUP_CURVES[k], minutes, columns[name])

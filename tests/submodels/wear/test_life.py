@@ -136,7 +136,7 @@ def test_time_left_told_by_readings_holds_for_the_shops_other_tools(machine: str
 @pytest.mark.proof
 @MACHINES
 def test_ranges_hold_about_nine_times_in_ten_over_twelve_seeds(machine: str) -> None:
-    """The figures of docs/tools.md: ranges by a reading, their width, ranges of new tools."""
+    """Figures for docs/theory/tools.md: ranges by a reading, their width, ranges of new tools."""
     settings = life_settings(machine)
     inside, widths, new = [], [], []
     for seed in range(2, 14):
