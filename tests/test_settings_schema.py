@@ -16,6 +16,7 @@ from pipeline.app.json_schema import machine_sections, schema_files
 from pipeline.app.machine import write_machine
 from pipeline.app.own_machine import app
 from pipeline.app.settings_fields import classes_below, settings
+from pipeline.app.settings_page import page
 from pipeline.schema.structure import structured
 from tests.test_own_machine import DEVICE
 
