@@ -1,8 +1,7 @@
-"""Champions: which bundle of a machine serves, and how another takes its place.
+"""Champions: the bundle of each machine that serves, and its replacement by another.
 
-``champions.json`` names those that somebody chose; git holds it, so that a promotion is a commit.
-``data/champion`` holds the files of all, also of first bundles, which serve until somebody chooses;
-the aliases in the registry follow.
+``champions.json`` names the promoted ones; git holds it, so that a promotion is a commit.
+``data/champion`` holds the files of all; the aliases in the registry follow.
 """
 
 import getpass
@@ -74,14 +73,8 @@ def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Cha
     """Register what the store lacks of a machine, and fill ``data/champion`` with what serves.
 
     That is the bundle that somebody promoted, else the one that serves already, else the newest.
-    Where nothing is new the store is only read.
-
-    Raises
-    ------
-    StoreError
-        When a model is missing or broken.
-    ValueError
-        When the bundle that champions.json names lies nowhere.
+    Where nothing is new the store is only read.  Raises StoreError when a model is missing or
+    broken; ValueError when the bundle that champions.json names lies nowhere.
     """
     models, serves = root / DATA / "models" / machine, root / DATA / "champion" / machine
     newest, champion = bundle_of(models, machine, names), champion_of(machine, root)
@@ -114,12 +107,8 @@ def fill_champion(
 ) -> Bundle:
     """Fill ``target`` with the bundle of a hash, from wherever it is.
 
-    It lies in ``models``, or in ``target`` already, or in the registry.
-
-    Raises
-    ------
-    ValueError
-        When it lies nowhere.
+    It lies in ``models``, or in ``target`` already, or in the registry.  Raises ValueError when it
+    lies nowhere.
     """
     machine = target.name
     newest = newest_bundle(models, names)
@@ -164,13 +153,8 @@ def promote(
 
     ``why`` goes into ``champions.json``; ``by`` is git's user where it is empty; ``anyway`` lets
     one serve that is not shown to be better; ``to`` is a registered version that serves without a
-    comparison.
-
-    Raises
-    ------
-    ValueError
-        When there is no reason, no challenger or no such version, or something speaks against the
-        challenger.
+    comparison.  Raises ValueError when there is no reason, no challenger or no such version, or
+    something speaks against the challenger.
     """
     if not why.strip():
         raise ValueError(f"a champion of {machine} needs a reason: give it with --why")
@@ -224,7 +208,6 @@ def _params(root: Path) -> dict[str, Any]:
 
 
 def _names(machine: str, root: Path) -> tuple[str, ...]:
-    """Sub-models of a machine of the fleet that is built."""
     from pipeline.fleet import Fleet
     from pipeline.parameters import structure
 

@@ -1,4 +1,4 @@
-"""The fleet that is built: which machines, and which of them have records for which sub-model."""
+"""Fleet that is built: its machines, and the sub-models that each has records for."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

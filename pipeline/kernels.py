@@ -1,4 +1,4 @@
-"""Compilation of hot loops by Numba; what was compiled serves every copy of the same sources."""
+"""Compilation of hot loops by Numba, cached for every copy of the same sources."""
 
 import sys
 import time
@@ -103,11 +103,9 @@ class _Kept(caching.NullCache):
             return caching.NullCache()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """What was compiled for a signature, or None."""
         return self._opened.load_overload(sig, target_context)
 
     def save_overload(self, sig: Any, data: Any) -> None:
-        """Keep what was compiled for a signature."""
         self._opened.save_overload(sig, data)
 
 
@@ -158,6 +156,5 @@ def _names(code: CodeType) -> list[str]:
 
 @cache
 def _source(module: str) -> bytes:
-    """Hash of a module's file."""
     file = getattr(sys.modules.get(module), "__file__", None)
     return sha256(Path(file).read_bytes() if file else module.encode()).digest()

@@ -1,8 +1,7 @@
-"""Where work runs: in this process, in its threads, or in processes beside it.
+"""Parallel execution in this process, in its threads, or in processes beside it.
 
 A task carries all that its result depends on, its random seed included, and linear algebra has one
-thread wherever a task runs, so that the results are the same bits in every place and come in the
-order of the tasks.  Workers return results; files are written by the caller.
+thread wherever a task runs, so that the results are the same bits in every place.
 """
 
 import os
@@ -60,8 +59,6 @@ def mapped(
         The error of the first task, in their order, that raised a ValueError or an OSError, with
         its type and its sentence; any other error as soon as a task raises it.
 
-    Examples
-    --------
     >>> mapped(abs, [-2, 1], compute="serial")
     [2, 1]
     """

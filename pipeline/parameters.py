@@ -1,11 +1,8 @@
-"""The only file that opens params.yaml and data/settings: one section, typed, unknown keys refused.
+"""Parameters: sections of params.yaml and data/settings, typed, unknown keys refused.
 
-What we choose stands in params.yaml; what a machine and a workshop are, which is long, in JSON
-beside it, since DVC reads a stage's parameters anew for each stage and YAML takes it fifty times as
-long.  A stage of a machine depends on its sections, its own and those for all, by their hashes: DVC
-writes what a stage depends on into dvc.lock, and writes all of that anew after each stage.  What a
-value is not is never made of it: no word becomes a truth value or a list of letters, no fraction a
-whole number.
+Machines and workshops stand as JSON beside params.yaml, since DVC reads a stage's parameters anew
+for each stage and YAML takes fifty times as long.  A stage of a machine depends on its sections by
+their hashes: DVC writes into dvc.lock all that a stage depends on, after each stage.
 """
 
 import json
@@ -39,17 +36,14 @@ class ParametersError(ValueError):
 def read_params(path: Path = PARAMS, settings: Path | None = None) -> dict[str, Any]:
     """All of params.yaml, with the catalogues and the sections ``machine`` beside it.
 
+    Raises ParametersError when a file is missing or holds no mapping.
+
     Parameters
     ----------
     path : Path
         Of params.yaml.
     settings : Path or None
         Folder of the rest; None for ``data/settings`` beside ``path``.
-
-    Raises
-    ------
-    ParametersError
-        When a file is missing or holds no mapping.
     """
     if not path.exists():
         raise ParametersError(
@@ -68,10 +62,7 @@ def settings_texts(folder: Path) -> dict[str, str]:
 def joined(values: dict[str, Any], files: Mapping[str, str]) -> dict[str, Any]:
     """The sections of params.yaml with those of the files of ``data/settings``, by their names.
 
-    Raises
-    ------
-    ParametersError
-        When a file is no JSON mapping, or a section stands in two places.
+    Raises ParametersError when a file is no JSON mapping, or a section stands in two places.
     """
     own = set(values)
     for name, text in sorted(files.items()):
@@ -120,10 +111,7 @@ def _hash(content: Any) -> str:
 def read_yaml(text: str, source: str = "params.yaml") -> dict[str, Any]:
     """A mapping in YAML, such as params.yaml of another commit.
 
-    Raises
-    ------
-    ParametersError
-        When it is none; the message names its ``source``.
+    Raises ParametersError when it is none; the message names its ``source``.
     """
     try:
         values = yaml.load(text, Loader=yaml.CSafeLoader)
@@ -142,10 +130,7 @@ def as_yaml(values: dict[str, Any]) -> str:
 def section_path(values: dict[str, Any], name: str, item: str | None) -> str:
     """Key path of the section ``name``: ``machine.<item>.<name>`` where the machine has one.
 
-    Raises
-    ------
-    ParametersError
-        When there is no machine called ``item``.
+    Raises ParametersError when there is no machine called ``item``.
     """
     machines = values.get("machine") or {}
     if item and item not in machines:
@@ -160,11 +145,8 @@ def section_path(values: dict[str, Any], name: str, item: str | None) -> str:
 def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
     """The section at the key path ``path`` as ``wanted``.
 
-    Raises
-    ------
-    ParametersError
-        When the section is missing, has unknown or missing keys or values out of range; the
-        message names the keys with their paths.
+    Raises ParametersError when the section is missing, has unknown or missing keys or values out of
+    range; the message names the keys with their paths.
     """
     found: Any = values
     for key in path.split("."):
@@ -182,10 +164,7 @@ def structure(values: dict[str, Any], path: str, wanted: type[T]) -> T:
 def as_section(name: str, path: Path) -> str:
     """A YAML file as the section ``name`` of parameters, in YAML; empty where there is no file.
 
-    Raises
-    ------
-    ValueError
-        When it is broken.
+    Raises ValueError when it is broken.
     """
     if not path.exists():
         return ""

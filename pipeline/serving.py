@@ -1,8 +1,7 @@
-"""The model that MLflow serves: a machine's bundle, dispatched by sub-model (models from code).
+"""Model that MLflow serves: a machine's bundle, dispatched by sub-model (models from code).
 
-MLflow runs this file by itself, beside the copy of the package that a version was registered with.
-It imports nothing of the package at its top: which package it is, the installed one or that copy,
-is decided when a bundle is loaded.
+It imports nothing of the package at its top: the installed package or the copy that a version was
+registered with is chosen when a bundle is loaded.
 """
 
 import importlib
@@ -104,10 +103,7 @@ class Bundle(mlflow.pyfunc.PythonModel):
     ) -> pd.DataFrame:
         """What ``params["submodel"]`` predicts from a table of its inputs.
 
-        Raises
-        ------
-        ValueError
-            When the bundle has no such sub-model, or the table lacks what it needs.
+        Raises ValueError when the bundle has no such sub-model, or the table lacks what it needs.
         """
         name = (params or {}).get("submodel") or self.submodels[0]
         if name not in self.submodels:

@@ -1,8 +1,4 @@
-"""The command kerf: records, state and champions of a fleet, part programs, cuts, optimisation.
-
-``commands`` and ``program_commands`` hold the options and are thin; the other modules do what
-stands behind them and say it in lines.  Units are those of the shop floor: mm, mm/min, rev/min, N.
-"""
+"""Command line of Kerf: records, state and champions of a fleet, part programs, cuts."""
 
 __all__ = [
     "check", "compensation", "correction", "cut", "fleet", "main", "optimise", "programs",

@@ -1,6 +1,4 @@
-"""Two programs by hand: proof that they differ in F and S alone; F and S that leave the range of a
-tool, or changed by very much.
-"""
+"""Comparison of two programs: proof of equality but for F and S, and F and S out of range."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -126,7 +124,7 @@ def _limits(
     tools: Mapping[int, Tool], data: tuple[CuttingCatalogue, Material] | None,
     number: int, told: Operation,
 ) -> _Limits:  # fmt: skip
-    """Of the tool table, else of the catalogue for all that a row may be which is told as one."""
+    """Ranges of the tool table, else those of the catalogue common to every operation of a row."""
     if number not in tools:
         return _Limits(why_not=f"is not in {TABLE}")
     tool = tools[number]
@@ -146,7 +144,6 @@ def _limits(
 
 
 def _cuts(moves: Moves) -> Rows:
-    """Rows at feed with a turning spindle and a tool, whose S is a speed and F a feed."""
     runs = LineRuns.among(moves)
     plain = cuts_at_feed(moves) & at_speed(moves) & ~moves.constant_surface_speed
     return np.flatnonzero(plain & ~runs.taps[runs.of] & (moves.tool >= 0))
@@ -243,7 +240,6 @@ def _alike(rows: Rows, *values: np.ndarray) -> Iterator[Rows]:
 
 
 def _where(moves: Moves, rows: Rows) -> str:
-    """Line and tool of the first row, and how many other lines."""
     more = len(set(moves.line[rows].tolist())) - 1
     others = f" and {more} more line{'s' * (more > 1)}" if more else ""
     return f"{place(moves, int(rows[0]))}{others}"

@@ -1,7 +1,4 @@
-"""The commands of kerf on records, fleet and models, thin: their work stands in other files.
-
-Each imports its work when it runs, so that `kerf --help` starts at once.
-"""
+"""Commands on records, fleet and models, imported when they run so that ``--help`` is quick."""
 
 import sys
 from collections.abc import Iterator

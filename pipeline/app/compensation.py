@@ -1,4 +1,4 @@
-"""`kerf compensation`: the correction of a machine's spindle growth as a file for its control."""
+"""Spindle growth compensation as a file for a machine's control (`kerf compensation`)."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -70,7 +70,6 @@ def _judged(folder: Path, *, anyway: bool) -> str:
 
 
 def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> list[State]:
-    """States of the recordings that the model learnt from."""
     wanted = sections(SUBMODEL.judging)
     own = parameters["machine"][machine]
     settings = SUBMODEL.judging(**{

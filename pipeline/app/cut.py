@@ -1,4 +1,4 @@
-"""The cut of a program by hand: from options to loads, stability and cost."""
+"""Cut of a program on the command line: from options to loads, stability and cost."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,6 @@ LIMIT_OPTION = {name: words.option for name, _, words in limit_options()}
 
 
 def _limits(given: Mapping[str, Any]) -> tuple[CutLimit, ToolLimits]:
-    """The limits of a part by the names of their fields, and those of single tools."""
     of_part, by_tool = dict(given), dict[int, dict[str, Any]]()
     for name in BY_TOOL:
         if given.get(name) is not None:
@@ -71,7 +70,6 @@ def _by_tool(option: str, words: Sequence[str]) -> tuple[list[str], dict[int, fl
 
 
 def _of_all(option: str, words: Sequence[str]) -> float | None:
-    """The one number of an option for all tools; None where none is given."""
     try:
         values = [float(word) for word in words]
     except ValueError:
@@ -208,7 +206,6 @@ def workshop_of(on: Controlled, options: CutOptions, rule: WearRule = "known") -
 
 
 def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
-    """The tool table with the limits that options give to single tools."""
     missing = sorted(given.keys() - table.tools.keys())
     if missing:
         there = ", ".join(f"T{number}" for number in sorted(table.tools))

@@ -1,4 +1,4 @@
-"""The cut of a program in printed lines: tools, forces, cost, warnings, what is not known."""
+"""Printed lines of a program's cut: tools, forces, cost, warnings, what is not known."""
 
 from collections.abc import Iterator, Sequence
 from math import isfinite

@@ -1,4 +1,4 @@
-"""The fleet by hand: read records, see its state, freeze a golden week, write the report."""
+"""Fleet on the command line: records, state, golden sets, report."""
 
 import glob
 import json
@@ -265,7 +265,6 @@ def collect(fleet: Fleet, recordings: Path) -> Iterator[tuple[str, int, int]]:
 
 
 def _wanted(folder: Path, sources: Sequence["RecordSource"]) -> list[Path]:
-    """Records and Devices documents in ``folder`` that ``sources`` name."""
     found = {p for s in sources for p in folder.glob(s.files) if p.is_file()}
     if not found:
         names = ", ".join(s.files for s in sources)
@@ -387,7 +386,6 @@ def _days_there(machine: str, known: dict[str, Any], zone: str) -> list[str]:
 
 
 def _listed(days: Sequence[str]) -> str:
-    """Days in order, those that follow each other as a span."""
     spans: list[list[date]] = []
     for day in map(date.fromisoformat, days):
         if spans and (day - spans[-1][1]).days == 1:

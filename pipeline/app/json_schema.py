@@ -1,9 +1,7 @@
 """JSON Schema (draft 2020-12) of the files in conf/, made from the dataclasses of their sections.
 
-An editor that speaks YAML completes and checks a file by it.  A schema takes what the composition
-takes: an interpolation ``${...}`` in the place of any value, a number for a word, and a number as
-YAML 1.1 reads it (``1e-3`` is a word there).  What only the whole of a file can say (a list that
-names a machine which another list lacks) is left to the composition.
+A schema takes what the composition takes: an interpolation ``${...}`` in the place of any value, a
+number for a word, and a number as YAML 1.1 reads it (``1e-3`` is a word there).
 """
 
 import json
@@ -88,7 +86,7 @@ def machine_sections() -> dict[str, Any]:
 
 
 def machine_schema() -> Schema:
-    """Of a machine's file: its sections, each of its type, and no other key."""
+    """JSON Schema of a machine's file: its sections, each of its type, and no other key."""
     types = machine_sections()
     maker = _Maker(names_of(classes_below(types)))
     sections = {name: maker.value(types[name]) for name in types}
@@ -102,7 +100,7 @@ def machine_schema() -> Schema:
 
 
 def of_class(cls: type, title: str) -> Schema:
-    """Of a file that is one section."""
+    """JSON Schema of a file that is one section."""
     classes = classes_below({"": cls})
     maker = _Maker(names_of(classes))
     definitions = maker.definitions()
@@ -197,7 +195,6 @@ class _Maker:
 
 
 def _scalar(hint: Any, allowed: Range | None) -> Schema:
-    """A truth value, a number or a word; the range holds for numbers alone."""
     if hint is bool:
         return {"type": ["boolean", "string"], "pattern": INTERPOLATED}
     if hint in (int, float):
@@ -230,7 +227,6 @@ def is_finite(value: Any) -> bool:
 
 
 def _named_signals() -> Schema:
-    """Each signal of the table, and no other."""
     words = {
         name: f"{one.meaning} [{one.unit}]" if one.unit else one.meaning
         for name, one in COLUMNS.items()

@@ -1,4 +1,4 @@
-"""The command kerf: its options, one sentence for bad input, a bar while it waits."""
+"""Application of the command kerf: common options, error sentences, progress bar."""
 
 import os
 import sys
@@ -62,7 +62,6 @@ def _version(asked: bool) -> None:
 
 
 def _work_in(project: Path | None) -> None:
-    """Do as if the command had been called in the folder of a project."""
     if project is not None:
         with one_sentence():
             if not project.is_dir():

@@ -1,7 +1,4 @@
-"""Numbers, counts and tables in the lines that a command prints.
-
-Numbers are as a program reads them; the pages print theirs by :mod:`pipeline.charts.numbers`.
-"""
+"""Numbers, counts and tables in printed lines; pages use :mod:`pipeline.charts.numbers`."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,6 +1,4 @@
-"""A machine's file in conf/machine/, proposed from its Devices document and its logs, and written;
-the records of one that is there.
-"""
+"""Machine files in conf/machine/ proposed from Devices document, logs and tables, and written."""
 
 import glob
 import re
@@ -43,7 +41,7 @@ class Proposal:
     name: str
     """Name of the machine."""
     model: DeviceModel
-    """Of its one device."""
+    """Model of the one device that the records describe."""
     devices: str | None
     device: str | None
     """Its Devices document below the machine's folder, and how the device is called there."""
@@ -341,7 +339,6 @@ def write_machine(
 
 
 def _files(logs: Sequence[Path], devices: Path | None) -> Iterator[Path]:
-    """The logs that are named, and every file of a folder that is."""
     for path in logs:
         below = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
         yield from (p for p in below if not devices or p.resolve() != devices.resolve())

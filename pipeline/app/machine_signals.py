@@ -1,8 +1,7 @@
-"""Data items of a machine -> the signals that they are, and why.
+"""Signals of a machine's data items, with the reason of each choice.
 
-A Devices document says type, subtype and component of each data item (ANSI/MTC1.4 part 2); which of
-several spindles has which load and temperature, and which of them is the C axis, is decided by what
-moves with what in the log where the document leaves it open.
+Types and components are those of the Devices document (ANSI/MTC1.4 part 2); spindles and the C axis
+that it leaves open are decided by what moves with what in the log.
 """
 
 import re
@@ -187,7 +186,6 @@ def _spindles(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) 
 
 
 def _which(place: str, log: "Log", *, clear: bool) -> str:
-    """Why a spindle is the modelled one, or the other."""
     if place != "spindle":
         return "; swap it with spindle_… to model this one"
     if not clear:
@@ -209,7 +207,6 @@ def _rank(log: "Log", spindle: Mapping[str, str]) -> tuple[int, float, float]:
 def _belonging(
     log: "Log", speed: str, beside: Sequence[str], fits: Sequence[tuple[str, DataItem]]
 ) -> tuple[str | None, str]:
-    """The load or temperature of a spindle, among those of its component."""
     if len(fits) == 1 and len(beside) == 1:
         return fits[0][0], _described(fits[0][1])
     stem = _stem(speed)

@@ -1,7 +1,6 @@
 """Records of a table as a machine's file describes them, proposed from one of its files.
 
-What a column could be is told by its unit and its name, and is a choice for people: it stands in
-comments.
+Columns are matched by unit and name; the choice stands in comments for people.
 """
 
 import re

@@ -100,7 +100,6 @@ def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[st
 
 
 def _opened(part: Path, packing: str | None) -> Any:
-    """File to write bytes to, packed or not."""
     if packing == "xz":
         return lzma.open(part, "wb")
     return pa.output_stream(part, compression=packing)

@@ -1,4 +1,4 @@
-"""A part program optimised by hand: objective and limits in; program, JSON and page out."""
+"""Optimisation of a part program on the command line: program, JSON and page."""
 
 import signal
 from collections.abc import Callable, Iterator
@@ -48,7 +48,6 @@ class SearchOptions:
 
 
 def _with(settings: T, **options: float | str | None) -> T:
-    """Settings with those options that are given; None leaves a setting as it is."""
     given = {name: value for name, value in options.items() if value is not None}
     return replace(settings, **given)  # type: ignore[type-var]
 

@@ -78,7 +78,6 @@ def _totals(part: OptimisedPart) -> Iterator[str]:
 
 
 def _tools(part: OptimisedPart) -> Iterator[str]:
-    """Feed per tooth and cutting speed of each tool, beside its ranges."""
     rows = [
         ["tool", "", "f_z", "", "range", "v_c", "", "range", "bending", "", "binds"],
         ["", "", "mm", "after", "", "m/min", "after", "", "um", "after", ""],
@@ -100,7 +99,6 @@ def _tools(part: OptimisedPart) -> Iterator[str]:
 
 
 def _not_raised(letter: str, uses: list[tuple[ToolUse, str | None]]) -> Iterator[str]:
-    """Why F or S is not raised, each reason with the tools and operations that it holds for."""
     alike: dict[str, list[str]] = {}
     for use, why in uses:
         if why:
@@ -175,7 +173,6 @@ def _binding(part: OptimisedPart) -> Iterator[str]:
 
 
 def _why_not(part: OptimisedPart) -> Iterator[str]:
-    """Why F and S stay, each reason with the blocks that it holds for."""
     for one in part.binding:
         why = one.kept or (f"{one.limit} binds" if one.limit else "nothing better was found")
         yield f"{why}, {many(one.blocks, 'block')}"

@@ -1,4 +1,4 @@
-"""Where a command writes and speaks: files, ``-`` for standard output, and its log."""
+"""Output of the commands: files, ``-`` for standard output, and the log."""
 
 import json
 import logging
@@ -18,7 +18,7 @@ from pipeline.schema.files import NotWrittenError, replacing
 
 LOG = logging.getLogger("pipeline")
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
-"""Of the log by the number of times that ``-v`` is given."""
+"""Log levels by the number of times that ``-v`` is given."""
 STANDARD = Path("-")
 """Name of standard output where a file is named."""
 
@@ -30,7 +30,7 @@ class Outputs:
     folder: Path
     """For the file that is ``-``."""
     taken: Path | None = None
-    """That file, None where no output is ``-``."""
+    """File that is written to, None where no output is ``-``."""
 
     def file(self, path: Path | None, suffix: str = "") -> Path | None:
         """The file to write for an output that was named, with an end of its name for ``-``."""

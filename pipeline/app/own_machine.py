@@ -1,4 +1,4 @@
-"""The commands for a machine of one's own: its file proposed, its records looked at."""
+"""Commands for one's own machine: its file proposed, its records listed."""
 
 from pathlib import Path
 from typing import Annotated

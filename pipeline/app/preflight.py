@@ -1,4 +1,4 @@
-"""The command `kerf preflight`: a program by hand against what the machine can reach."""
+"""Preflight of a program against the machine's limits (`kerf preflight`)."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -68,7 +68,6 @@ def _with_contacts(
     found: Preflight, moves: Moves, setup: Setup, clearance: Clearance,
     control: ControlParameters | None,
 ) -> Preflight:  # fmt: skip
-    """The preflight with what of shanks and holders meets the part."""
     if clearance.stock is None or clearance.tool_table is None:
         missing = "stock" if clearance.stock is None else "tool_table"
         raise ValueError(f"--{missing.replace('_', '-')} is missing: {REMEDY[missing]}")

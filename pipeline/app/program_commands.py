@@ -1,7 +1,4 @@
-"""The commands of kerf on part programs, thin: their options are fields of settings.
-
-Each imports its work when it runs, so that `kerf --help` starts at once.
-"""
+"""Commands on part programs, whose options are fields of settings, imported when they run."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,4 +1,4 @@
-"""Part programs by hand: what they tell the machine, and what its control makes of them."""
+"""Part programs on the command line: interpretation, planning, prediction."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping

@@ -1,4 +1,4 @@
-"""A project outside of Kerf's own folder: conf/, dvc.yaml and DVC, run by the installed Kerf."""
+"""Project outside of Kerf's own folder: conf/, dvc.yaml and DVC, run by the installed Kerf."""
 
 import hashlib
 import shutil
@@ -74,7 +74,6 @@ def _of_project(text: str) -> str:
 
 
 def _code_hash() -> str:
-    """One sha256 over the names and bytes of the package's files."""
     package = Path(__file__).parents[1]
     digest = hashlib.sha256()
     for path in sorted(package.rglob("*.py")):

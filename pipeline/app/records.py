@@ -1,7 +1,4 @@
-"""Records of a machine item by item: how often, over which range, when, and how much of the time.
-
-Read from what `ingest` wrote: observations (long) and traces (wide).  Times are UTC.
-"""
+"""Records of a machine item by item: interval, range, time span (UTC) and availability."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -59,7 +56,7 @@ class ItemRecord:
     last: str | None
     """UTC of its first and last value."""
     unit: str = ""
-    """As its Devices document or the table's layout says."""
+    """Unit by the Devices document or the table's layout."""
     described: bool = True
     """False where the machine has a Devices document and it does not describe the item."""
     sparkline: str = ""

@@ -1,9 +1,8 @@
 """Settings of a section, read from its dataclass: meaning, unit, range and default of each field.
 
-The meaning is the text below the field, or below the last of the fields that share it, or what the
-class' numpydoc says under ``Parameters``; the unit is that of the declared
-range, else the first one in brackets in the meaning, else the one that ends the key's name.  A
-class that says one unit for all of its fields needs no list of them.
+The meaning is the text below the field, or below the last of the fields that share it, or the entry
+of the class docstring's ``Parameters``; the unit that of the declared range, else the first one in
+brackets in the meaning, else the one that ends the key's name.
 """
 
 import ast
@@ -116,7 +115,6 @@ def _below_fields(cls: type) -> Iterator[tuple[list[str], str]]:
 
 @cache
 def _classes_of(module: str) -> dict[str, ast.ClassDef]:
-    """Classes of a module by their name, which is parsed once."""
     tree = ast.parse(getsource(sys.modules[module]))
     return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
 

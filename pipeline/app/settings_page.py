@@ -78,7 +78,6 @@ def _said_of(wanted: Any) -> str:
 
 
 def _table(cls: type, names: Mapping[type, str], given: Given) -> str:
-    """Keys of one class, a row each."""
     rows = [
         f"| `{one.name}` | {_kind(one.hint, names)} | {_cell(one.unit)} "
         f"| {_default(one, given.get((cls, one.name), []))} "
@@ -112,7 +111,6 @@ def given_for_all(conf: Path) -> Given:
 
 
 def _note(hint: Any, value: Any, given: Given) -> None:
-    """Note the values of one class, and of those inside of it."""
     for cls in classes_in(hint):
         if is_dataclass(hint) and isinstance(value, dict):
             for one in settings(cls):
@@ -123,7 +121,6 @@ def _note(hint: Any, value: Any, given: Given) -> None:
 
 
 def _kind(hint: Any, names: Mapping[type, str]) -> str:
-    """A type in words, with a link to the keys of a class."""
     origin, inner = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return _kind(inner[0], names)
@@ -144,7 +141,7 @@ def _kind(hint: Any, names: Mapping[type, str]) -> str:
 
 
 def _anchor(name: str) -> str:
-    """As the site's table of contents makes it of a heading."""
+    """Anchor of a heading in the site's table of contents."""
     return re.sub(r"[^\w\s-]", "", name).strip().lower()
 
 
@@ -161,7 +158,6 @@ def _default(one: Setting, given: list[Any]) -> str:
 
 
 def _yaml(value: Any) -> str:
-    """A value as it would stand in the file, on one line."""
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key}: {_yaml(one)}" for key, one in value.items()) + "}"
     if isinstance(value, Iterable) and not isinstance(value, str):
@@ -171,7 +167,6 @@ def _yaml(value: Any) -> str:
 
 
 def _words(allowed: Range | None) -> str:
-    """The range in words; that a number is finite needs none."""
     words = "" if allowed is None else allowed.words
     return re.sub(r"^must (be|lie) (finite and |finite$|a number$)?", "", words)
 
@@ -188,5 +183,4 @@ def _signal(one: Column) -> str:
 
 
 def _cell(text: str) -> str:
-    """Text that stays inside its cell and is no link."""
     return text.replace("|", "\\|").replace("[", "\\[").replace("]", "\\]") if text else ""

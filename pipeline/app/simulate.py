@@ -1,4 +1,4 @@
-"""The command `kerf simulate`: plan a program, follow its cut and its axes, write, say."""
+"""Simulation of a program by plan, cut and axes (`kerf simulate`)."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The command `kerf synthesise`: windows at a wear and conditions, or the wear of recorded ones."""
+"""Synthetic windows at a wear and conditions, or the wear of recorded ones (`kerf synthesise`)."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path

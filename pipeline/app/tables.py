@@ -1,4 +1,4 @@
-"""Tool tables, materials and cutting data that commands are told by name or as a file of YAML."""
+"""Tool tables, materials and cutting data of commands, by name or as a YAML file."""
 
 from pathlib import Path
 from typing import Any, TypeVar
@@ -70,7 +70,6 @@ def _twice(node: yaml.Node | None) -> yaml.ScalarNode | None:
 
 
 def _structured(values: Any, where: str, wanted: type[T]) -> T:
-    """``values`` as ``wanted``; what does not fit is said of ``where``."""
     if values is None:
         raise ValueError(f"{where} is empty: write into it what those of conf/ hold")
     try:

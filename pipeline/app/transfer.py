@@ -1,4 +1,4 @@
-"""`kerf transfer`: what a sibling's first minutes add to a golden machine's spindle parameters."""
+"""Transfer of a golden machine's spindle parameters to a sibling (`kerf transfer`)."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -90,7 +90,6 @@ def transfer_curve(
 def _pieces(
     chosen: list[Case], records: SpindleRecords, step: float, bridge_s: float, shortest_s: float
 ) -> list[StateSegment]:
-    """Stretches of days without a gap longer than ``bridge_s``."""
     return [
         piece
         for case in chosen
@@ -101,13 +100,11 @@ def _pieces(
 
 
 def _credit(values: dict[str, Any], machine: str) -> str:
-    """Whom to credit for a machine's records, without the full stop."""
     identity = structure(values, f"machine.{machine}.identity", MachineIdentity)
     return identity.credit.strip().removesuffix(".")
 
 
 def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
-    """The golden machine's records as the sibling has them."""
     theirs, own = model.records, settings.spindle
     for name in ("ambient", "coolant"):
         if getattr(theirs, name) and not getattr(own, name):

@@ -1,7 +1,4 @@
-"""Page of a transfer of spindle parameters: error against minutes of warm-up, who leads, sources.
-
-Minutes are drawn on a logarithmic axis, errors in [K] from zero.
-"""
+"""Page of a transfer of spindle parameters: error [K] against minutes of warm-up (logarithmic)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -184,7 +181,6 @@ def transfer_rows(found: Transfer, caption: str, sources: Sequence[Source]) -> T
 
 
 def _gaps(points: Sequence[TransferPoint]) -> str:
-    """A sentence on the records that alone give no parameters; empty where all do."""
     short = [_minutes(one) for one in points if one.own is None]
     if not short:
         return ""

@@ -1,7 +1,6 @@
-"""Wear of the tools in recordings, by the champion's model, with its 90 % interval.
+"""Wear of the tools in recordings by the champion's model, with its 90 % interval.
 
-Recordings are read as the machine's file says.  Their conditions stand in them, in the machine's
-table of recordings, or are given; what lies outside of what was learnt is refused by name.
+Conditions that lie outside of the training data are refused by name.
 """
 
 import tempfile
@@ -60,7 +59,7 @@ class WearTold:
     use_unit: str
     """What is told; unit of the tool's use."""
     method: str
-    """That serves, for a person."""
+    """Method that serves, by its name for a person."""
     readings: tuple[Reading, ...]
     """In the order of recordings and time."""
     notes: tuple[str, ...] = ()
@@ -123,7 +122,6 @@ def wear_of_files(
 
 
 def _given(given: Sequence[str], records: WearRecords) -> dict[str, Condition]:
-    """Conditions of the command line."""
     words = {*records.discrete, *([records.tool] if records.tool else [])}
     known = [*records.continuous, *sorted(words)]
     found = {}
@@ -167,7 +165,6 @@ def _beside(machine: str, records: WearRecords) -> Any:
 
 
 def _refuse_unlearnt(windows: WearWindows, file: WearModel) -> None:
-    """Refuse windows under conditions that were not learnt."""
     name = str(windows.recording[0])
     for key, values in windows.conditions.items():
         learnt = file.conditions.get(key)
@@ -197,7 +194,6 @@ def _refuse_unlearnt(windows: WearWindows, file: WearModel) -> None:
 
 
 def _notes(tool: str, windows: WearWindows, file: WearModel) -> list[str]:
-    """Use of the tool that is not known, or beyond that of any training tool."""
     if file.is_class:
         return []
     use = np.asarray(windows.progress, float)
@@ -214,7 +210,6 @@ def _notes(tool: str, windows: WearWindows, file: WearModel) -> list[str]:
 
 
 def _readings(windows: WearWindows, wear: Wear) -> tuple[str, list[Reading]]:
-    """Method that serves, and the readings of a life."""
     places, found = wear.predict(windows)
     method, told, low, high = wear.served(found)
     use = np.asarray(windows.progress, float)

@@ -1,14 +1,9 @@
 """Cutter radius compensation (G41, G42): from the contour to the path of the tool's centre.
 
-Everything happens in the active plane; a point is the complex number u + iv, with axes that turn
-anticlockwise about the plane's normal: X Y in G17, Z X in G18, Y Z in G19.  The caller collects the
-moves from the block after G41 or G42 up to the one before G40 as :class:`Element` and hands them
-over together, since a corner depends on what follows it.  The move after G40 starts where the last
-element ends and goes to its programmed point.
-
-The tool runs beside each element at its radius, and inner corners are cut where the two offset
-elements meet; a move that this would turn around is a gouge.  What the dialects do differently
-stands in :data:`RULES`.
+A point in the active plane is the complex number u + iv, with axes that turn anticlockwise about
+the plane's normal: X Y in G17, Z X in G18, Y Z in G19.  The tool runs beside each element at its
+radius, and inner corners are cut where the two offset elements meet; a move that this would turn
+around is a gouge.  :data:`RULES` holds the differences of the dialects.
 
 Source: LinuxCNC 2.9 user manual, "Cutter Compensation"; Fanuc series 16/18/160/180 model C
 operator's manual, "Details of cutter compensation C"; Sinumerik 840D sl programming manual
@@ -192,7 +187,6 @@ def _with_entry(
 def _trimmed_part(
     programmed: Element, shifted: Element, ends: tuple[complex, complex], rules: Rules, shift: float
 ) -> Element:
-    """Part of an offset element between its corners."""
     part = trimmed(shifted, *ends)
     if part is None:
         raise CompensationError(
@@ -207,7 +201,6 @@ def _trimmed_part(
 
 
 def _inserted(corner: Corner, element: Element) -> list[Element]:
-    """Inserted moves from the end of the one before to the start of an element."""
     ends = (corner.start,) if corner.angle else corner.lines
     arc = corner.angle != 0 and not element.rapid
     return [

@@ -1,10 +1,7 @@
 """Corners of two straight lines that a program rounds (``,R``) or breaks (``,C``).
 
-The line that ends in the corner is shortened, the corner's arc or line follows it, and the next
-line begins where that ends.  ``,R`` is the radius; ``,C`` the distance from the corner to both ends
-of the chamfer.
-
-Source: Fanuc 0i-F operator's manual B-64694EN, "Optional chamfering and corner R".
+``,R`` is the radius; ``,C`` the distance from the corner to both ends of the chamfer. Source: Fanuc
+0i-F operator's manual B-64694EN, "Optional chamfering and corner R".
 """
 
 import math
@@ -42,11 +39,8 @@ def begin_corner(run: Run, block: Block) -> None:
 def finish_corner(run: Run, corner: Corner) -> None:
     """Put in the arc or the line of a corner, before the straight line that is the last row.
 
-    Raises
-    ------
-    GcodeError
-        Where the last row is no such line, the lines do not lie in the plane, are one, or are too
-        short.
+    Raises GcodeError where the last row is no such line, the lines do not lie in the plane, are
+    one, or are too short.
     """
     run.corner, last = None, run.rows.count - 1
     if last != corner.row + 1 or run.rows.arrays["kind"][last] not in (Kind.RAPID, Kind.FEED):

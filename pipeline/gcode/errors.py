@@ -42,7 +42,6 @@ def strange_character(text: str, at: int) -> str:
 
 
 def _decoded(raw: bytes, encoding: str) -> str:
-    """The one character of some bytes; empty where they are none."""
     try:
         text = raw.decode(encoding)
     except UnicodeDecodeError:

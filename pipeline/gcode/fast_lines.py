@@ -1,7 +1,6 @@
 """Fast lines, compiled: G0 to G3 with numbers, from tokens to rows without a Python object.
 
-A line that holds anything else, or anything wrong, is left to the interpreter, so that every rule
-and every error stands in one place only; what is done here is the same bits as done there.
+A line that holds anything else, or anything wrong, is left to the interpreter.
 """
 
 from typing import Any, TypeAlias
@@ -139,7 +138,6 @@ def _constant(name: str, state: State) -> float:
 
 
 def _choices(run: Run) -> np.ndarray:
-    """Options of :func:`follow`."""
     increments = run.setup.decimal == "increment" and run.state.dialect == FANUC
     if run.state.dialect == LINUXCNC:
         tolerances = [LINUXCNC_TOLERANCE, RELATIVE_RADIUS, LINUXCNC_R_TOLERANCE]

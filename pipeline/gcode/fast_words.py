@@ -1,12 +1,8 @@
 """Words of one line, compiled: from tokens to an array of numbers, simple expressions evaluated.
 
 ``words`` has a place for each letter, NaN where the line lacks it, and behind them one for each
-modal group.  The fast lines hold words with numbers or simple expressions, each letter once, one
-code a group, and comments.
-
-Simple expressions are numbers, ``#5``, ``#<name>``, signs, ``+ - * /`` and brackets.  Anything
-else, a variable that is not in the table, a division by zero or a result that is too large gives
-NaN, and the line is left to the interpreter.  Operators are taken in the order of
+modal group.  Simple expressions are numbers, ``#5``, ``#<name>``, signs, ``+ - * /`` and brackets;
+any other gives NaN and is left to the interpreter.  Operators are taken in the order of
 :mod:`pipeline.gcode.dialects.expression_parser`, so that the bits are the same.
 """
 

@@ -72,7 +72,6 @@ class Flow:
             self._o_word(control, self._label(control, at), statement.line, at)
 
     def _macro(self, control: Control, line: int, at: ErrorAt) -> None:
-        """Macro B."""
         level = self.calls.current
         match control.kind:
             case "goto":
@@ -93,7 +92,6 @@ class Flow:
                 level.line = self._partner(line, at)
 
     def _siemens(self, control: Control, line: int, at: ErrorAt) -> None:
-        """Branches and loops of the Sinumerik."""
         level = self.calls.current
         word = control.kind.removeprefix(SIEMENS)
         if word in ("call", "mcall", "part"):

@@ -1,10 +1,9 @@
-"""Files that no mill's control of ours reads: other files, other controls, lathes' programs.
+"""Refusal of files that are no program of a mill: other files, other controls, lathes' programs.
 
-A file is named by its first bytes, a control by how its programs begin.  A lathe's program is
-written in the same words as a mill's and means others: X is a diameter, F is mm/rev under G99,
-G50 S bounds the speed under G96, G70 to G76 turn.  No one word tells it, so that signs are counted
-over the begin of the program.  Sources: Fanuc 0i-T operator's manual, G-code system A; Okuma OSP,
-Philips/Maho 432, Fagor 8055 and Heidenhain programming manuals.
+A file is recognised by its first bytes, a control by the head of its programs.  In a lathe's
+program X is a diameter, F is mm/rev under G99, G50 S bounds the speed under G96, G70 to G76 turn:
+such signs are counted over its first lines.  Sources: Fanuc 0i-T operator's manual, G-code system
+A; Okuma OSP, Philips/Maho 432, Fagor 8055 and Heidenhain programming manuals.
 """
 
 import re
@@ -52,13 +51,7 @@ BINARY_SHARE, SAMPLE = 0.3, 4000
 
 
 def refuse_foreign(program: Program, dialect: str) -> None:
-    """Refuse what is no program of a mill, by its name.
-
-    Raises
-    ------
-    GcodeError
-        With what it is.
-    """
+    """Refuse what is no program of a mill, by its name.  Raises GcodeError with what it is."""
     head = program.data[:HEAD]
     for name, (pattern, remedy) in FOREIGN.items():
         found = pattern.search(head)
@@ -125,7 +118,6 @@ _ACROSS = _words(rb"(?:\b|(?<=[\d.]))Y\s*=?[-+.\d#\[]")
 
 
 def _signs(code: bytes) -> dict[str, re.Match[bytes]]:
-    """Signs of a lathe in code without comments, each with where it stands first."""
     found = {name: match for name, one in SIGNS.items() if (match := one.search(code))}
     if _CYCLE.search(code):
         found.pop("feed per revolution (G99 without a cycle)", None)

@@ -1,8 +1,7 @@
 """Arcs in a plane with axes ``(u, v)`` that turn anticlockwise about its normal.
 
-Scalars in, scalars out, without a call that is not the same bits compiled and interpreted, so that
-a compiled loop and the interpreter share these functions.  Source: ISO 6983-1, 7.2; LinuxCNC 2.9
-"G2, G3 Arc Move".
+Compiled and interpreted they give the same bits.  Source: ISO 6983-1, 7.2; LinuxCNC 2.9 "G2, G3 Arc
+Move".
 """
 
 import math

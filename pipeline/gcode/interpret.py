@@ -41,17 +41,13 @@ def interpret(
 ) -> Moves:
     """Moves of a program from its first line to its end.
 
-    ``progress`` is called now and then with the number of blocks that were executed.
+    ``progress`` is called now and then with the number of blocks that were executed.  Raises
+    GcodeError at the first word that cannot be interpreted.
 
     Returns
     -------
     Moves
         In the machine's frame [mm, deg].
-
-    Raises
-    ------
-    GcodeError
-        At the first word that cannot be interpreted.
     """
     refuse_foreign(program, setup.dialect)
     return Interpreter(program, setup, progress).moves()
@@ -62,12 +58,8 @@ def interpret_in_parts(
 ) -> Iterator[Moves]:
     """Moves of a program in parts that follow each other, for programs of any length.
 
-    A part has ``rows`` rows at least; the last one may have fewer, or none.
-
-    Raises
-    ------
-    GcodeError
-        At the first word that cannot be interpreted, after the parts before it.
+    A part has ``rows`` rows at least; the last one may have fewer, or none.  Raises GcodeError at
+    the first word that cannot be interpreted, after the parts before it.
     """
     refuse_foreign(program, setup.dialect)
     yield from Interpreter(program, setup, progress).parts(rows)
@@ -76,12 +68,8 @@ def interpret_in_parts(
 def restart_at(program: Program, setup: Setup, line: int) -> Restart:
     """The state before a line of a program.
 
-    Raises
-    ------
-    ValueError
-        When the program has no such line or never comes to it.
-    GcodeError
-        At the first word before it that cannot be interpreted.
+    Raises ValueError when the program has no such line or never comes to it; GcodeError at the
+    first word before it that cannot be interpreted.
     """
     if not 1 <= line <= len(program):
         raise ValueError(f"{program.name} has no line {line}: name one from 1 to {len(program)}")
@@ -198,7 +186,6 @@ class Interpreter:
         return replace(moves, notices=run.notices)
 
     def _refuse_corner(self) -> None:
-        """A corner that is open where no straight line follows."""
         corner = self.run.corner
         if corner is not None:
             raise corner.block.error(

@@ -1,10 +1,8 @@
-"""Modal state and modal groups: what stays in force from block to block.
+"""Modal state and modal groups of a control, lengths in mm.
 
-Lengths are in mm, as in :mod:`pipeline.gcode.moves`, whatever the program speaks.  G codes are kept
-ten times their number, so that G38.2 is 382 and every code is an integer.  The groups say which
-codes exclude each other and when a block carries them out.  Sources: ISO 6983-1; Fanuc 0i-F
-operator's manual B-64694EN (group numbers of machining centres); LinuxCNC 2.9 "G-code overview",
-tables of modal groups and "order of execution".
+G codes are kept ten times their number, so that G38.2 is 382 and every code is an integer. Sources:
+ISO 6983-1; Fanuc 0i-F operator's manual B-64694EN (group numbers of machining centres); LinuxCNC
+2.9 "G-code overview", tables of modal groups and "order of execution".
 """
 
 from dataclasses import dataclass, field

@@ -1,7 +1,6 @@
-"""Moves that a part program commands, one row each, in the machine's frame.
+"""Moves that a part program commands, one row each, in the machine's frame [mm, deg].
 
-Positions are in millimetre and degree, as programs speak; :data:`METRE` and its like are the
-factors to SI, the only place with them on this side.  A row that does not move (a dwell, an M code)
+:data:`METRE` and its like are the factors to SI.  A row that does not move (a dwell, an M code)
 repeats the position.
 """
 

@@ -45,13 +45,7 @@ class Tokens:
 
 
 def tokens(data: bytes, name: str) -> Tokens:
-    """Tokens of any bytes.
-
-    Raises
-    ------
-    GcodeError
-        If it has 2 GiB or more.
-    """
+    """Tokens of any bytes.  Raises GcodeError if it has 2 GiB or more."""
     if len(data) >= 2**31 - 1:
         raise GcodeError(name, 0, 0, f"{len(data)} bytes", "cut it: 2 GiB at most")
     capacity = len(data) + 1
@@ -225,7 +219,6 @@ class Program:
         self.tokens = tokens(data, name)
 
     def __len__(self) -> int:
-        """Number of lines."""
         return len(self.tokens.first) - 1
 
     @property

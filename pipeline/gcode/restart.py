@@ -1,4 +1,4 @@
-"""Modal state before a line of a part program: what a control has to be told to restart there."""
+"""Modal state before a line of a part program, for a restart of the control there."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -81,7 +81,6 @@ def _words(run: Run) -> Iterator[tuple[str, str]]:
 
 
 def _coolant(run: Run) -> str:
-    """Coolant that is on, by the rows of M codes so far."""
     rows = run.rows.arrays
     found: set[str] = set()
     kinds, codes = rows["kind"][: run.rows.count], rows["code"][: run.rows.count]

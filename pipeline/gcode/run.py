@@ -287,10 +287,7 @@ class Run:
     def listed_tool(self, number: int, block: Block, item: WordItem) -> Register:
         """Entry of LinuxCNC's tool table, where tool 0 is none.
 
-        Raises
-        ------
-        GcodeError
-            If the tool is not in the table.
+        Raises GcodeError if the tool is not in the table.
         """
         if number <= 0:
             return Register()

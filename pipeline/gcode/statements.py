@@ -190,10 +190,7 @@ def evaluate(expression: Expression, parameters: ParameterStore) -> float | None
 def parameter_key(parameter: Parameter, parameters: ParameterStore) -> int | str:
     """Number or name that ``#…`` stands for.
 
-    Raises
-    ------
-    ExpressionError
-        If the number is vacant, negative or not whole.
+    Raises ExpressionError if the number is vacant, negative or not whole.
     """
     if isinstance(parameter.key, str):
         return parameter.key

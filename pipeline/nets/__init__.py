@@ -1,10 +1,8 @@
 """Neural networks on rows of temperature sensors and on windows of signals, and their training.
 
 Rows hold rises above a reference [K], shape (T, N), in the order of the sensors along the machine;
-consequent inputs, shape (T, K), are whatever the output is taken to be linear in.  Windows have
-shape (B, T, C), the newest row last, in the units that were learnt from.  The only room that
-imports torch; ``settings``, ``sequence_settings`` and ``windows`` import none, so that a stage that
-trains no network starts without it.
+consequent inputs have shape (T, K).  Windows have shape (B, T, C), the newest row last, in the
+units of the training data.  ``settings``, ``sequence_settings`` and ``windows`` import no torch.
 
 Sources: FFNN2015; Feed2025; Sun and Jang 1993 (filters over channels); Golub and Pereyra 1973.
 """

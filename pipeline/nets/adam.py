@@ -1,7 +1,6 @@
 """Adam on the weights of a network as one vector (Kingma and Ba 2015), with penalty or decay.
 
-A step on sixty small tensors takes longer than a small network, on one vector it takes nothing; and
-``torch.optim`` imports a compiler at its first step, a second of each process.
+On sixty small tensors a step takes longer than a small network; ``torch.optim`` imports a compiler.
 """
 
 from collections.abc import Sequence

@@ -27,10 +27,7 @@ class BestState:
     def add(self, done: int, training: float, validation: float) -> bool:
         """Take down both errors of the scaled output after so many passes; whether they are finite.
 
-        Raises
-        ------
-        Diverged
-            When the first ones are not.
+        Raises Diverged when the first ones are not.
         """
         if not (isfinite(training) and isfinite(validation)):
             if not self.history:

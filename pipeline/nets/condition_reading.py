@@ -1,11 +1,9 @@
-"""Small networks that read one condition from a window: what a generator's windows are to be read
-as.
+"""Auxiliary networks that read one condition from a window, for the training of a generator.
 
-They see recorded windows of the training alone and are fixed before the generator's first step.
-What they look at is general: level, spread and power in bands of each channel, and the other
-conditions.  Several of them, under noise, so that a window cannot please one by a trifle.  The
-generator is not driven to the asked value itself: the readings of its windows are to be distributed
-as those of recorded windows at the same conditions, by the energy distance, which is proper.
+They see recorded windows of the training alone and are fixed before the generator's first step;
+inputs are level, spread and power in bands of each channel, and the other conditions.  The readings
+of generated windows are to be distributed as those of recorded windows at the same conditions, by
+the energy distance, which is proper.
 
 Sources: auxiliary classifier: Odena, Olah and Shlens 2017; regression labels: Ding et al. 2021.
 """

@@ -276,12 +276,8 @@ class TrainedGan:
         """Windows at conditions, shape (N, C, L), in the units of the channels.
 
         ``conditions`` by name, shape (N,); the empty word, or a discrete one left out, for one that
-        is not known; ``seed`` is that of the noise.
-
-        Raises
-        ------
-        ValueError
-            When a condition is missing, was not learnt, or lies outside of what was.
+        is not known; ``seed`` is that of the noise.  Raises ValueError when a condition is missing,
+        was not learnt, or lies outside of what was.
         """
         numbers, words = encoded(self.space, conditions)
         noise = self.noise(len(numbers), seed)
@@ -315,10 +311,8 @@ class TrainedGan:
 def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
     """The generator of a :meth:`TrainedGan.document`; it samples the same bits.
 
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its numbers do not fit the network that it names.
+    Raises ValueError when the document lacks something, or its numbers do not fit the network that
+    it names.
     """
     with document_of("a generator"):
         settings = GanSettings(**_tuples(document["network"]))

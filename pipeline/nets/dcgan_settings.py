@@ -1,7 +1,7 @@
-"""Settings of the conditional DCGAN and of its training, and the conditions that it knows.
+"""Settings of the conditional DCGAN and of its training, and its conditions.
 
-Needs no torch to be read.  Source: DCGAN2019; projection: Miyato and Koyama 2018; FiLM: Perez et
-al. 2018; R1: Mescheder, Geiger and Nowozin 2018; spectral norm: Miyato et al. 2018.
+Sources: DCGAN2019; projection: Miyato and Koyama 2018; FiLM: Perez et al. 2018; R1: Mescheder,
+Geiger and Nowozin 2018; spectral norm: Miyato et al. 2018.
 """
 
 from collections.abc import Mapping, Sequence
@@ -126,13 +126,8 @@ class Continuous:
     def scaled(self, values: Any) -> Floats:
         """Values from -1 to 1, shape as given.
 
-        Raises
-        ------
-        ValueError
-            When one is not finite or lies outside of the range that was learnt.
+        Raises ValueError when one is not finite or lies outside of the range that was learnt.
 
-        Examples
-        --------
         >>> Continuous(name="wear", unit="um", low=0.0, high=200.0).scaled([0.0, 150.0]).tolist()
         [-1.0, 0.5]
         """
@@ -158,10 +153,7 @@ class Discrete:
     def numbered(self, values: Any) -> "np.ndarray[Any, Any]":
         """Numbers of words from 1, 0 for the empty word.
 
-        Raises
-        ------
-        ValueError
-            When a word was not learnt.
+        Raises ValueError when a word was not learnt.
         """
         known = {"": 0, **{word: k for k, word in enumerate(self.words, start=1)}}
         given = [str(one) for one in np.ravel(values)]
@@ -186,10 +178,7 @@ class ConditionSpace:
     def of(conditions: Mapping[str, Any], units: Mapping[str, str]) -> "ConditionSpace":
         """Ranges and words of the conditions of training windows, by name, each of shape (N,).
 
-        Raises
-        ------
-        ValueError
-            When a number is not finite.
+        Raises ValueError when a number is not finite.
         """
         continuous, discrete = [], []
         for name, values in conditions.items():
@@ -218,11 +207,7 @@ class ConditionSpace:
         """Numbers from -1 to 1, shape (N, K), and numbers of words, shape (N, D).
 
         A discrete condition that is not given is not known; a continuous one has to be given.
-
-        Raises
-        ------
-        ValueError
-            When a condition is missing, was not learnt, or lies outside of what was.
+        Raises ValueError when a condition is missing, was not learnt, or lies outside of what was.
         """
         strange = sorted(set(conditions) - set(self.names))
         if strange:

@@ -1,7 +1,5 @@
 """Adversarial training of the conditional DCGAN: one loop, running mean of the weights.
 
-A judge takes no part: it may look on through a watch.
-
 Sources: DCGAN2019; hinge loss: Lim and Ye 2017; R1, lazily: Mescheder, Geiger and Nowozin 2018,
 Karras et al. 2020; running mean of the weights: Yazici et al. 2019.
 """
@@ -45,12 +43,9 @@ def train_gan(
 
     ``values`` (N, C, L) in the ``units`` of the ``channels``; ``conditions`` by name, numbers or
     words, shape (N,). ``watch`` is called every ``training.every`` steps, and after the last;
-    ``read`` names the condition, a number, whose readings count by ``training.reading``.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not fit, a value is not finite, or the training diverges (:class:`Diverged`).
+    ``read`` names the condition, a number, whose readings count by ``training.reading``.  Raises
+    ValueError when shapes do not fit, a value is not finite, or the training diverges
+    (:class:`Diverged`).
     """
     x = samples("values", values, 3)
     if len(x) < 2 or 0 in x.shape or len(channels) != x.shape[1]:

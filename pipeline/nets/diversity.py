@@ -1,8 +1,7 @@
-"""Features of windows, and whether a generator has collapsed: samples that differ too little.
+"""Features of windows, and collapse of a generator: samples that differ too little.
 
-Needs no torch.  Features are what a person would look at: level, spread and shape of a channel,
-and the shares of its spectrum in bands.  Distances between them are what recorded windows of
-neighbouring conditions have, and generated ones should have too.
+Features are level, spread and shape of a channel, and the shares of its spectrum in bands;
+distances are those between windows of neighbouring conditions.
 """
 
 from dataclasses import dataclass

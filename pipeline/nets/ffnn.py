@@ -1,15 +1,13 @@
-"""Fuzzy-filtered networks and the sigmoid network that they are held against.
+"""Fuzzy-filtered networks, and the sigmoid network that they are compared with.
 
-All three take scaled temperatures x, shape (T, N), in the order of the sensors, and scaled
-consequent inputs c, shape (T, K), and give the scaled output, shape (T,), in float64
-(:mod:`pipeline.nets.trained` scales).
+All take scaled temperatures x, shape (T, N), in the order of the sensors, and scaled consequent
+inputs c, shape (T, K), and give the scaled output, shape (T,), in float64.
 
 The improved fuzzy-filtered network (FFNN2015) has five layers: temperatures; pass-bands over the
 channel index; shares of the bands; rules that are linear in the consequent inputs, weighted by the
-shares; their sum.  In the paper c are the temperatures of the three fuzzy c-means centres, K = 3;
-lags, rates or a speed may stand beside them.  The classic one (after Sun and Jang 1993) has bells
-for bands and sigmoids for shares.  Given the bands, both are linear in the consequents, which ridge
-least squares finds.
+shares; their sum.  In the paper c are the temperatures of the three fuzzy c-means centres, K = 3.
+The classic one (after Sun and Jang 1993) has bells for bands and sigmoids for shares.  Given the
+bands, both are linear in the consequents, which ridge least squares finds.
 """
 
 from abc import ABC, abstractmethod
@@ -263,10 +261,8 @@ def network(
 ) -> Network:
     """The network of a kind's settings for N sensors and K consequent inputs, not yet trained.
 
-    Raises
-    ------
-    ValueError
-        When there are fewer than three sensors, no input, or the settings are of no network.
+    Raises ValueError when there are fewer than three sensors, no input, or the settings are of no
+    network.
     """
     if sensors < 3 or inputs < 1:
         raise ValueError(

@@ -1,8 +1,8 @@
 """Search in the noise of a generator: noise and conditions that explain a recorded window best.
 
 The loss is the distance of short spectra, whose phase does not count, with a penalty on noise
-longer than the generator ever saw.  At each value of one condition the noise is sought anew, from
-several starts, so that what is found is a profile over the condition and not one point.
+beyond that of the training.  At each value of one condition the noise is searched anew, from
+several starts: a profile over the condition.
 
 Source: Creswell and Bharath 2018, Inverting the generator of a GAN; profiles as of a likelihood.
 """
@@ -72,13 +72,9 @@ def explain(
     """Noise and value of ``condition`` that explain a recorded window best.
 
     ``window`` (C, L) in the units of the channels; ``given`` holds one value of each other
-    condition; discrete ones may be left out.
-
-    Raises
-    ------
-    ValueError
-        When the window has another shape, the condition is none of the continuous ones, or another
-        condition is missing or lies outside of what was learnt.
+    condition; discrete ones may be left out.  Raises ValueError when the window has another shape,
+    the condition is none of the continuous ones, or another condition is missing or lies outside of
+    what was learnt.
     """
     settings = settings or LatentSearch()
     x = samples("window", window, 2)

@@ -1,9 +1,7 @@
-"""Networks on windows of signals: CNN-LSTM with attention, and what it is held against.
+"""Networks on windows of signals: CNN-LSTM with attention, and the networks it is compared with.
 
 All take scaled windows, shape (B, T, C), the newest row last, and give the scaled output, shape
-(B,) (:mod:`pipeline.nets.window_model` scales).  Convolutions see the past alone: each
-row of what they give depends on no later row; those of the residual network, which tells something
-of the whole window, see both sides.
+(B,).  Convolutions are causal, but for those of the residual network.
 
 Sources: Feed2025 (Conv1D, LSTM, additive attention over time, dense layer); Bahdanau, Cho and
 Bengio 2015 (additive attention); Bai, Kolter and Koltun 2018 (TCN); He, Zhang, Ren and Sun 2016,
@@ -259,13 +257,9 @@ def sequence_network(
 ) -> SequenceNetwork:
     """The network of a kind's settings for windows of T rows and C channels, not yet trained.
 
-    Initial weights are uniform within 1 / sqrt(inputs of the node), in an LSTM within
-    1 / sqrt(units) with 1 added for its forget gates; torch's global random numbers are not used.
-
-    Raises
-    ------
-    ValueError
-        When windows are empty, or the settings are of no network.
+    Initial weights are uniform within 1 / sqrt(inputs of the node), in an LSTM within 1 /
+    sqrt(units) with 1 added for its forget gates; torch's global random numbers are not used.
+    Raises ValueError when windows are empty, or the settings are of no network.
     """
     if length < 1 or channels < 1:
         raise ValueError(

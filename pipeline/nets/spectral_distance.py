@@ -2,8 +2,7 @@
 
 E = d(x, y) + d(x, y') - d(y, y'), with a recorded window x and two generated ones y, y' at its
 conditions.  Its expectation is least where the windows have the recorded distribution at those
-conditions, their spread included, so that it pulls towards the conditions from the first step on,
-and not towards their mean.  Phases do not count: d looks at magnitudes of short spectra.
+conditions.  Phases do not count: d looks at magnitudes of short spectra.
 
 Source: Gritsenko et al. 2020, A spectral energy distance for parallel speech synthesis.
 """

@@ -1,7 +1,6 @@
-"""What all trained networks share: their scaling, their stored form, and the same bits every time.
+"""Scaling, stored form and reproducible execution of all trained networks.
 
-A document holds plain lists, numbers and words, as JSON does, and weights in base64; no pickle is
-written or read.
+A document holds plain lists, numbers and words, as JSON does, and weights in base64; no pickle.
 """
 
 from collections.abc import Iterator, Mapping
@@ -38,10 +37,7 @@ def reproducible() -> Iterator[None]:
 def samples(name: str, values: ArrayLike, dimensions: int) -> Floats:
     """``values`` as an array of that many dimensions.
 
-    Raises
-    ------
-    ValueError
-        When it has another number of dimensions, or a value that is not finite.
+    Raises ValueError when it has another number of dimensions, or a value that is not finite.
     """
     array = np.array(values, dtype=np.float64)
     if array.ndim != dimensions:
@@ -106,10 +102,7 @@ def restored_scaling(document: Mapping[str, Any], part: str) -> Scaling:
 def document_of(what: str) -> Iterator[None]:
     """Say what is wrong with the document that is read inside, in one sentence.
 
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its parts do not fit together.
+    Raises ValueError when the document lacks something, or its parts do not fit together.
     """
     try:
         yield

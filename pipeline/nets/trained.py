@@ -1,7 +1,6 @@
 """Trained network with its scaling: predictions from plain arrays, and a document to restore it.
 
-Scaling belongs to the network: temperatures come in as rises above a reference [K], consequent
-inputs in units of their own, the output leaves in that of what was learnt [µm].
+Temperatures are rises above a reference [K], the output is in the target's unit [µm].
 """
 
 from collections.abc import Mapping
@@ -62,12 +61,8 @@ class Trained:
     def predict(self, x: ArrayLike, c: ArrayLike) -> Floats:
         """Output at samples, shape (T,), in the unit of what was learnt [µm].
 
-        x (T, N) are temperatures above the reference [K], c (T, K) the consequent inputs.
-
-        Raises
-        ------
-        ValueError
-            When shapes do not fit the network, or a value is not finite.
+        x (T, N) are temperatures above the reference [K], c (T, K) the consequent inputs.  Raises
+        ValueError when shapes do not fit the network, or a value is not finite.
         """
         many = len(self.x_scaling.shift), len(self.c_scaling.shift)
         x, c = samples("x", x, 2), samples("c", c, 2)
@@ -102,10 +97,8 @@ class Trained:
 def restore(document: Mapping[str, Any]) -> Trained:
     """The trained network of a :meth:`Trained.document`; it predicts the same bits.
 
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its numbers do not fit the network that it names.
+    Raises ValueError when the document lacks something, or its numbers do not fit the network that
+    it names.
     """
     with document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])

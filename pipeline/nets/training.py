@@ -54,13 +54,9 @@ def train(
     x (T, N) are temperatures above the reference [K], the sensors in their order along the machine,
     c (T, K) consequent inputs, y (T,) what is learnt, such as a deformation [µm]; ``group`` (T,)
     labels samples that belong together, such as a speed profile; ``method`` is one of
-    :data:`METHODS` for that kind.
-
-    Raises
-    ------
-    ValueError
-        When samples are empty, not finite or of shapes that do not fit, when the method is none of
-        that kind, or when there is no group to learn from beside those for validation.
+    :data:`METHODS` for that kind.  Raises ValueError when samples are empty, not finite or of
+    shapes that do not fit, when the method is none of that kind, or when there is no group to learn
+    from beside those for validation.
     """
     x, c, y = samples("x", x, 2), samples("c", c, 2), samples("y", y, 1)
     labels = [str(one) for one in group]
@@ -111,10 +107,7 @@ def _inputs_scaling(kind: NetworkSettings, x: Floats) -> Scaling:
 def validation_groups(labels: Sequence[str], settings: TrainingSettings) -> tuple[str, ...]:
     """Labels of the groups that are kept for early stopping, at random by the seed.
 
-    Raises
-    ------
-    ValueError
-        When a group is to be kept and there is only one.
+    Raises ValueError when a group is to be kept and there is only one.
     """
     if settings.validation == 0:
         return ()

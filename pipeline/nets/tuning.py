@@ -1,14 +1,11 @@
 """Search for learning rate, units and penalty of a network on windows.
 
 The candidates of a generation are trained side by side, on few windows and for few epochs.  One is
-stopped at a milestone when its error is above the median of what the best of earlier generations
-had by then, as many as a generation has: median stopping (Golovin et al. 2017), whose median over
-all hardly stops a candidate once the search closes in.  The best settings are trained again in
-full, with a seed of their own each, and the best of these networks by validation error is the
-result.  All are stopped by the same recordings.
-
-An optimum at a bound says that the range may be too small: that of Feed2025 lies at the lower
-bounds of all three.
+stopped at a milestone when its error is above the median of the best of earlier generations by
+then, as many as a generation has (median stopping, Golovin et al. 2017).  The best settings are
+trained again in full, with a seed of their own each; the network of least validation error is the
+result.  An optimum at a bound says that the range may be too small: that of Feed2025 lies at the
+lower bounds of all three.
 
 Sources: Feed2025 (whale optimisation, 8 candidates, 20 generations); Golovin et al. 2017, "Google
 Vizier".
@@ -106,13 +103,8 @@ def tune(
     ``units`` of ``kind`` is tuned where it has them, the rest is kept. ``training`` is that of the
     trainings in full, of which the k-th of the best has the seed ``training.seed`` + k, from 0;
     those of candidates differ in what :class:`TuningSettings` says. Groups of ``windows`` are whole
-    recordings.
-
-    Raises
-    ------
-    ValueError
-        When the network has nothing to tune, no recordings are kept for validation, all
-        candidates diverge, or the windows do not fit (:func:`train_windows`).
+    recordings.  Raises ValueError when the network has nothing to tune, no recordings are kept for
+    validation, all candidates diverge, or the windows do not fit (:func:`train_windows`).
     """
     if isinstance(kind, ArxSettings):
         raise ValueError(
@@ -241,14 +233,12 @@ def _in_full(search: _Search, windows: Windows, training: WindowTraining) -> lis
 
 
 def _with(kind: SequenceSettings, training: WindowTraining, values: Values) -> Task:
-    """Settings with the values of a candidate."""
     own = {name: value for name, value in values.items() if hasattr(kind, name)}
     rest = {name: value for name, value in values.items() if name not in own}
     return replace(kind, **own), replace(training, **rest)  # type: ignore[type-var, arg-type]
 
 
 def _values(found: TrainedSequence, names: Sequence[str]) -> Values:
-    """What was tuned, of a trained network."""
     return {
         name: getattr(found.kind if hasattr(found.kind, name) else found.settings, name)
         for name in names
@@ -281,5 +271,4 @@ def _trained(task: Task, windows: Windows) -> TrainedSequence | None:
 
 
 def _error(found: TrainedSequence) -> float:
-    """Least validation RMSE."""
     return float(found.history[:, 2].min())

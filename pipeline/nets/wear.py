@@ -1,11 +1,9 @@
 """Judge of tool wear from windows of signals: a residual network with its scaling and inputs.
 
-Windows have shape (N, C, L), in the units of the recordings.  Each channel is brought to about zero
-and one wide by a scaling of training windows; known conditions enter as further channels that are
-constant over the window.  The output is flank wear [um], or the share of worn tools among such
-windows where wear is a class (least squares on 0 and 1 estimate it).  Whole tools are kept for
-early stopping.  A judge is stored as JSON: settings, scaling, and weights in base64; no pickle is
-written or read.
+Windows have shape (N, C, L), in the units of the recordings.  Known conditions enter as further
+channels that are constant over the window.  The output is flank wear [um], or the share of worn
+tools where wear is a class (least squares on 0 and 1 estimate it).  Whole tools are kept for early
+stopping.
 
     judge = train_judge(values, wear, tool, scaling=(shift, scale), wear_unit="um",
                         conditions={"feed": feed}, training=WindowTraining(epochs=40))
@@ -66,12 +64,8 @@ class WearJudge:
         """Wear of windows in ``wear_unit``, shape (N,); a class from 0 to 1.
 
         ``values`` (N, C, L) in the units of the recordings; ``conditions`` those that it was
-        trained with, (N,) each.
-
-        Raises
-        ------
-        ValueError
-            When shapes do not fit, a condition is missing, or a value is not finite.
+        trained with, (N,) each.  Raises ValueError when shapes do not fit, a condition is missing,
+        or a value is not finite.
         """
         found = self.trained.predict(self._inputs(values, conditions))
         return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
@@ -95,10 +89,7 @@ class WearJudge:
 def restore_judge(document: Mapping[str, Any]) -> WearJudge:
     """The judge of a :meth:`WearJudge.document`; it predicts the same bits.
 
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its numbers do not fit together.
+    Raises ValueError when the document lacks something, or its numbers do not fit together.
     """
     with document_of("a judge of wear"):
         return WearJudge(
@@ -121,13 +112,8 @@ def train_judge(
     ``values`` (N, C, L) in the units of the recordings, ``wear`` (N,) in ``wear_unit`` (``"um"``,
     or ``"1"`` for 0 and 1); whole tools of ``tool`` (N,) are kept for early stopping; ``scaling``
     is shift and scale of the C channels, of training windows; ``conditions`` are known numbers by
-    name, (N,) each.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not fit, a value is not finite, or there are fewer than two tools to learn
-        from and to stop by.
+    name, (N,) each.  Raises ValueError when shapes do not fit, a value is not finite, or there are
+    fewer than two tools to learn from and to stop by.
     """
     given = dict(conditions or {})
     middle, half = [], []

@@ -1,7 +1,6 @@
 """Trained network on windows with its scaling: predictions from arrays, and a document of it.
 
-Scaling belongs to the network: windows come in and outputs leave in the units that were learnt
-from.  Predictions are made in float32 (the linear model's in float64) on one thread, whatever the
+Predictions are made in float32 (the linear model's in float64) on one thread, whatever the
 precision of the training was.
 """
 
@@ -75,12 +74,8 @@ class TrainedSequence:
     def predict(self, windows: ArrayLike) -> Floats:
         """Target of windows, shape (B,), in its unit.
 
-        Windows (B, T, C) are in the units that were learnt from, the newest row last.
-
-        Raises
-        ------
-        ValueError
-            When the shape does not fit the network, or a value is not finite.
+        Windows (B, T, C) are in the units that were learnt from, the newest row last.  Raises
+        ValueError when the shape does not fit the network, or a value is not finite.
         """
         parts = [self.network(x).numpy() for x in self._steps(windows)]
         found = np.concatenate(parts) if parts else np.empty(0)
@@ -139,10 +134,8 @@ class TrainedSequence:
 def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
     """The network of a :meth:`TrainedSequence.document`; it predicts the same bits.
 
-    Raises
-    ------
-    ValueError
-        When the document lacks something, or its numbers do not fit the network that it names.
+    Raises ValueError when the document lacks something, or its numbers do not fit the network that
+    it names.
     """
     with document_of("a network"):
         kind = KINDS[document["kind"]](**document["network"])

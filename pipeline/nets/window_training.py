@@ -1,7 +1,6 @@
-"""One training loop for all networks on windows: Adam and early stopping.
+"""Training of networks on windows: Adam and early stopping on whole recordings.
 
-Whole recordings are kept for early stopping, and the state with the least error on them is the
-result.  The linear model is solved at once from the same windows.
+The linear model is solved at once from the same windows.
 """
 
 from collections.abc import Callable
@@ -37,14 +36,10 @@ def train_windows(
 ) -> TrainedSequence:  # fmt: skip
     """Network that is trained on windows, in its best state.
 
-    The groups of ``windows`` are whole recordings; ``watch`` is called after each epoch.
-
-    Raises
-    ------
-    ValueError
-        When windows are empty, not finite or of shapes that do not fit, when there is no recording
-        to learn from beside those for validation, or when the first epoch diverges
-        (:class:`~pipeline.nets.best_state.Diverged`).
+    The groups of ``windows`` are whole recordings; ``watch`` is called after each epoch.  Raises
+    ValueError when windows are empty, not finite or of shapes that do not fit, when there is no
+    recording to learn from beside those for validation, or when the first epoch diverges
+    (:class:`~pipeline.nets.best_state.Diverged`).
     """
     x, y = samples("x", windows.x, 3), samples("y", windows.y, 1)
     labels = [str(one) for one in windows.group]

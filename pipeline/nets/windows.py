@@ -1,8 +1,8 @@
 """Windows of recordings, with a guard against inputs that could not be known yet.
 
-A window predicts the target at its last time t.  What is known before the motion (commands, states
-of a model) may stand in it up to t; a measurement only as far as it is older than the horizon, so
-that its column ends at t less its age.  No window crosses from one recording into the next.
+A window predicts the target at its last time t.  Inputs known before the motion (commands, states
+of a model) reach up to t; a measurement only as far as it is older than the horizon, so that its
+column ends at t less its age.
 """
 
 from collections.abc import Mapping, Sequence
@@ -126,15 +126,10 @@ def windows_of(
     ``horizon_s`` [s] before what it predicts, infinite for one before the motion, which no
     measurement may enter.  ``allow_leaks`` lets inputs in that could not be known yet and names
     them in ``leaks``, to show what a leak would seem to gain; ``joined`` inputs stay views, of
-    which some are taken.
-
-    Raises
-    ------
-    ValueError
-        When an input could not be known yet: a measurement younger than the horizon, a measurement
-        or the target that is declared as known before the motion, or an input that holds the very
-        values of the target.  Also when a signal is missing or not finite, two recordings have one
-        name, or none is long enough for a window.
+    which some are taken.  Raises ValueError when an input could not be known yet: a measurement
+    younger than the horizon, a measurement or the target that is declared as known before the
+    motion, or an input that holds the very values of the target.  Also when a signal is missing or
+    not finite, two recordings have one name, or none is long enough for a window.
     """
     _check(recordings, inputs, target, length, horizon_s)
     leaks = []

@@ -1,10 +1,7 @@
-"""Part programs: faster or cheaper inside the limits of a part, with proof of what was changed.
+"""Optimisation of part programs: faster or cheaper inside the limits of a part, with proof.
 
-A program as interpreted has rows, one for each move; F in [mm/min] or [mm/rev], S in [rev/min],
-all else in SI.  ``problem`` holds limits and objectives of the rows as arrays, ``reliability`` the
-feeds that keep a load limit with a given probability, ``methods`` the blockwise optimum and the
-searches that go on from it (Sim2023: genetic; NSGA-II for a front), ``text`` the F and S words that
-may change, ``proof`` the comparison of two programs that shares nothing with what wrote them.
+Rows are the moves of a program as interpreted; F in [mm/min] or [mm/rev], S in [rev/min], all else
+in SI.  Sources: Sim2023 (genetic search); NSGA-II for a front.
 """
 
 __all__ = [

@@ -1,10 +1,9 @@
 """Limits of the axes in the cut: following error, motor command, and the feeds that keep them.
 
-A following error goes with the speed of its axis, so that its excess over the limit is the share
-by which the feed has to go down.  A motor command is Coulomb friction and weight, which no feed
-changes, and a rest that falls with the feed; the edges' part of the cutting force does not, so that
-a command takes more rounds.  Where a compensation network tells the interval of a following error,
-the limit holds against the worst inside of it; its half width does not fall with the feed.
+A following error is proportional to the speed of its axis, so that its excess over the limit is the
+share by which the feed has to fall.  A motor command holds Coulomb friction, weight and the edge
+forces, which no feed changes, so that it takes more rounds.  Where a compensation network gives the
+interval of a following error, the limit holds against its worst end, independent of the feed.
 """
 
 from collections.abc import Mapping
@@ -147,6 +146,5 @@ def _of_it(width: Floats, k: int, name: str) -> str:
 
 
 def _falls(values: Floats) -> Bools:
-    """Where a positive signal is on its way down; shape (T,)."""
     falls: Bools = np.diff(values, prepend=values[:1]) < -FALLING * values
     return falls

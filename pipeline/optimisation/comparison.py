@@ -1,8 +1,4 @@
-"""Programs before and after, row by row: limits exceeded, groups of blocks, load along the path.
-
-Rows of the program after are counted to the rows that they have become; columns of the load trace
-belong to the same places of the part in both.
-"""
+"""Programs before and after, row by row: limits exceeded, groups of blocks, load along the path."""
 
 from dataclasses import dataclass, field
 
@@ -73,11 +69,11 @@ class Side:
 
     cut: Cut = field(repr=False)
     of: AssessedCut = field(repr=False)
-    """Of its own M' rows."""
+    """Assessed cut of the program with its own M' rows."""
     time: Floats = field(repr=False)
     cost: Floats = field(repr=False)
-    """Of each row with those that were added before it [s], [currency]; NaN where not known;
-    shape (M,)."""
+    """Time [s] and cost [currency] of each row with those that were added before it, NaN where not
+    known; shape (M,)."""
     feed: Floats = field(repr=False)
     speed: Floats = field(repr=False)
     """F and S, in the units of ``Moves``; shape (M,)."""

@@ -201,7 +201,7 @@ def _given_way(result: Result) -> Iterator[str]:
 
 
 def _sides(result: Result) -> tuple[Side, Side]:
-    """As programmed and optimised, each with time and cost of every row of the first."""
+    """Program as programmed and as optimised, with time and cost of every row of the first."""
     basis, answer = result.job.basis, result.answer
     before, after = assessed(result.before, basis), assessed(answer.cut, basis)
     own = np.arange(len(result.moves))
@@ -230,7 +230,6 @@ def _gain(before: Totals, after: Totals) -> stored.Gain:
 
 
 def _change(before: float | None, after: float | None) -> float | None:
-    """Relative change [%]; None where it is not known."""
     if before is None or after is None or before <= 0:
         return None
     return figure(100 * (after / before - 1), 4)
@@ -244,7 +243,6 @@ def _method(method: Method) -> stored.MethodResult:
 
 
 def _figures(objectives: Floats) -> dict[str, float | None]:
-    """Objectives (4,) by the names that documents have for them."""
     names = ("time_s", "cost", "energy_kWh", "tool_life_share")
     return dict(zip(names, map(figure, objectives.tolist()), strict=True))
 
@@ -354,7 +352,7 @@ def _runs(result: Result, words: FeedWords) -> list[Rows]:
 
 
 def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:
-    """Of the rows, each counted by its time; by their number where they take none."""
+    """Mean over rows weighted by their time; plain mean where they take none."""
     weights = seconds[rows] if seconds[rows].sum() > 0 else np.ones(len(rows))
     if np.ptp(values[rows]) == 0:
         return figure(float(values[rows[0]]))

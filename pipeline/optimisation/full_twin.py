@@ -1,10 +1,8 @@
 """Check of a decision by the whole twin: written as text, read again, planned, cut, followed.
 
-A search takes loads of a table, whose chords, angles and jumps err by its stated accuracy
-(:mod:`pipeline.cutting.force.load_table`).  Here the peaks of the blocks with the greatest loads
-are
-those of the waveform over a turn, with each tooth's runout, within an eighth of a degree; speeds
-are those that the control reaches, and axes lag as their identified drives do.
+The peaks of the blocks with the greatest loads are those of the waveform over a turn, with each
+tooth's runout, within an eighth of a degree, in place of the load table's
+(:mod:`pipeline.cutting.force.load_table`); axes lag as their identified drives do.
 """
 
 from collections.abc import Mapping
@@ -101,11 +99,12 @@ class TwinAnswer:
     changes: tuple[WordChange, ...] = field(repr=False)
     """Against the program as it was."""
     cut: Cut = field(repr=False)
-    """Of that text; M' rows."""
+    """Cut of the optimised text; M' rows."""
     rows: NDArray[np.intp] = field(repr=False)
     """Its row for each row of the program as it was; shape (M,)."""
     objectives: Floats
-    """Of the rounded values, as :data:`~pipeline.optimisation.settings.OBJECTIVES`; shape (4,)."""
+    """Objectives of the rounded values in the order of
+    :data:`~pipeline.optimisation.settings.OBJECTIVES`; shape (4,)."""
     verified: Verified = field(repr=False)
     """Loads by tooth passing, following errors."""
     f_z_cap: Floats = field(repr=False)
@@ -131,7 +130,7 @@ class Result:
     """Program, machine, limits."""
     moves: Moves = field(repr=False)
     before: Cut = field(repr=False)
-    """Of the program as it was."""
+    """Cut of the program as programmed."""
     problem: Problem = field(repr=False)
     """Its last form, after tightening."""
     blockwise: Decision = field(repr=False)
@@ -139,13 +138,13 @@ class Result:
     answer: TwinAnswer = field(repr=False)
     """The answer with its text, as the whole twin sees it."""
     proof: Proof
-    """That only F and S changed."""
+    """Proof of equality in all but F and S."""
     methods: tuple[Method, ...]
     """The answer beside the baselines, with certainty and at nominal values."""
     front: Front | None = None
     """Front of the objectives, of the objective ``pareto``."""
     uncertain: Uncertainty | None = None
-    """Of the loads; None without a load limit."""
+    """Uncertainty of the loads; None without a load limit."""
     nominal: str | None = None
     """Method whose results at nominal values and with certainty make the price of certainty."""
     risk: Exceedance | None = None

@@ -1,8 +1,7 @@
-"""Operations as the cut itself tells them: what goes down, what is thin, what is full width.
+"""Operations by the cut itself: plunges, thin cuts, full width.
 
-A cut is taken from where the tool enters the material to where it leaves it, goes straight down or
-is lifted: its first and last rows may be leads, and one that is thin in most of its length is a
-finishing cut.
+A cut reaches from where the tool enters the material to where it leaves it, plunges or is lifted;
+its first and last rows may be leads.
 """
 
 import numpy as np
@@ -87,7 +86,6 @@ def _fall(moves: Moves) -> Floats:
 
 
 def _moving(moves: Moves) -> Rows:
-    """Rows that move, and rapids."""
     return np.flatnonzero((moves.length > 0) | (moves.kind == Kind.RAPID))
 
 
@@ -134,7 +132,6 @@ def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
 
 
 def _drilling_stations(cut: Cut) -> Rows:
-    """Stations in which a drill goes down at feed."""
     engagement = cut.engagement
     drills = np.array([tool.kind == "drill" for tool in cut.tools])[engagement.tool]
     return np.flatnonzero(drills & engagement.feed & (engagement.slope <= -STEEP))

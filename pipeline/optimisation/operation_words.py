@@ -1,11 +1,9 @@
-"""Operations that comments and names of tools speak of, in English, German and some French,
-Italian and Spanish.
+"""Operations named in comments and tool names, in English, German, French, Italian and Spanish.
 
-All that a text names is collected, and what allows least counts: FINISH FACE MILL is finishing.
-What directly follows LEAVE, NEAR, BEFORE, AFTER or WITHOUT is not counted, what directly follows
-FOR, or the others and a size, only where nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is
-roughing.  What stands farther from them counts: AFTER FLIP FINISH is finishing.  A TAP DRILL is a
-drill, and BORE and COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
+The operation that allows least counts: FINISH FACE MILL is finishing.  A name that directly follows
+LEAVE, NEAR, BEFORE, AFTER or WITHOUT does not count, one that directly follows FOR only where
+nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is roughing.  A TAP DRILL is a drill, and BORE
+and COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
 """
 
 import re
@@ -102,8 +100,6 @@ _PLAIN = str.maketrans({"Ä": "AE", "Ö": "OE", "Ü": "UE", "_": " "})
 def named_operation(text: str) -> Operation | None:
     """Operation that a comment or the name of a tool speaks of; roughing is any milling.
 
-    Examples
-    --------
     >>> [named_operation(name) for name in ("10H7 REAMER", "8.5 DRILL", "16MM ENDMILL")]
     ['reaming', 'drilling', None]
     >>> named_operation("FINISH WALL AFTER DRILLING"), named_operation("6.8 TAP DRILL")
@@ -116,8 +112,6 @@ def named_operation(text: str) -> Operation | None:
 def says_roughing(text: str) -> bool:
     """Whether a text says that a cut is a roughing one, and names nothing that allows less.
 
-    Examples
-    --------
     >>> [says_roughing(text) for text in ("ADAPTIVE CLEARING", "POCKET", "ROUGH AND FINISH")]
     [True, False, False]
     """
@@ -125,7 +119,6 @@ def says_roughing(text: str) -> bool:
 
 
 def _named(text: str) -> set[int]:
-    """Entries that a text names and that count."""
     plain = unicodedata.normalize("NFC", text).upper().translate(_PLAIN)
     plain = unicodedata.normalize("NFD", plain).encode("ascii", "ignore").decode()
     named: dict[str, set[int]] = {"": set(), "for": set(), "aside": set()}
@@ -178,8 +171,6 @@ def tool_texts(text: str) -> dict[int, str]:
     The text belongs to its number; of several numbers each has the text up to the next, or, where
     the text begins with what it names, all the text before it.
 
-    Examples
-    --------
     >>> tool_texts("T1 ROUGHING 16, T2 FINISHING 10")
     {1: 'ROUGHING 16,', 2: 'FINISHING 10'}
     """

@@ -1,15 +1,13 @@
-"""Operations of a part program: what a machinist calls the moves at feed, row by row.
+"""Operations of a part program: the machinist's name of each move at feed, row by row.
 
-They are told from the kind of the move and its canned cycle, from comments and the names of tools
-(FINISH, REAM, PROBE ...), and from the cut itself: what goes down, what is thin, what is full
-width, what cuts nothing.  In doubt the operation is the one whose rule allows less.
+Signs are the kind of the move and its canned cycle, comments and tool names (FINISH, REAM, PROBE),
+and the cut itself.  In doubt the operation is the one whose rule allows less.
 
 A comment holds up to the next that names an operation, up to the tool change after the moves or
-calls that it stands above, up to the end of its program, and in the subprograms that are called
-below it.  What stands above the first tool change is a title, DRILL AND TAP M8, and names no
-operation, but for comments right above the change with blocks before them, as CAM systems write
-the first operation's.  Subprograms are those of a Fanuc, from O100 on below the main program, and
-those of LinuxCNC, from ``o100 sub`` to ``o100 endsub`` wherever they stand.
+calls below it, up to the end of its program, and in the subprograms called below it.  Comments
+above the first tool change are a title and name no operation, but for those right above the change
+with blocks before them.  Subprograms are those of a Fanuc, from O100 on below the main program, and
+those of LinuxCNC, from ``o100 sub`` to ``o100 endsub``.
 """
 
 import re
@@ -149,7 +147,6 @@ def _bodies(lines: list[bytes], many: int, begins: int) -> Rows:
 
 
 def _label(text: bytes) -> bytes:
-    """Label of an O-word, however it is written."""
     return b"".join(text.lower().split()).lstrip(b"0") or b"0"
 
 
@@ -292,7 +289,6 @@ def _told(
     code: NDArray[np.int8], program: Program, moves: Moves, known: Mapping[int, Tool],
     slender: Bools,
 ) -> Operations:  # fmt: skip
-    """Operations with what cycles, comments and tools say of them; ``code`` is filled in."""
     fed = _fed(moves)
     comments, by_tool = comments_of(program)
     in_force = comments_in_force(program, comments, moves)
@@ -329,7 +325,6 @@ def _fill_rough(code: NDArray[np.int8], moves: Moves, slender: Bools, rough: Boo
 
 
 def _fill_tag(code: NDArray[np.int8], rows: Bools, tag: Operation | None) -> None:
-    """Fill in what a comment or a tool says of rows."""
     if tag is not None:
         code[rows & np.isin(code, _given_way(tag))] = CODE[tag]
 
@@ -357,7 +352,6 @@ def _given_way(tag: Operation) -> list[int]:
 
 
 def _about(tool: Tool | None, comment: str) -> str:
-    """Name of a tool, and what the program's head says of it."""
     return f"{'' if tool is None else tool.name}; {comment}"
 
 

@@ -1,9 +1,8 @@
 """Optimisation of a part program: faster or cheaper inside its limits.
 
-The blockwise optimum comes first; it is exact where blocks do not interact.  A genetic search goes
-on from it in the fast planner and the load table.  The answers of both are written as text, read
-again, and checked by the whole twin: speeds that the control reaches, loads by tooth passing,
-servo.  Rows whose loads the table took too low get less feed, and the search begins again.
+The blockwise optimum comes first, a genetic search goes on from it in the fast planner and the load
+table.  Both answers are checked by the whole twin; rows whose loads the table took too low get less
+feed, and the search begins again.
 """
 
 from collections.abc import Callable, Mapping
@@ -247,7 +246,6 @@ class _Course:
         return self._of_parts(split) if split.added else None
 
     def _of_parts(self, split: SplitProgram) -> "_Course":
-        """The same of a program with its blocks split."""
         moves = interpret(split.program, self.job.setup)
         cut = cut_program(planned_program(moves, self.job.models.control), self.job.cut)
         of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
@@ -261,7 +259,6 @@ class _Course:
         return tool_limits(self.before.tools, "load_N", self.job.limits.load_N, outside)
 
     def _practice(self) -> tuple[Practice | None, Editable]:
-        """Limits by tool and operation, and what may change with them."""
         job = self.job
         if job.catalogue is None:
             return None, editable_blocks(self.program, self.moves)
@@ -357,7 +354,6 @@ class _Course:
         )  # fmt: skip
 
     def _blockwise(self, problem: Problem) -> Decision:
-        """The blockwise optimum, as words hold it."""
         optimum = blockwise_optimum(problem, self.objective, self.job.settings.grouping)
         return written_feeds(problem, optimum)
 
@@ -503,7 +499,6 @@ def _unchanged(decision: Decision) -> Decision:
 
 
 def _as_programmed(job: Job) -> _Text:
-    """Program, moves and cut."""
     program = job.program
     moves = interpret(program, job.setup) if job.moves is None else job.moves
     cut = cut_program(planned_program(moves, job.models.control), job.cut)

@@ -1,7 +1,4 @@
-"""Tables of an optimised program for who runs it: tools, changes, lines, path, set-up.
-
-All are of the program as it was and as it is written, row by row; nothing is searched here.
-"""
+"""Set-up sheet of an optimised program: tools, changes, lines, path, before and after."""
 
 import re
 from collections.abc import Iterator
@@ -166,7 +163,6 @@ def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -
 
 
 def _operation(result: "Result", row: int) -> str:
-    """Operation of a row in words; empty where operations were not told apart."""
     practice = result.problem.practice
     code = -1 if practice is None else int(practice.operation[row])
     return OPERATIONS[code].replace("_", " ") if code >= 0 else ""

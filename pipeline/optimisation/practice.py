@@ -1,21 +1,18 @@
-"""Limits that every machinist takes for granted: by tool and operation, and against the program.
+"""Limits of machining practice: by tool and operation, and against the program.
 
-They hold beside the limits of the part.  A feed for each tooth and a cutting speed stay in the
-range of the tool table, or else of the catalogue of cutting data; where neither knows the tool, the
-material or the operation, F and S stay as programmed.  A value that lies outside of its range in
-the program may stay where it is and goes no farther out.  F, S and the feed for each tooth change
-by no more than a factor.  Each operation has a rule of its own (:data:`RULES`).
+A feed for each tooth and a cutting speed stay in the range of the tool table, or else of the
+catalogue of cutting data; without a range F and S stay as programmed.  A programmed value outside
+of its range goes no farther out.  F, S and f_z change by no more than a factor.  Each operation has
+a rule of its own (:data:`RULES`).
 
-The greatest feed for each tooth of a catalogue stands for a chip.  It holds at the greatest width
-a_e of its row, and a narrower cut may have the feed whose thickest chip is the same,
+The greatest feed for each tooth of a catalogue holds at the greatest width a_e of its row; a
+narrower cut may have the feed whose thickest chip is the same,
 
-    f_z sin(phi) <= f_z,row sin(phi_row),   sin(phi) = sqrt(1 - (1 - 2 a_e / D)^2) for a_e < D / 2;
-
-what is above the row's in the program was made so for its chip, and stays.
+    f_z sin(phi) <= f_z,row sin(phi_row),   sin(phi) = sqrt(1 - (1 - 2 a_e / D)^2) for a_e < D / 2.
 
 Deeper or wider than the row, deeper than the flutes, or where the tip bends by more than
-:data:`BENDING` and :data:`TEETH` f_z, neither the feed for each tooth nor F rises.  S does not rise
-where the stability of the tool, or its life, is not known.
+:data:`BENDING` and :data:`TEETH` f_z, neither f_z nor F rises.  S does not rise where the stability
+of the tool, or its life, is not known.
 """
 
 from collections.abc import Collection, Iterator
@@ -130,8 +127,6 @@ def unknown_stability(cut: Cut, dynamics: TipDynamics | None) -> Bools:
 def immersion(width: ArrayLike) -> Floats:
     """Sine of the angle at which teeth enter at a_e over D, 1 from a half on [1].
 
-    Examples
-    --------
     >>> immersion([0.1, 0.5, 0.9]).round(3).tolist()
     [0.6, 1.0, 1.0]
     """
@@ -259,7 +254,6 @@ class _Rows:
         return out
 
     def _ranges(self, catalogue: CuttingCatalogue, material: Material) -> Iterator[OperationRange]:
-        """Ranges of each tool that cuts in each of its operations."""
         for index, tool in enumerate(self.cut.tools):
             mine = self.cuts & (self.cut.tool == index)
             for code in np.unique(self.found.code[mine]).tolist():
@@ -294,7 +288,6 @@ class _Rows:
         yield (found or (None,))[-1], rows
 
     def _wider(self, share: float, tool: Tool) -> Bools:
-        """Rows that are wider than a share of the diameter of a tool; shape (M,)."""
         rows: Bools = self.radial > share * tool.diameter + self.cut.engagement.resolution
         return rows
 
@@ -460,15 +453,12 @@ class _Rows:
 
 
 def _times(length_mm: float, tool: Tool, what: str) -> str:
-    """A depth or width beside the diameter of the tool."""
     return f"{length_mm:.3g} mm {what} is {length_mm / tool.diameter_mm:.2g} D"
 
 
 def words(operation: Operation) -> str:
     """An operation in words.
 
-    Examples
-    --------
     >>> words("ball_finishing")
     'ball finishing'
     """

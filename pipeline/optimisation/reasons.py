@@ -1,8 +1,4 @@
-"""Why each row of an answer has its F and S: the limit that it is at, or why it is kept.
-
-A row is at the change from the program only where its F, S or feed for each tooth has gone as far
-as it may.  What is no faster than programmed for another reason says that reason.
-"""
+"""Reasons of each row's F and S: the limit that it is at, or why it is kept."""
 
 from collections.abc import Iterator
 from functools import cached_property
@@ -161,7 +157,6 @@ class RowReasons:
         return f"no higher one that keeps its limits saves {least:g} % of the part"
 
     def _held_speed(self, rows: Rows) -> str:
-        """What holds the S of some of the rows as programmed; empty where nothing does."""
         practice = self.problem.practice
         if practice is None:
             return ""

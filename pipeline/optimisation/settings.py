@@ -1,7 +1,4 @@
-"""Settings of an optimisation: parts of a machine, reliability, grouping of blocks, search.
-
-Limits are :class:`pipeline.schema.limits.CutLimit`, the objective is that of the stored part.
-"""
+"""Settings of an optimisation: parts of a machine, reliability, grouping of blocks, search."""
 
 import re
 from dataclasses import dataclass, field
@@ -30,15 +27,15 @@ class ReliabilitySettings(Ranged, section="certainty"):
     epsilon: Annotated[float, Range(least=1e-4, most=0.999999)] = 0.01
     """P(load > limit) over a whole part is at most this [1]; 0.5 and above takes nominal values."""
     draws: Annotated[int, Range(least=16, most=100_000)] = 1024
-    """Of the uncertain quantities."""
+    """Number of draws of the uncertain quantities."""
     seed: Annotated[int, Range(least=0, most=2**32 - 1)] = 0
-    """Of the random numbers."""
+    """Seed of the random numbers."""
     measured_elsewhere: Share = 0.1
     catalogue: Share = 0.25
     """Standard deviation of coefficients that come from others' measurements, or a catalogue, as a
     share of them [1]; identified ones have their own intervals."""
     runout_um: Annotated[float, Range(least=0.0, most=1000.0, unit="um")] = 3.0
-    """Of a tool in its holder, where the tool table says none: Rayleigh's scale [um]."""
+    """Rayleigh scale of the runout of a tool in its holder where the tool table has none [um]."""
     depth_um: Annotated[float, Range(least=0.0, most=10_000.0, unit="um")] = 10.0
     """Standard deviation of axial depth: tool length, blank [um]."""
     model: Share = 0.02
@@ -75,17 +72,17 @@ class SearchSettings(Ranged, section="search"):
 
     population: Annotated[int, Range(least=4, most=MANY)] = 48
     generations: Annotated[int, Range(least=1, most=MANY)] = 40
-    """Of the genetic search from the blockwise optimum."""
+    """Generations of the genetic search from the blockwise optimum."""
     full: Annotated[int, Range(least=1, most=MANY)] = 50
     """Evaluations of the whole twin at most."""
     paper_generations: Annotated[int, Range(least=1, most=MANY)] = 10
-    """Of the genetic search from random individuals, as in Sim2023."""
+    """Generations of the genetic search from random individuals, as in Sim2023."""
     baseline: Annotated[int, Range(least=0, most=MANY)] = 5000
     """Evaluations of the best of many; 0 leaves it out."""
     front: Annotated[int, Range(least=4, most=MANY)] = 48
     """Members of a Pareto front."""
     seed: Annotated[int, Range(least=0, most=MANY)] = 0
-    """Of the random numbers."""
+    """Seed of the random numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,15 +115,16 @@ class Part(Ranged, section="parts"):
     material: str
     """Names in conf/tool/ and conf/material/."""
     name: str = ""
-    """Of the files that are written for it; the program's own without its ending by default."""
+    """Name of the files that are written for it; the program's own without its ending by default.
+    """
     objective: Objective = "time"
     """``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their front."""
     limits: CutLimit = field(default_factory=CutLimit)
-    """Of the cut."""
+    """Limits of the cut."""
     resolution_mm: Annotated[float, Range(least=0.001, most=100.0, unit="mm")] = 0.2
     """Cell of the blank [mm]."""
     work_offset: str | None = None
-    """That the blank is measured in; by default that of the first cut."""
+    """Work offset in which the blank is measured; by default that of the first cut."""
 
     def __post_init__(self) -> None:
         path = PurePosixPath(self.program)
@@ -157,9 +155,9 @@ class Parts:
     programs: tuple[Part, ...]
     """In the order of the report."""
     drive: SpindleDrive | None = None
-    """Of the spindle; where none is known, speeds need a limit of their own."""
+    """Spindle drive; where none is known, speeds need a limit of their own."""
     dynamics: TipModes | None = None
-    """Of the tools' tips; without them chatter is no constraint."""
+    """Modes of the tools' tips; without them chatter is no constraint."""
     energy: EnergyParameters | None = None
     """Power that the machine draws beside the cut."""
 

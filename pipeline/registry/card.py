@@ -1,4 +1,4 @@
-"""A model card of a bundle, in Markdown: purpose, data, what it was judged on, limits, units."""
+"""Model card of a bundle in Markdown: purpose, data, verdicts, limits, units."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,7 +40,6 @@ def as_description(card: str) -> str:
 
 
 def _part(name: str, folder: Path, units: Mapping[str, str]) -> list[str]:
-    """The paragraph of one sub-model."""
     from pipeline.submodels.contract import submodel
 
     one = submodel(name)
@@ -97,7 +96,6 @@ def _limits(score: Score, verdict: Verdict) -> Mapping[str, float]:
 
 
 def _score(score: Score, bounds: Mapping[str, float]) -> str:
-    """Errors of a quantity with the limits that they were held against."""
     regime = f", {score.regime}" if score.regime else ""
     errors = [
         f"{name.upper()} {value:.4g} {score.unit}".rstrip()

@@ -29,10 +29,7 @@ class Predictor:
     def __call__(self, table: "pd.DataFrame", submodel: str = "") -> "pd.DataFrame":
         """Prediction of one sub-model, of the first where none is named.
 
-        Raises
-        ------
-        ValueError
-            When the bundle has no such sub-model, or the table lacks what it needs.
+        Raises ValueError when the bundle has no such sub-model, or the table lacks what it needs.
         """
         found: pd.DataFrame = self._model.predict(None, table, {"submodel": submodel})
         return found
@@ -41,12 +38,9 @@ class Predictor:
 def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predictor:
     """The predictor of a machine's registered bundle, with the code that it was registered with.
 
-    MLflow stores absolute paths; a project that was moved finds its bundle where it is now.
-
-    Raises
-    ------
-    ValueError
-        When no version has that alias, or its bundle is gone or no longer what was registered.
+    MLflow stores absolute paths; a project that was moved finds its bundle where it is now.  Raises
+    ValueError when no version has that alias, or its bundle is gone or no longer what was
+    registered.
     """
     found = [v for v in versions(machine, root) if alias in v.aliases]
     if not found:
@@ -81,10 +75,7 @@ def checked_place(version: Version, root: Path) -> Path:
 def place_of(version: Version, root: Path) -> Path:
     """Folder of a version's model, brought here when a server has it.
 
-    Raises
-    ------
-    ValueError
-        When it is nowhere.
+    Raises ValueError when it is nowhere.
     """
     client = client_of(root)
     import mlflow

@@ -1,4 +1,4 @@
-"""What a bundle was made of and how good it is: hashes, settings, key figures, requirements."""
+"""Provenance of a bundle: hashes, settings, key figures, requirements."""
 
 import hashlib
 import importlib.metadata

@@ -41,12 +41,8 @@ def register(
     """The version of a bundle; it is logged and registered unless its content is there already.
 
     ``bundle`` lies in ``folder``, ``data/models/<machine>`` or ``data/champion/<machine>``; the
-    settings that ``made_with`` gives are logged with the run.
-
-    Raises
-    ------
-    ValueError
-        When the registry cannot be opened.
+    settings that ``made_with`` gives are logged with the run.  Raises ValueError when the registry
+    cannot be opened.
     """
     there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
     if there:
@@ -59,7 +55,6 @@ def register(
 def _log(
     bundle: Bundle, folder: Path, root: Path, experiment: str, made_with: Mapping[str, Any]
 ) -> None:
-    """Log a run with the bundle as a pyfunc, and register it as a version."""
     import mlflow
 
     signature, units = _described(bundle, folder)

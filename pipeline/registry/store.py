@@ -45,10 +45,7 @@ def exists(root: Path) -> bool:
 def versions(machine: str, root: Path = Path()) -> list[Version]:
     """Registered versions of a machine's model, oldest first; none when there is no registry.
 
-    Raises
-    ------
-    ValueError
-        When the registry cannot be opened.
+    Raises ValueError when the registry cannot be opened.
     """
     if not exists(root):
         return []
@@ -112,10 +109,7 @@ def _of_server(machine: str, root: Path) -> tuple[Tags, dict[str, int]]:
 def client_of(root: Path) -> "MlflowClient":
     """A client of the project's store, which is made when it is missing.
 
-    Raises
-    ------
-    ValueError
-        When the store cannot be opened.
+    Raises ValueError when the store cannot be opened.
     """
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")
@@ -172,11 +166,7 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     """Give each alias to the version with a bundle's hash; None takes the alias away.
 
     MLflow is asked only where an alias differs.  A hash that the store does not have is left out.
-
-    Raises
-    ------
-    ValueError
-        When the store cannot be opened or written.
+    Raises ValueError when the store cannot be opened or written.
     """
     known = versions(machine, root)
     numbers = {v.bundle: v.version for v in reversed(known)}
@@ -203,12 +193,7 @@ def note_promotion(machine: str, root: Path, champion: Champion) -> None:
     """Say at the version that serves since when, by whom and why; its card is the model's.
 
     The registered model's description becomes that of the version.  MLflow is asked only where a
-    tag differs.
-
-    Raises
-    ------
-    ValueError
-        When the store cannot be opened or written.
+    tag differs.  Raises ValueError when the store cannot be opened or written.
     """
     found = [v for v in versions(machine, root) if v.bundle == champion.bundle]
     wanted = {"promoted_at": champion.since, "promoted_by": champion.by,

@@ -1,9 +1,6 @@
-"""What Kerf stores and what its parameters may be, typed.
+"""Stored documents and ranges of parameters, typed: frozen dataclasses with a unit for each number.
 
-Frozen dataclasses with a unit for each number.  Whoever writes a document writes the type, whoever
-reads it reads the type; JSON and Parquet are made of it in one place, ``store``; every
-file is written whole, by ``files``.
-Nothing in here computes physics, and nothing in here imports another room.
+Nothing in here computes physics, and nothing in here imports another package of Kerf.
 """
 
 __all__ = [

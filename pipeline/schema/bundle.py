@@ -1,7 +1,7 @@
-"""A machine's bundle (all its sub-models by hash) and the champions that serve.
+"""Bundle of a machine (all its sub-models by hash) and the champions that serve.
 
 A bundle is identified by what predicts: ``model.json`` and the further files of each sub-model, and
-the status of its verdict.  Predictions and scores of the same model may be made anew beside it.
+the status of its verdict.
 """
 
 import hashlib

@@ -1,4 +1,4 @@
-"""Cutting-force models as they are stored, and the names of the quantities that they predict.
+"""Stored cutting-force models, and the names of the quantities that they predict.
 
 Forces act on the tool along feed, normal and axis; harmonics are those of the spindle's revolution.
 Numbers are SI where their names carry no unit.

@@ -1,8 +1,4 @@
-"""Days of a plant, from midnight to midnight of its clock.
-
-Times are UTC everywhere; a day is a name, an ISO date, and the time between two midnights of a time
-zone, which is 23 to 25 h where the clock is changed.
-"""
+"""Days of a plant (ISO dates), from midnight to midnight of its time zone; times are UTC."""
 
 from datetime import date, timedelta
 from difflib import get_close_matches

@@ -1,8 +1,7 @@
-"""Identified feed drives as they are stored: mechanics and loops of each axis, and the motor.
+"""Stored feed drives: mechanics and loops of each axis, and the motor.
 
 Positions in metres at the encoder; forces in newtons at the carriage, or in the command's unit
-where the force constant is not listed.  The parameters with their intervals stand in
-:attr:`~pipeline.schema.model.Model.parameters`, by the axis' letter and ``motor``.
+where the force constant is not listed.
 """
 
 from collections.abc import Mapping

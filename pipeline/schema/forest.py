@@ -1,8 +1,7 @@
 """Nodes of a random forest: stored as JSON without pickle, predicted from without scikit-learn.
 
-A tree's node looks at one feature and sends a sample left up to a limit; the value of a leaf is the
-mean of the training samples that came there.  Features are compared in single precision, as
-scikit-learn does.
+A sample goes left up to a node's limit; the value of a leaf is the mean of its training samples.
+Features are compared in single precision, as scikit-learn does.
 """
 
 from base64 import b64decode, b64encode
@@ -90,7 +89,7 @@ class Trees:
                 self.unknown_left)  # fmt: skip
 
     def document(self) -> dict[str, Any]:
-        """As JSON holds it: little-endian arrays in base64."""
+        """Trees as JSON holds them: little-endian arrays in base64."""
         return {
             name: b64encode(getattr(self, name).astype(kind).tobytes()).decode("ascii")
             for name, (kind, _) in TYPES.items()

@@ -1,8 +1,6 @@
 """Golden and sealed sets: raw files frozen by hash, and the days inside them that count.
 
-``data/golden/<machine>.json`` holds one set of each for a machine, for all of its sub-models.
-Files without a clock (a servo's trace, a dynamometer's slot) belong to it as a whole, files of an
-agent's log on its days.
+Files without a clock belong to a set as a whole, files of an agent's log on its days.
 """
 
 import hashlib

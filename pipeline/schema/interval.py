@@ -1,4 +1,4 @@
-"""Calibrated prediction intervals as they are stored: half widths by regime."""
+"""Stored prediction intervals: half widths by regime."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

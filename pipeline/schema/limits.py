@@ -1,7 +1,6 @@
-"""Limits of a part's cut: one type from the command line to the constraint and the stored document.
+"""Limits of a part's cut: one type from the command line to the constraint and the document.
 
-Each limit says on its field the range of its value with the unit, its name on pages, the margin
-that is kept free of it, and the option that gives it on the command line.
+A limit's field holds its range with the unit, its name on pages, its margin and its option.
 """
 
 from collections.abc import Iterator, Mapping
@@ -285,7 +284,6 @@ def limit_options() -> Iterator[tuple[str, Any, Limit]]:
 
 @cache
 def _of(kind: type) -> dict[str, tuple[Limit, str]]:
-    """Words and unit of each field of a class that has them."""
     found = {}
     for name, hint in get_type_hints(kind, include_extras=True).items():
         extras = getattr(hint, "__metadata__", ())

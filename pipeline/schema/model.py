@@ -1,8 +1,4 @@
-"""Identified models as they are stored: parameters with intervals, and what they were fitted on.
-
-Every sub-model's ``model.json`` is a :class:`Model` or a subclass of it, in ``schema/<name>.py``,
-that adds what its predictions need.
-"""
+"""Stored models: identified parameters with intervals, and the records of their fit."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

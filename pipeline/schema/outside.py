@@ -1,4 +1,4 @@
-"""Conditions outside of those that a model learnt from, and how far they widen its intervals."""
+"""Conditions outside of the training data, and the factor by which they widen intervals."""
 
 from collections.abc import Mapping
 

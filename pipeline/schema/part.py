@@ -1,8 +1,7 @@
-"""An optimised part program as it is stored, and its trial cuts on the simulated shop floor.
+"""Stored optimised part program, and its trial cuts on the simulated shop floor.
 
-``kerf optimise`` and the stage ``optimise`` write :class:`OptimisedPart`, pages read it.  Times are
-in [s], lengths in [mm], loads in [N], shares in [1]; F as the program writes it, S in [rev/min].
-A value that is not known is None.
+Times are in [s], lengths in [mm], loads in [N], shares in [1]; F as the program writes it, S in
+[rev/min].  A value that is not known is None.
 """
 
 from collections.abc import Mapping

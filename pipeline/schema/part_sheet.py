@@ -1,7 +1,6 @@
-"""What an optimised part program shows a person at the machine: tools, changes, path, set-up.
+"""Set-up sheet of an optimised part program: tools, changes, path, set-up.
 
-F is in the unit in which the program writes it, S in [rev/min], lengths in [mm]; None is what is
-not known.
+F is in the unit in which the program writes it, S in [rev/min], lengths in [mm]; None is unknown.
 """
 
 from collections.abc import Mapping

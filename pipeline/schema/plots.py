@@ -1,8 +1,4 @@
-"""Tables for ``dvc plots``: measured against predicted, and the error in each group.
-
-Both are of the quantity and regime that a verdict judges first, as CSV: ``dvc plots diff`` lays
-those of several revisions over each other.
-"""
+"""Tables for ``dvc plots`` as CSV: measured against predicted, and the error in each group."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

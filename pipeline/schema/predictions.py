@@ -1,11 +1,10 @@
 """Predictions beside measurements as one long table, the same for every sub-model.
 
 Columns: ``case``, ``group``, ``role``, ``quantity``, ``unit``, ``regime``, ``t`` (seconds since the
-case began, or degrees of the spindle, or what the quantity says), ``measured``, ``predicted``,
-``low`` and ``high`` (90 % prediction interval), ``scored`` (whether the row counts) and one column
-``baseline_<name>`` for each baseline.  Null where something was not measured or not predicted.
-A predictor whose model was trained may add ``again_<k>``, the prediction of the same training with
-other seeds: the judge takes the spread of its figures from them, and they are not stored.
+case began, or degrees of the spindle), ``measured``, ``predicted``, ``low`` and ``high`` (90 %
+prediction interval), ``scored`` (whether the row counts) and ``baseline_<name>`` for each baseline.
+Null is not measured or not predicted.  ``again_<k>``, not stored, is the prediction of the same
+training with other seeds.
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,6 @@
-"""A simulated part program as it is stored: predicted times by tool, block type and limit.
+"""Stored simulation of a part program: predicted times by tool, block type and limit.
 
-``data/programs/<machine>/<program>.json`` holds one :class:`SimulatedProgram`; the moves stand in
-the Parquet file of the same name beside it.  Times are in [s], lengths in [mm].
+Times are in [s], lengths in [mm].
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
-"""The cut of a simulated part program as it is stored: loads, stability and cost of its blocks.
+"""Stored cut of a simulated part program: loads, stability and cost of its blocks.
 
-It stands under ``cut`` in the JSON of ``kerf simulate``.  Depths and chips are in [mm], loads in
-[N], angles in [deg], speeds in [rev/min], shares in [1]; None is what is not known.
+Depths and chips are in [mm], loads in [N], angles in [deg], speeds in [rev/min], shares in [1];
+None is unknown.
 """
 
 from dataclasses import dataclass

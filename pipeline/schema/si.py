@@ -1,9 +1,4 @@
-"""Factors of the units in which people and tables speak: value in SI = value * factor.
-
-Physics computes in SI; a quantity is converted once, where it comes in or goes out (``x_mm * MM``,
-``x / MM``).  Conversion of units that are only known as text is the subject of
-:mod:`pipeline.signals.units`.
-"""
+"""Factors of the units in which people and tables speak: value in SI = value * factor."""
 
 from math import pi
 

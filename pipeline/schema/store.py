@@ -1,8 +1,4 @@
-"""Documents as JSON and tables as Parquet: written whole from a type, read as a type.
-
-A file that is absent, broken or of another shape is handled here and nowhere else: one sentence
-with the file, the key and what to do.
-"""
+"""Documents as JSON and tables as Parquet: written whole from a type, read as a type."""
 
 import json
 from collections.abc import Mapping

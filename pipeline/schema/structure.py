@@ -1,7 +1,7 @@
-"""Plain values -> frozen dataclasses, strictly: nothing is made of a value that it is not.
+"""Strict conversion of plain values to frozen dataclasses.
 
-No word becomes a truth value or a list of letters, no fraction a whole number, and a key that the
-type does not have is refused with its path.  Used for params.yaml and for every stored document.
+No word becomes a truth value or a list of letters, no fraction a whole number, and an unknown key
+is refused with its path.
 """
 
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""A judgement as it is stored: errors beside those of baselines, limits, and the verdict."""
+"""Stored verdict: errors beside those of baselines, limits, and the judgement."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,12 +1,8 @@
 """Derivative-free minimisation within bounds: arrays in, arrays out, no knowledge of the problem.
 
-Searches with a population, one interface, by name in ``methods``: genetic algorithm (``genetic``:
-selection, crossover and mutation in ``operators``), whale optimisation (``whale``), particle swarm
-(``swarm``), grey wolves (``wolf``) and random search.  NSGA-II for several
-objectives (``nsga2``, with constrained domination and knee in ``dominance``), and compass search
-around a good start (``compass``).  Parameters are searched in the unit cube of their
-:class:`~pipeline.search.box.Box`, in their own units or on a logarithmic scale, real or whole
-numbers.  All random numbers come from the settings' seed.
+Parameters are searched in the unit cube of their :class:`~pipeline.search.box.Box`, in their own
+units or on a logarithmic scale, real or whole numbers.  All random numbers come from the settings'
+seed.
 
 Sources: Deb and Agrawal 1995; Baker 1987; Srinivas and Patnaik 1994; Mirjalili and Lewis 2016;
 Clerc and Kennedy 2002; Mirjalili, Mirjalili and Lewis 2014; Bergstra and Bengio 2012; Deb, Pratap,

@@ -1,8 +1,7 @@
-"""Box that is searched, seen as the unit cube, and the population that a search begins with.
+"""Box of the parameters, seen as the unit cube, and the first population of a search.
 
-In the cube every parameter spans 0 to 1, so that one width of step suits parameters of any unit.  A
-parameter that spans orders of magnitude is spread evenly over its logarithm.  A parameter of whole
-numbers gives each of them the same share of its axis, the two bounds among them.
+A logarithmic parameter is spread evenly over its logarithm; whole numbers have equal shares of
+their axis, the two bounds among them.
 """
 
 from dataclasses import dataclass
@@ -43,13 +42,9 @@ class Box:
     ) -> "Box":
         """Bounds from anything like an array.
 
-        ``log`` and ``integer`` are one answer for all parameters, or one for each.
-
-        Raises
-        ------
-        ValueError
-            When the bounds are no box, a logarithmic one holds zero, or one of whole numbers is
-            none.
+        ``log`` and ``integer`` are one answer for all parameters, or one for each.  Raises
+        ValueError when the bounds are no box, a logarithmic one holds zero, or one of whole numbers
+        is none.
         """
         low, high = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)
         if low.ndim != 1 or low.shape != high.shape or len(low) == 0:
@@ -118,12 +113,8 @@ class Box:
     def unit(self, x: ArrayLike) -> Floats:
         """Points of the unit cube at values of shape (K, D); 0.5 for a parameter that is held.
 
-        A whole number lies in the middle of its share.
-
-        Raises
-        ------
-        ValueError
-            When a value lies outside the bounds, or is none of its whole numbers.
+        A whole number lies in the middle of its share.  Raises ValueError when a value lies outside
+        the bounds, or is none of its whole numbers.
         """
         values = np.atleast_2d(np.array(x, dtype=np.float64))
         if values.ndim != 2 or values.shape[1] != len(self):
@@ -184,12 +175,8 @@ def first_population(
     """``start``, then a Latin hypercube, in the unit cube; shape (many, D).
 
     ``start`` (K, D) are given individuals, in the parameters' units; ``setting`` is the name under
-    which the user set ``many``, for the message.
-
-    Raises
-    ------
-    ValueError
-        When there are more of ``start`` than places, or one lies outside the box.
+    which the user set ``many``, for the message.  Raises ValueError when there are more of
+    ``start`` than places, or one lies outside the box.
     """
     given = np.empty((0, len(box))) if start is None else box.unit(start)
     if len(given) > many:

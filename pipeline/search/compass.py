@@ -1,8 +1,7 @@
-"""Compass search: a few evaluations around a good start, and the step that they suggest.
+"""Compass search around a good start (Kolda, Lewis and Torczon 2003).
 
-Each round asks for both neighbours of the best individual along each axis at once (compass search,
-Kolda, Lewis and Torczon 2003), then for what the parabola through each three points promises, all
-axes together and halfway.  Where the axes hardly act on each other one round is nearly all of it.
+Each round evaluates both neighbours of the best individual along each axis at once, then the minima
+of the parabolas through each three points, all axes together and halfway.
 """
 
 import numpy as np
@@ -34,20 +33,14 @@ def compass(
     ``cost`` gives costs (P,) of individuals (P, D); one that is not finite counts as the worst.
     ``evaluations`` count the start's own; axes for which a round has none left have their turn in
     the next.  ``step`` is that of the first round, as a share of the box, above 0 to 1; ``log`` as
-    in :meth:`Box.of`; ``callback`` sees each round and may end it.
+    in :meth:`Box.of`; ``callback`` sees each round and may end it.  Raises ValueError when bounds,
+    start, counts or the cost's answer do not fit together.
 
     Returns
     -------
     SearchResult
         Its generations are rounds; it stopped by ``limit`` when the evaluations were used up.
 
-    Raises
-    ------
-    ValueError
-        When bounds, start, counts or the cost's answer do not fit together.
-
-    Examples
-    --------
     >>> def cost(x):
     ...     return ((x - [0.2, 0.7]) ** 2).sum(axis=1)
     >>> result = compass(cost, [0, 0], [1, 1], [0.5, 0.5], evaluations=7)

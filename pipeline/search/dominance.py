@@ -120,15 +120,9 @@ def knee(objectives: ArrayLike) -> int:
     ideal is what of -(1, ..., 1) is at right angles to them.  A front that bulges away from the
     ideal has its knee at one of its ends; of equal ones it is the first.
 
-    Objectives (F, O) of the front's members, at least one.
+    Objectives (F, O) of the front's members, at least one.  Raises ValueError when the front is
+    empty or an objective is not finite.
 
-    Raises
-    ------
-    ValueError
-        When the front is empty or an objective is not finite.
-
-    Examples
-    --------
     >>> knee([[0.0, 4.0], [1.0, 1.0], [4.0, 0.0]])
     1
     """

@@ -1,8 +1,4 @@
-"""Genetic algorithm over real numbers, all individuals of a generation at once.
-
-Selection, crossover and mutation are functions of arrays in :mod:`pipeline.search.operators`;
-:func:`offspring` puts them together.
-"""
+"""Genetic algorithm over real numbers, all individuals of a generation at once."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -109,7 +105,6 @@ class GeneticSettings(SearchSettings, section="genetic"):
 def _survivors(
     unit: Floats, costs: Floats, children: Floats, theirs: Floats, settings: GeneticSettings
 ) -> tuple[Floats, Floats]:
-    """The next population and its costs, best first."""
     stay = len(unit) if settings.survival == "truncation" else len(unit) - len(children)
     joined = np.concatenate([unit[:stay], children])
     return _best(joined, np.concatenate([costs[:stay], theirs]), len(unit))

@@ -1,7 +1,6 @@
-"""Table of the searches with a population, so that one can be chosen by its name.
+"""Table of the searches with a population, by name.
 
-All take the same budget: ``population`` times ``generations`` evaluations, the first population
-among them.
+All take ``population`` times ``generations`` evaluations, the first population among them.
 """
 
 from collections.abc import Callable
@@ -81,8 +80,6 @@ def minimise(
 ) -> SearchResult:  # fmt: skip
     """Least cost within the bounds by the search of that name, see :func:`result.minimise`.
 
-    Examples
-    --------
     >>> def cost(x):
     ...     return ((x - 0.3) ** 2).sum(axis=1)
     >>> found = minimise("swarm", cost, [0, 0.3], [1, 1], population=8, generations=20)

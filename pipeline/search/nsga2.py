@@ -98,15 +98,9 @@ def front(
     ``evaluate`` gives objectives (P, O), all to become least, and violations (P,) of individuals
     (P, D); one with an objective that is not finite counts as the worst. Bounds (D,) are in the
     parameters' units; ``log``, ``integer``, ``start`` and ``callback`` as in
-    :func:`~pipeline.search.result.minimise`.
+    :func:`~pipeline.search.result.minimise`.  Raises ValueError when bounds, start or what
+    ``evaluate`` returns do not fit together.
 
-    Raises
-    ------
-    ValueError
-        When bounds, start or what ``evaluate`` returns do not fit together.
-
-    Examples
-    --------
     >>> def squares(x):
     ...     return np.stack([x[:, 0] ** 2, (x[:, 0] - 2) ** 2], axis=1), np.zeros(len(x))
     >>> result = front(squares, [-10.0], [10.0], FrontSettings(population=20, generations=60))
@@ -149,7 +143,6 @@ class _Population(NamedTuple):
         return _Population(*map(np.concatenate, zip(self, other, strict=True)))
 
     def best(self, many: int) -> "_Population":
-        """The ``many`` best, best first."""
         stay, distance = survivors(self.objectives, self.violation, many)
         return _Population(self.unit[stay], self.objectives[stay], self.violation[stay], distance)
 

@@ -1,7 +1,6 @@
 """Operators of searches: selection, crossover, mutation, encircling, in the unit cube.
 
-Pure functions of arrays with an explicit generator.  Populations stand best first, those that
-failed last.
+Pure functions of arrays with an explicit generator; populations stand best first.
 """
 
 from math import sqrt

@@ -125,10 +125,7 @@ class Progress:
     def evaluate(self, unit: Floats) -> Floats:
         """Costs, shape (P,), at points of the unit cube, shape (P, D); infinite where they fail.
 
-        Raises
-        ------
-        ValueError
-            When the cost does not answer with one number for each individual.
+        Raises ValueError when the cost does not answer with one number for each individual.
         """
         many = len(unit)
         costs = np.array(self.cost(self.box.place(unit)), dtype=np.float64)
@@ -188,6 +185,8 @@ def minimise(
 ) -> SearchResult:  # fmt: skip
     """Least cost within the bounds by the method of the settings.
 
+    Raises ValueError when bounds, start or the cost's answer do not fit together.
+
     Parameters
     ----------
     cost : callable
@@ -205,11 +204,6 @@ def minimise(
     callback : callable, optional
         Called after each generation with its number, the best individual and its cost; True ends
         the search.
-
-    Raises
-    ------
-    ValueError
-        When bounds, start or the cost's answer do not fit together.
     """
     box = Box.of(low, high, log, integer)
     progress = Progress(

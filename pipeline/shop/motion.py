@@ -65,7 +65,7 @@ class Profile:
     """[s], [mm], [mm/s], [mm/s2], [mm/s3]; the jerk until the next phase."""
     duration: float
     length: float
-    """Of all phases [s], [mm]."""
+    """Duration [s] and length [mm] of all phases."""
 
     def at(self, time: Floats) -> tuple[Floats, Floats]:
         """Distance [mm] and speed [mm/s] at ``time`` (T,), which lies within the profile."""

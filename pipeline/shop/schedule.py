@@ -1,7 +1,4 @@
-"""Working days at the machine: warm-up, batches of part programs, breaks, changeovers, aborts.
-
-Each run of a program is written into the day's timeline second by second: tools, cuts, holds.
-"""
+"""Working days at the machine: warm-up, batches of part programs, breaks, changeovers, aborts."""
 
 from dataclasses import dataclass
 from itertools import pairwise

@@ -40,12 +40,8 @@ def simulate(
     ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``growth/<profile>.csv``,
     ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``, ``parts/<name>.nc``; files of the same
     names are replaced.  The file ``truth`` (JSON) has parameters, working days, cycles, and every
-    fault with its exact time.
-
-    Raises
-    ------
-    ValueError
-        When ``truth`` lies in ``out``, or a part program is unknown.
+    fault with its exact time.  Raises ValueError when ``truth`` lies in ``out``, or a part program
+    is unknown.
     """
     if truth.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"the truth {truth} must not stand among the records in {out}")
@@ -64,7 +60,6 @@ def simulate(
 
 
 def _written(task: tuple[str, Path, ShopParameters]) -> Any:
-    """Write one kind of records; the truth about them."""
     name, out, parameters = task
     return KINDS[name](out, parameters)
 
@@ -125,7 +120,6 @@ def _since_first_midnight(timeline: Timeline) -> list[Cycle]:
 
 
 def _hours(timeline: Timeline, start: np.datetime64) -> dict[str, str]:
-    """Date of a day, and when the machine was on."""
     midnight = timeline.day * DAY
     row = {"date": stamp(start, midnight)[:10]}
     if timeline.on < DAY:

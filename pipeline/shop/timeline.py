@@ -1,8 +1,7 @@
 """Timeline of one day in seconds, and the operations of the part programs that fill it.
 
-The timeline holds commands and events before the physics.  Speeds, feeds and powers of operations
-are those of catalogue cutting data (Sandvik, Walter) for aluminium and quenched steel on a 15 kW
-spindle; 1/15 of the rated power is 1 kW.
+Speeds, feeds and powers of operations are those of catalogue cutting data (Sandvik, Walter) for
+aluminium and quenched steel on a 15 kW spindle; 1/15 of the rated power is 1 kW.
 """
 
 from dataclasses import dataclass, field
@@ -205,10 +204,8 @@ PROGRAMS: dict[str, Program] = {
 def programs(names: tuple[str, ...], c_axis: bool) -> list[Program]:
     """The programs called ``names``; those that need a C axis only if there is one.
 
-    Raises
-    ------
-    ValueError
-        When a name is unknown or nothing is left; the message lists the names that exist.
+    Raises ValueError when a name is unknown or nothing is left; the message lists the names that
+    exist.
     """
     unknown = [n for n in names if n not in PROGRAMS]
     if unknown:

@@ -1,9 +1,7 @@
-"""Signals: what a machine reported, from raw files to clean tables and to channels in SI.
+"""Signals: a machine's reports, from raw files to clean tables and to channels in SI.
 
-Formats (MTConnect documents, SHDR logs, tables) are read by one folder each; ``ingest`` turns a
-machine's raw files into observations and traces in Parquet, ``cleaning`` into a state table,
-cycles, segments and gaps.  Tables speak the names and units of MTConnect (ANSI/MTC1.4), times are
-nanoseconds since 1970 in UTC; ``recordings`` hands channels to sub-models in SI.
+Tables speak the names and units of MTConnect (ANSI/MTC1.4), times are nanoseconds since 1970 in
+UTC; ``recordings`` hands channels to sub-models in SI.
 """
 
 __all__ = [

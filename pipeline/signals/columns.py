@@ -1,8 +1,7 @@
-"""The one table of signals: name, unit, meaning, physical range, factor to SI.
+"""Table of signals: name, unit, meaning, physical range, factor to SI.
 
-Names and units are those of MTConnect (ANSI/MTC1.4) wherever it has them.  Tables on disk speak
-these units; physics speaks SI and multiplies by :attr:`Column.factor` (and adds
-:attr:`Column.offset`) at its door.
+Names and units are those of MTConnect (ANSI/MTC1.4) wherever it has them; physics speaks SI and
+multiplies by :attr:`Column.factor` (and adds :attr:`Column.offset`) at its door.
 """
 
 from dataclasses import dataclass

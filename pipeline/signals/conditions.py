@@ -1,8 +1,4 @@
-"""Conditions of recordings: tool, material, feed, speed, depth, wear, each with its unit.
-
-They stand in the machine's file (for all recordings or by pattern), in the recording's name, or in
-further columns of ``runs.parquet``.  Sources that contradict each other are refused.
-"""
+"""Conditions of recordings: tool, material, feed, speed, depth, wear, each with its unit."""
 
 import re
 from collections.abc import Mapping

@@ -180,7 +180,6 @@ def _wide(table_name: str, present: list[str]) -> dict[str, Rule]:
 
 
 def _check_columns(table_name: str, frame: pd.DataFrame, rules: Mapping[str, Rule]) -> None:
-    """No column is missing, and in a closed table none is too many."""
     remedy = _REMEDY.get(table_name, _CLEAN)
     for name in rules:
         if name not in frame.columns:

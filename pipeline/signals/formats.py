@@ -1,8 +1,6 @@
-"""Formats of records: how a machine's file declares them, what readers return, and their detection.
+"""Formats of records: their declaration in a machine's file, reader types, and their detection.
 
-A reader turns one raw file into batches of observations (logs and documents) or into one trace
-(tables), with every record that it rejected and the reason.  Formats are recognised by the first
-bytes of a file; gzip is unpacked up to where it is cut or damaged.
+Formats are recognised by the first bytes of a file; gzip is unpacked up to where it is damaged.
 """
 
 import codecs

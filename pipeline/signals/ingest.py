@@ -1,8 +1,7 @@
-"""Raw files -> observations and traces in Parquet, each file once.
+"""Ingest of raw files as observations and traces in Parquet, each file once.
 
-A manifest remembers for every raw file the hash of its content, of the code that read it and of the
-parameters it was read with.  Only what changed is read again; what vanished is removed; the result
-is the one that a build from nothing gives.
+A manifest holds the hashes of each file's content, of the code that read it and its parameters.
+Only what changed is read again; the result is the one that a build from nothing gives.
 """
 
 import hashlib
@@ -83,7 +82,6 @@ def display_name(name: str | Path) -> str:
 
 
 def _claims(raw: Path, sources: Sequence[RecordSource]) -> dict[Path, RecordSource]:
-    """The first source that names each file."""
     claims: dict[Path, RecordSource] = {}
     for source in sources:
         for pattern in (source.files, source.devices or "."):

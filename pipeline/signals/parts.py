@@ -1,8 +1,7 @@
-"""Parts of a recorded table: rows that the values of some columns tell apart, as records by name.
+"""Parts of a recorded table by the values of some columns, as recordings of their own.
 
-A table may hold many tools, cuts or experiments, with words or whole numbers in columns that say
-which; each part is then a recording of its own, called ``<file>#<column>=<value>,…`` in section
-``roles`` of the machine's file, with the hash of its own samples.
+A part is called ``<file>#<column>=<value>,…`` in section ``roles`` of the machine's file, and has
+the hash of its own samples.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,8 +37,6 @@ class TablePart:
 def selection(name: str) -> tuple[str, dict[str, str]]:
     """Raw file of a recording or of a part of one, and the values of columns that it holds.
 
-    Examples
-    --------
     >>> selection("cuts.csv#tool=T3,cut=1 (part 2)")
     ('cuts.csv', {'tool': 'T3', 'cut': '1'})
     >>> selection("trace #1.csv")

@@ -1,9 +1,4 @@
-"""Faults of recorders that a table shows by itself: jumps, held values, channels that end early.
-
-A length that changes faster than any axis is a reading that is not of this machine; a value held to
-the end of a channel that moved with every row, and one that stops while the others go on, are named
-and left to who reads them.
-"""
+"""Faults of recorders that a table shows by itself: jumps, held values, channels that end early."""
 
 import re
 from dataclasses import dataclass

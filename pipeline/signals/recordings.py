@@ -1,12 +1,8 @@
 """Recordings for sub-models: wide tables of ingested records as channels in SI, with conditions.
 
 A recording is one Parquet file in ``data/signals/<machine>/traces/``, with its raw file's hash in
-``manifest.json`` and its row in ``runs.parquet``.  The machine's file declares its channels
-(:class:`Channel`) and where its conditions stand
-(:class:`~pipeline.signals.conditions.ConditionSources`); the vocabulary of both is open.  What a
-recording lacks is a sentence in :attr:`Samples.lacking` or :attr:`Recording.reason`, never an
-exception: only settings that are wrong for all recordings raise.  A table becomes segments on even
-grids (:meth:`Samples.segments`), a log values that hold (:class:`LogItems`).
+``manifest.json`` and its row in ``runs.parquet``.  A lack of a recording is a sentence in
+:attr:`Samples.lacking` or :attr:`Recording.reason`, never an exception.
 """
 
 import json
@@ -253,7 +249,6 @@ def _originals(
 
 
 def _recording(signals: Path, name: str, entry: Mapping[str, Any]) -> Recording:
-    """Recording of one file in the manifest, without conditions."""
     notes = entry.get("notes") or {}
     constants = notes.get("constants")
     faults = tuple(structured(one, RecorderFault, name) for one in notes.get("faults", ()))

@@ -1,8 +1,4 @@
-"""Sampling clocks of recordings: period, gaps, and rows on a uniform grid.
-
-Time stamps of recorders are rounded, repeat, jump and lack rows.  :func:`uniform_segments` places
-the rows of such a recording on uniform grids.  Times are in seconds.
-"""
+"""Sampling clocks of recordings: period [s], gaps, and rows on a uniform grid."""
 
 from dataclasses import dataclass
 

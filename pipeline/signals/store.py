@@ -1,7 +1,4 @@
-"""Ingested records on disk: observations in Parquet, manifest, rejections, table of recordings.
-
-Every file is written under another name and renamed when it is whole.
-"""
+"""Ingested records on disk: observations in Parquet, manifest, rejections, table of recordings."""
 
 import hashlib
 import json
@@ -278,8 +275,6 @@ def remove_stale(out: Path, entries: dict[str, Entry]) -> None:
 def parquet_name(name: str) -> str:
     """Name of the Parquet of the raw file ``name``: another one for every file.
 
-    Examples
-    --------
     >>> parquet_name("agent/2026-01-05.txt")
     'agent__2026-01-05.txt.parquet'
     """

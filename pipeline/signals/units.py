@@ -1,9 +1,8 @@
 """Units: from the text that users and MTConnect documents write to factors and offsets.
 
-The only module that imports pint, and only when a conversion is not the identity.  Angles, counts,
-sound level, acidity, apparent and reactive power are dimensions of their own here, so that a
-speed in revolution/minute never turns into a percentage or a hertz without its turn: one hertz is
-one revolution/second.  Arithmetic is exact (fractions); only the result is rounded.
+The only module that imports pint.  Angles, counts, sound level, acidity, apparent and reactive
+power are dimensions of their own here: one hertz is one revolution/second, no percentage.
+Arithmetic is exact (fractions); only the result is rounded.
 
 Source: MTConnect 1.0 to 2.7, UnitEnum and NativeUnitEnum.
 """
@@ -204,7 +203,6 @@ def _conversion(source: str, target: str) -> tuple[float, float]:
 
 
 def _meanings(text: str) -> list[Any]:
-    """Pint units that a text can stand for."""
     return [_parsed(name) for name in AMBIGUOUS.get(text, (text,))]
 
 
@@ -215,7 +213,6 @@ def _dimension(text: str) -> tuple[tuple[str, Fraction], ...]:
 
 @lru_cache(maxsize=1)
 def _alike() -> dict[tuple[tuple[str, Fraction], ...], list[str]]:
-    """MTConnect's units by dimension."""
     found: dict[tuple[tuple[str, Fraction], ...], list[str]] = {}
     for unit in MTCONNECT_UNITS:
         if not unit.endswith("_3D"):
@@ -239,7 +236,6 @@ def _registry() -> Any:
 
 @lru_cache(maxsize=4096)
 def _parsed(text: str) -> Any:
-    """Pint unit of a text."""
     result = _registry().parse_units("")
     if text in WHOLE:
         return _registry()(WHOLE[text]).units if WHOLE[text] else result
@@ -292,7 +288,6 @@ def _names(unit: Any) -> list[str]:
 
 
 def _named(name: str, text: str) -> Any:
-    """Pint unit of one name in a text."""
     import pint
 
     if name == "S" and text.isupper() and len(text) > 1:

@@ -1,8 +1,7 @@
 """Lives of tools from a machine's signals: recordings cut into windows of even samples.
 
-No window reaches from one recording, or one stretch without a gap, into the next, and windows do
-not overlap.  Rows out of cut are left out; rates are brought down behind a low-pass
-(:func:`scipy.signal.resample_poly`, linear phase).  What cannot be used is a sentence beside the
+Windows neither overlap nor reach over a gap.  Rates are brought down behind a low-pass
+(:func:`scipy.signal.resample_poly`, linear phase).  An unusable recording is a sentence beside the
 lives, never an exception.
 """
 
@@ -33,7 +32,7 @@ SLOWER = 0.05
 SAME_RATE = 1e-3
 """Relative difference of rates [1] below which nothing is resampled."""
 CHANNEL, CONDITION, IN_CUT = "channel ", "condition ", "in cut"
-"""Of what is read of a recording: its signals, its conditions, and what tells that it cuts."""
+"""Prefixes of columns read from a recording: signals, conditions, and the sign of being in cut."""
 
 
 def read_lives(

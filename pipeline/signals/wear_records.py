@@ -1,8 +1,7 @@
-"""Section ``wear_records`` of a machine's file: which recordings show the wear of tools, and how.
+"""Section ``wear_records`` of a machine's file: the recordings that show the wear of tools.
 
-A recording is a table of any number of channels; it is one file a cut, a part of a table with many
-experiments, or one file an experiment.  Tool, wear and conditions stand in columns of the
-recording, in its name, in what tells parts of a table apart, or in a table beside the recordings.
+A recording is one file a cut, a part of a table with many experiments, or one file an experiment.
+Tool, wear and conditions stand in its columns, in its name, or in a table beside the recordings.
 """
 
 from collections.abc import Mapping

@@ -1,11 +1,8 @@
-"""One function a DVC stage; its signature is its contract with dvc.yaml.
+"""DVC stages, one function each, whose signature is the contract with dvc.yaml.
 
 Positional parameters are paths in the order of the command, keyword-only ones sections of
-params.yaml. ``python -m pipeline.stages NAME@MACHINE PATH...`` runs one.
-
-Whatever processor runs it, a stage computes the same bits, so that dvc.lock, which git holds, is
-that of every machine: linear algebra, NumPy and torch keep to the instructions of AVX2, which all
-x86-64 processors of the last ten years have, though some have wider ones that sum in another order.
+params.yaml.  Linear algebra, NumPy and torch keep to the instructions of AVX2, so that a stage
+computes the same bits on every x86-64 processor of the last ten years.
 """
 
 import os

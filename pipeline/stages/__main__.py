@@ -1,8 +1,4 @@
-"""Run one DVC stage: ``python -m pipeline.stages NAME[@MACHINE] PATH...``.
-
-Positional parameters of the stage are paths, in the order of the command; keyword-only parameters
-are sections of params.yaml, those of the machine first.
-"""
+"""Entry point of a DVC stage: ``python -m pipeline.stages NAME[@MACHINE] PATH...``."""
 
 import importlib
 import inspect

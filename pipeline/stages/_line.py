@@ -1,4 +1,4 @@
-"""What a stage says: where it stands in the build, how long it runs, what it read and wrote."""
+"""Progress lines of a stage: its place in the build, its duration [s], files read and written."""
 
 import json
 import time
@@ -31,7 +31,6 @@ def place(name: str, root: Path = Path()) -> str:
 
 
 def _runs(stage: str, text: Mapping[str, Any], fleet: Mapping[str, Any]) -> list[str]:
-    """Names of a stage with each machine that it goes over."""
     if "foreach" not in text:
         return [stage]
     found: Any = fleet

@@ -1,8 +1,4 @@
-"""Stage: by what hash the code of each stage is known, comments and docstrings aside.
-
-A stage depends on its entry here: on the source of each module that it imports, directly or not,
-and on the templates and tables beside these, so that a text changes no result and no fit.
-"""
+"""Stage: hash of the code that each stage imports, comments and docstrings aside."""
 
 from collections.abc import Iterable
 from hashlib import sha256

@@ -151,7 +151,6 @@ def _refuse_edited(values: dict[str, Any], changes: Mapping[Keys, Change]) -> No
 
 
 def _changed(values: dict[str, Any], changes: Mapping[Keys, Change]) -> dict[str, Any]:
-    """The composition, in place, with what an experiment sets."""
     for keys, (_, now) in changes.items():
         place = values
         for key in keys[:-1]:
@@ -198,7 +197,6 @@ def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
 
 
 def _check_machines(conf: Path, names: list[str]) -> None:
-    """Refuse a machine of the fleet that has no file, with the names that are like it."""
     known = sorted(path.stem for path in (conf / "machine").glob("*.yaml"))
     for name in names:
         if name not in known:

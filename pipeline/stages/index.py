@@ -1,7 +1,7 @@
-"""Stage: by what hash the recordings are known that each section of a machine's settings names.
+"""Stage: hashes of the recordings that each section of a machine's settings names.
 
-A stage depends on its entries here and not on the folder of all records, so that a new day of the
-machine's log fits nothing again that reads servo traces.
+A stage depends on its entries here, so that a new day of the machine's log fits nothing again that
+reads servo traces.
 """
 
 import json

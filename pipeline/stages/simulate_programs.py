@@ -1,4 +1,4 @@
-"""Stage: what the control makes of the programs that the report shows."""
+"""Stage: plans of the report's programs by the identified control."""
 
 from pathlib import Path
 

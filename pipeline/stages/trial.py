@@ -1,7 +1,4 @@
-"""Stage: the simulated shop floor cuts parts by their programs before and after.
-
-It gets the two texts and the limit of the load, and nothing that the twin knows.
-"""
+"""Stage: trial cuts of parts by their programs before and after, on the simulated shop floor."""
 
 import json
 from dataclasses import replace

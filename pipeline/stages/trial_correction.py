@@ -1,7 +1,4 @@
-"""Stage: the simulated shop floor drives commands and the corrected ones.
-
-It gets the tables of both, and nothing that the twin knows.
-"""
+"""Stage: commands and corrected commands driven on the simulated shop floor's axes."""
 
 import json
 from pathlib import Path

@@ -1,7 +1,6 @@
-"""The sub-models at work: a program on a control, drives on their axes, the cut of a program.
+"""Sub-models at work: a program on a control, drives on their axes, the cut of a program.
 
-Physics comes from the rooms below, parameters from what was identified of a machine; positions are
-in mm, times in s, forces in N, frames are the machine's.
+Positions in mm, times in s, forces in N, in the machine's frame.
 """
 
 __all__ = [

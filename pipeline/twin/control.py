@@ -1,4 +1,4 @@
-"""Identified control as it is stored, its records, and what it makes of a part program."""
+"""Identified control as stored, its records, and its plan of a part program."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
@@ -97,10 +97,7 @@ class ControlRecords:
     def unit(self, recording: str) -> str:
         """Which machine of the kind a recording is of; "" where there is one only.
 
-        Raises
-        ------
-        ValueError
-            When there are units and none of their patterns fits.
+        Raises ValueError when there are units and none of their patterns fits.
         """
         for name, pattern in self.units.items():
             if fnmatchcase(recording, pattern):
@@ -116,10 +113,7 @@ class ControlRecords:
 def read_controls(path: Path) -> dict[str, ControlParameters]:
     """Controls in a ``model.json``, by unit ("" where a machine is one).
 
-    Raises
-    ------
-    StoreError
-        When the file is missing or of another form.
+    Raises StoreError when the file is missing or of another form.
     """
     return dict(read_json(path, ControlModelFile).control)
 
@@ -127,10 +121,7 @@ def read_controls(path: Path) -> dict[str, ControlParameters]:
 def control_of_unit(controls: Mapping[str, ControlParameters], unit: str) -> ControlParameters:
     """The control that was identified for ``unit``.
 
-    Raises
-    ------
-    ValueError
-        When none was; the message names those there are.
+    Raises ValueError when none was; the message names those there are.
     """
     if unit not in controls:
         known = ", ".join(repr(name) for name in sorted(controls)) or "none"
@@ -185,10 +176,7 @@ def program_conditions(moves: Moves) -> dict[str, Fact]:
 def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | None = None) -> Moves:
     """Moves of the part program at ``path``.
 
-    Raises
-    ------
-    GcodeError
-        At the first word that cannot be followed.
+    Raises GcodeError at the first word that cannot be followed.
     """
     return interpret(read_program(path), setup, progress)
 
@@ -211,12 +199,10 @@ AS_PROGRAMMED = Overrides()
 def planned_program(
     moves: Moves, control: ControlParameters, overrides: Overrides = AS_PROGRAMMED
 ) -> Plan:
-    """What ``control`` makes of ``moves``.
+    """Plan of ``moves`` by ``control``.
 
-    Raises
-    ------
-    ValueError
-        As :func:`pipeline.machine.control.planner.plan`.
+    Raises ValueError when the planner, :func:`pipeline.machine.control.planner.plan`, refuses a
+    move.
     """
     return plan(
         limited_path(moves, control),

@@ -1,7 +1,4 @@
-"""A program's corrected command: its axes, their table, their file.
-
-Shared by ``kerf simulate --compensate`` and the stage ``correct_programs``.
-"""
+"""Corrected command of a program: its axes, their table, their file."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -48,7 +45,8 @@ def corrected_program(
     slowest loop needs to forget: in a longer fade axes at their limits part more.  The axes stand
     for a moment before and after the program, at times below 0 and beyond its end.  The bounds are
     the rapid speed and the acceleration that the control may command.  ``longest`` [s] is the time
-    of the program that is corrected, from its start.
+    of the program that is corrected, from its start.  Raises ValueError when no axis can be
+    corrected, or a drive is unstable.
 
     Returns
     -------
@@ -56,11 +54,6 @@ def corrected_program(
         By letter, on the same T samples.
     cutting : (T,) array of bool
         Samples in blocks that cut.
-
-    Raises
-    ------
-    ValueError
-        When no axis can be corrected, or a drive is unstable.
     """
     commanded = commanded_positions(plan)
     letters = moved_axes(commanded, drives)
@@ -117,7 +110,6 @@ def _since(cuts: Bools) -> Floats:
 
 
 def _reach(drive: IdentifiedDrive, period: float) -> int:
-    """Samples that a correction reaches beyond the motion that it corrects."""
     if drive.servo is None:
         return 0
     return ceil(REACH / cutoff(drive.servo, drive.feed_drive, period) / period)

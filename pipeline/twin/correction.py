@@ -1,20 +1,16 @@
-"""A corrected command for feed axes: what to ask of an axis so that it is where the program wants.
+"""Corrected command of feed axes by iterative learning control on the model.
 
-The twin, and what a network adds to it, predict the error e(u) of an axis that is driven with the
-command u.  With u = r + c the axis is where the program wants it, at r, when c = e(r + c).  The
-correction is learnt on the model as iterative learning control learns on a machine (Bristow,
-Tharayil, Alleyne: A survey of iterative learning control, IEEE Control Systems Magazine 26(3),
-2006):
+The twin, and a network beside it, predict the error e(u) of an axis driven with the command u. With
+u = r + c the axis is at its reference r when c = e(r + c).  The correction is learnt as iterative
+learning control learns on a machine (Bristow, Tharayil, Alleyne: A survey of iterative learning
+control, IEEE Control Systems Magazine 26(3), 2006):
 
     c <- Q (c + q G^-1 (e(r + c) - c))
 
-G is the linear part of the loop from command to position.  Q, a Gaussian low-pass without a shift
-in time, has its -3 dB where G has them: beyond, the axis does not follow, and what is asked there
-only amplifies what the model does not know.  Up to there Q / G is about 1 or less.  The learning
-factor q is 1, and is halved when a step makes the predicted error larger; the best step is kept.
-
-A share w of 0 to 1 at each sample says how much of it is made: a rapid at the limits of its axes
-cannot be led, and axes that are led as far as each one's limit allows leave the path.
+G is the linear part of the loop from command to position.  Q, a zero-phase Gaussian low-pass, has
+its -3 dB where G has them, so that Q / G is about 1 or less.  The learning factor q is 1, and is
+halved when a step makes the predicted error larger; the best step is kept.  A share w of 0 to 1 at
+each sample says how much of it is made: in a rapid at the limits of its axes none.
 """
 
 from dataclasses import dataclass, field, replace
@@ -36,7 +32,7 @@ from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual, driven
 
 REACH = 4.0
-"""Of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
+"""Reach of the low-pass in time, in 1 / cut-off: 0.02 % of its weight lie beyond."""
 SHORTEST = 0.2
 """Share of what was missed, at which a step that gains nothing ends the learning [1]."""
 END = 1e-9
@@ -52,7 +48,7 @@ class CorrectionSettings(Ranged, section="correction"):
     tolerance: NotNegative = 0.02
     """Relative gain of a step below which no further one is made [1]."""
     longest_s: Positive = 40.0
-    """Of a program that is corrected by the main job, from its start [s]."""
+    """Longest part of a program, from its start, that the main job corrects [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,12 +109,8 @@ def corrected_command(
     It begins and ends where the reference (T,) [m] does.  Bounds that the reference itself passes
     are those of the reference: the correction never asks for more than the greater of both.
     ``share`` (T,) says how much of the correction is made, 0 to 1 [1]; errors count as much.
-
-    Raises
-    ------
-    ValueError
-        When the reference is too short or not finite, the share has another length, or the drive
-        has no servo or is unstable.
+    Raises ValueError when the reference is too short or not finite, the share has another length,
+    or the drive has no servo or is unstable.
     """
     wanted, known = samples("reference", reference), settings or CorrectionSettings()
     check_steps(period, 1)

@@ -73,10 +73,7 @@ def check_stability(
 ) -> None:
     """Refuse a servo whose loop is unstable when it samples with ``period`` [s].
 
-    Raises
-    ------
-    ValueError
-        With the longest period at which it is stable, or with that there is none.
+    Raises ValueError with the longest period at which it is stable, or with that there is none.
     """
     row = drive_row(servo, feed_drive)
     if stable(row, period, substeps):
@@ -142,10 +139,7 @@ class IdentifiedDrive:
 def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
     """Axes in the drives' ``model.json``, by letter.
 
-    Raises
-    ------
-    StoreError
-        When the file is missing, broken or of another form.
+    Raises StoreError when the file is missing, broken or of another form.
     """
     try:
         return identified_drives(read_json(path, DriveModel))
@@ -157,10 +151,7 @@ def read_drives(path: Path) -> dict[str, IdentifiedDrive]:
 def identified_drives(model: DriveModel) -> dict[str, IdentifiedDrive]:
     """Axes of a stored model, by letter.
 
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range.
+    Raises ValueError when a parameter is out of its range.
     """
     return {
         letter: replace(

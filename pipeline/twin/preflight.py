@@ -1,7 +1,6 @@
 """Preflight of a part program: travel, spindle speed, feed, tool length; holder against the part.
 
-Positions are those of the axes in machine coordinates, tool length included where it is in force,
-so that a tool that is too long or too short for a hole shows as travel of its axis.
+Positions are those of the axes in machine coordinates, tool length in force included.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -257,7 +256,6 @@ def _set(value: Floats) -> Floats:
 
 
 def _beyond(limit: tuple[float, float], low: Floats, high: Floats) -> Iterator[tuple[int, float]]:
-    """Rows whose least or greatest value lies outside of a range, with the value beyond it."""
     slack = NEAR * max(abs(limit[0]), abs(limit[1]))
     for row in np.flatnonzero(high > limit[1] + slack).tolist():
         yield row, float(high[row])

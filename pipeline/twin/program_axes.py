@@ -81,11 +81,7 @@ def follow_program(
     """Linear axes of ``drives`` with a servo that move in a program, in air.
 
     ``residual`` is what the drives' model leaves over; by default their model is all there is.
-
-    Raises
-    ------
-    ValueError
-        When the program is too long to be held, or a drive is unstable.
+    Raises ValueError when the program is too long to be held, or a drive is unstable.
     """
     return follow_in_air(commanded_positions(plan), drives, residual)
 
@@ -122,12 +118,8 @@ def program_figures(
 ) -> dict[str, AxisFigures]:
     """Figures of the axes of :func:`follow_program`, of a program of any length.
 
-    Positions are made and followed in parts, but for a ``residual``, which sees them all.
-
-    Raises
-    ------
-    ValueError
-        When a drive is unstable, or the program is too long for a residual.
+    Positions are made and followed in parts, but for a ``residual``, which sees them all.  Raises
+    ValueError when a drive is unstable, or the program is too long for a residual.
     """
     if residual is not None:
         followed = follow_program(plan, drives, residual)
@@ -188,7 +180,6 @@ class _Parts:
 
     @property
     def figures(self) -> AxisFigures:
-        """Over all parts."""
         return AxisFigures(
             max_error=self.greatest, rms_error=float(np.sqrt(self.squares / self.samples)),
             worst_row=self.row, max_command=self.command, command_unit=self.drive.command_unit,
@@ -199,10 +190,7 @@ class _Parts:
 def commanded_positions(plan: Plan) -> Trace:
     """Positions that the control commands, at its interpolation period.
 
-    Raises
-    ------
-    ValueError
-        When there are too many to be held.
+    Raises ValueError when there are too many to be held.
     """
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:
@@ -239,12 +227,8 @@ def followed(
 
     ``load`` (T * substeps,) acts against positive motion [N], ``substeps`` being samples of the
     servo in one of the T of ``commanded``.  ``residual`` is added to the error of the model; it
-    gets what the model says under this load.
-
-    Raises
-    ------
-    ValueError
-        When the drive has no servo, or is unstable.
+    gets what the model says under this load.  Raises ValueError when the drive has no servo, or is
+    unstable.
     """
     reference = commanded.position[:, AXES.index(letter)]
     period = float(commanded.time[1] - commanded.time[0])
@@ -263,7 +247,7 @@ def followed(
 def _half_width(
     letter: str, drive: IdentifiedDrive, reference: Floats, period: float
 ) -> Floats | None:
-    """Of the drive's own 90 % interval [m], wider beyond the speeds that it was learnt at."""
+    """Half-width of the drive's 90 % interval [m], wider beyond its training speeds."""
     width = _half_width_at(letter, drive, float(np.abs(np.gradient(reference, period)).max()))
     return None if width is None else np.full(len(reference), width)
 
@@ -295,12 +279,7 @@ def driven(
     """Position [m] and motor command of an axis along a reference (T,) [m], from rest; (T,) each.
 
     ``period`` [s] is that of the reference, ``load`` (T * substeps,) acts against positive motion
-    [N].
-
-    Raises
-    ------
-    ValueError
-        When the drive has no servo, or is unstable.
+    [N].  Raises ValueError when the drive has no servo, or is unstable.
     """
     fine = between(reference, substeps)
     position, command = _driven_fine(letter, drive, fine, period / substeps, load=load)

@@ -1,10 +1,8 @@
 """Random forest on the residual of the spindle's network: its features, its file, its prediction.
 
-The forest predicts measured minus modelled temperature from what is known when it serves: the
-network's own answer, the temperature it was started from and how long ago, the heat sources
-smoothed over several time constants, and extra signals named by the machine.  A feature that the
-records do not have is refused; one that is unknown at some moment stays unknown (the forest's trees
-have a branch for it), it is never filled with zeros.
+Features are the network's own answer, the temperature and age of its start, the heat sources
+smoothed over several time constants, and extra signals of the machine.  An unknown value stays
+unknown (the trees have a branch for it); it is never filled with zeros.
 """
 
 from collections.abc import Sequence
@@ -42,7 +40,7 @@ class Forest:
     smoothing_s: tuple[float, ...] = SMOOTHING_S
     """Time constants of its features [s]."""
     days: tuple[str, ...]
-    """That it was trained on."""
+    """Training days."""
     examples: int
     """Samples that it was trained on."""
     rmse_days_left_out_K: float | None
@@ -80,11 +78,7 @@ def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> p
     """Exponential means of ``names`` over each time constant, from the past only.
 
     Where a signal is unknown its means are nan; after a gap they go on from what was before it.
-
-    Raises
-    ------
-    ValueError
-        When a signal is no column of ``frame``.
+    Raises ValueError when a signal is no column of ``frame``.
     """
     missing = [name for name in names if name not in frame.columns]
     if missing:
@@ -132,10 +126,7 @@ def save_forest(forest: "Trees", folder: Path) -> None:
 def load_forest(folder: Path, about: Forest, draws: int = 0) -> ResidualForest | None:
     """The forest in ``folder``, None when training found that it does not help.
 
-    Raises
-    ------
-    ValueError
-        When its features are those of another version, or its file cannot be read.
+    Raises ValueError when its features are those of another version, or its file cannot be read.
     """
     if not about.used:
         return None

@@ -1,4 +1,4 @@
-"""What a simulated program comes to: by block, tool, type and limit, as it is stored and shown."""
+"""Totals of a simulated program: by block, tool, type and limit, as stored and shown."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -180,12 +180,7 @@ def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None
 
     ``programmed_x`` and its like are before the filters, ``x`` and its like after them.  Only axes
     that move have columns.  ``progress`` is called with the share that is written; the number of
-    samples is returned.
-
-    Raises
-    ------
-    ValueError
-        When the program is too long.
+    samples is returned.  Raises ValueError when the program is too long.
     """
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:

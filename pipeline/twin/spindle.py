@@ -1,7 +1,7 @@
 """Spindle temperature of one machine: inputs from the state table, stored model, predictions.
 
-The inputs are heat sources of the clean state table; the model is a thermal network and, where days
-left out say that it helps, a random forest on its residual.
+A thermal network under the heat sources and, where days left out say that it helps, a random forest
+on its residual.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -73,11 +73,7 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
     """``state`` with one column a heat source, at the state's own sampling.
 
     The sources are taken before averaging: the mean of n^(5/3) is not the mean of n to the 5/3.
-
-    Raises
-    ------
-    ValueError
-        When a needed column is missing; the message names it.
+    Raises ValueError when a needed column is missing; the message names it.
     """
     missing = [name for name in records.signals if name not in state.columns]
     if missing:
@@ -126,14 +122,9 @@ def stretch_of(
 ) -> StateSegment:
     """A whole state table as one stretch that starts from a given temperature.
 
-    Unknown inputs are held from before however long; the temperature of the spindle in ``state``
-    is not looked at.
-
-    Raises
-    ------
-    ValueError
-        When the table is empty, a column is missing, an input is unknown in the first step, or the
-        temperature to start from is not a number.
+    Unknown inputs are held from before however long; the temperature of the spindle in ``state`` is
+    not looked at.  Raises ValueError when the table is empty, a column is missing, an input is
+    unknown in the first step, or the temperature to start from is not a number.
     """
     if state.empty:
         raise ValueError("the state table has no row: give the time that is to be predicted")
@@ -248,7 +239,7 @@ class SpindleFitFacts:
     """Simulations of all training days that the fit took."""
     seconds: float
     bridged_s: float
-    """Of the training days; of them with inputs that were held from before [s]."""
+    """Bridged time of the training days, with inputs held from before [s]."""
     in_doubt: tuple[str, ...] = ()
     """Other networks that what was left out cannot tell from this one."""
     resolution_K: float = 0.0
@@ -342,17 +333,12 @@ class SpindleModel:
         return smoothed_inputs(stretch.frame, stretch.step, names)
 
     def predict(self, state: pd.DataFrame, start_temperature: float) -> pd.DataFrame:
-        """Temperatures [degC] from a state table and one measured temperature at its first row
-        [degC].
+        """Temperatures [degC] from a state table and the measured temperature of its first row.
 
         The state has an index of UTC times and the columns that the model needs
-        (``records.signals`` and what its forest looks at); no temperature of the spindle is read
-        from it.  Columns of the result are ``spindle_temperature`` and ``physics``.
-
-        Raises
-        ------
-        ValueError
-            When a column is missing, or an input is unknown in the first step.
+        (``records.signals`` and those of its forest); no temperature of the spindle is read from
+        it.  Columns of the result are ``spindle_temperature`` and ``physics``.  Raises ValueError
+        when a column is missing, or an input is unknown in the first step.
         """
         stretch = stretch_of(state, start_temperature, self.records, step=self.step_s)
         physics, model = self.free_run(stretch)
@@ -364,8 +350,6 @@ class SpindleModel:
 def window_starts(measured: Floats, length: int) -> list[int]:
     """Steps at which windows of ``length`` steps start: one after the other, each measured.
 
-    Examples
-    --------
     >>> window_starts(np.array([20.0, 21.0, np.nan, 22.0, 22.0]), 2)
     [0, 3]
     """
@@ -380,10 +364,8 @@ def window_starts(measured: Floats, length: int) -> list[int]:
 def load_spindle_model(folder: Path, draws: int = 0) -> SpindleModel:
     """The model in ``model.json`` of a folder, with the forest beside it if it is used.
 
-    Raises
-    ------
-    StoreError
-        When a file is missing or broken; the message names it and the command that writes it.
+    Raises StoreError when a file is missing or broken; the message names it and the command that
+    writes it.
     """
     stored = read_json(folder / "model.json", SpindleModelFile)
     return SpindleModel(

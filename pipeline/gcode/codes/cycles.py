@@ -440,7 +440,6 @@ def _rise_to_r(run: Run, line: int, normal: int) -> None:
 
 
 def _drill_one(run: Run, hole: Hole, code: int) -> None:
-    """Over the hole, to R, what the cycle does, and back."""
     words = run.cycle.words
     level = words["R"] if run.retract_to_r else max(run.cycle.initial, words["R"])
     before = hole.point[hole.normal]

@@ -1,7 +1,4 @@
-"""Moves that a block's axis words command: straight lines, arcs and threads.
-
-G0 to G3, G31, G33, G33.1, G38 and LinuxCNC's threading cycle G76.
-"""
+"""Motion codes G0 to G3, G31, G33, G33.1, G38 and LinuxCNC's threading cycle G76."""
 
 import math
 from dataclasses import dataclass
@@ -387,7 +384,6 @@ class _Thread:
     tapers_end: bool
 
     def cut_to(self, depth: float) -> None:
-        """One pass ``depth`` under the peak."""
         run, line, pitch = self.run, self.line, self.pitch
         sign = 1.0 if self.peak > 0 else -1.0
         back = 1.0 if self.z_end > self.start[2] else -1.0

@@ -1,10 +1,9 @@
 """Programs of the Sinumerik 840D, line by line to statements of ISO 6983.
 
-Words that move the machine become the words of ISO 6983 that the interpreter executes (SUPA as
-G53, CYCLE81 as G0 and G1, TRANS as G52, ``D1`` as G43 with the tool's number); the others are in
-:data:`~pipeline.gcode.dialects.siemens_words.WITHOUT_MOTION`; anything else is an error.  Lines
-are read each time that they are carried out, and in that order, so that a reader may remember what
-it read: the tool, the modal call, the turned work plane.
+Words that move the machine become those of ISO 6983 (SUPA as G53, CYCLE81 as G0 and G1, TRANS as
+G52, ``D1`` as G43 with the tool's number); words without motion are in
+:data:`~pipeline.gcode.dialects.siemens_words.WITHOUT_MOTION`; anything else is an error.  Lines are
+read in the order of execution, since a reader remembers the tool, the modal call, the work plane.
 
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles.
 """

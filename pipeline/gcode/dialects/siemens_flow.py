@@ -1,10 +1,7 @@
 """Branches, loops, jumps, repeated parts and calls of subprograms of the Sinumerik 840D.
 
-A line of flow control holds nothing else but, at its head, a block number and a label.  Computed
-jumps (CASE, GOTOC, GOTOS) are refused.
-
-Source: Sinumerik 840D sl, Programming Manual Job Planning, "Control structures", "Repeat program
-part" and "Subprograms".
+Computed jumps (CASE, GOTOC, GOTOS) are refused.  Source: Sinumerik 840D sl, Programming Manual Job
+Planning, "Control structures", "Repeat program part" and "Subprograms".
 """
 
 import re
@@ -77,10 +74,7 @@ def labels(program: Program) -> dict[str, list[int]]:
 def jump_of(token: Token, stream: TokenStream, condition: Expression | None = None) -> Control:
     """A jump; the stream is behind its word.
 
-    Raises
-    ------
-    GcodeError
-        When it does not say where to, or the line holds more.
+    Raises GcodeError when it does not say where to, or the line holds more.
     """
     label = _label(token, stream)
     if stream.next is not None:
@@ -91,10 +85,7 @@ def jump_of(token: Token, stream: TokenStream, condition: Expression | None = No
 def control_of(token: Token, stream: TokenStream) -> Control:
     """Flow control of a line by one of ``WORDS`` or ``JUMPS``; the stream is behind the word.
 
-    Raises
-    ------
-    GcodeError
-        When the line holds anything else.
+    Raises GcodeError when the line holds anything else.
     """
     word, kind = token.head, KIND + token.head.lower()
     if word in JUMPS:
@@ -164,11 +155,7 @@ def call_of(token: Token, stream: TokenStream, *, alone: bool = True) -> Control
 
     ``NAME``, ``NAME(1, 2)``, ``L10``, ``CALL "NAME"``, ``EXTCALL("NAME.SPF")``,
     ``PCALL /FOLDER/NAME(1)`` and ``CALL "NAME" BLOCK FIRST TO LAST``, each with ``P`` times.
-
-    Raises
-    ------
-    GcodeError
-        When it names no program, or the line holds more.
+    Raises GcodeError when it names no program, or the line holds more.
     """
     last, part = token, ("", "")
     if token.head in CALLING:

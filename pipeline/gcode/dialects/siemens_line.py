@@ -269,7 +269,6 @@ class LineReader(WordReader):
         self.memory.at["X"] = self.memory.at["Y"] = None
 
     def _axes(self, token: Token) -> dict[str, float]:
-        """The rest of the line, as axes and values."""
         given: dict[str, float] = {}
         while (item := self.stream.next) is not None:
             self.stream.at += 1

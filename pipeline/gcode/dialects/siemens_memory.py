@@ -1,14 +1,12 @@
 """Modal data of a Sinumerik 840D program, and the frames that a table's turn has to cancel.
 
-On a machine whose table turns about B and C, TRAORI keeps the tool's tip on the workpiece while the
-table turns, AROT turns the program's axes on the workpiece.  A post processor that mills in a
-tilted plane turns both so that they cancel,
+TRAORI keeps the tool's tip on the workpiece while the table turns about B and C, AROT turns the
+program's axes on the workpiece.  Only turns that cancel are followed,
 
     R_y(-B) R_z(-C) R_AROT = 1,
 
-and then the linear axes move as the program says, from the point where the axes of B and C meet,
-which is where the work offset must lie.  Only this is followed here; everything else would need the
-machine's dimensions.
+with the work offset where the axes of B and C meet; everything else would need the machine's
+dimensions.
 
 Source: Sinumerik 840D sl, Programming Manual Fundamentals, "Frames" (AROT: additive, about the axes
 already turned; R_z R_y R_x within a block), Job Planning, "Transformations".

@@ -1,9 +1,7 @@
-"""Pockets of a Sinumerik 840D, as blocks.
+"""Pockets of a Sinumerik 840D, as blocks, milled from the centre outwards, level by level.
 
-A pocket is milled from its centre outwards, level by level; what path a control takes inside of it
-is its own, so that POCKET3 and POCKET4 are approximate.
-
-Source: Sinumerik 840D sl, Programming Manual Cycles, "Milling cycles".
+A control's own path in POCKET3 and POCKET4 may differ.  Source: Sinumerik 840D sl, Programming
+Manual Cycles, "Milling cycles".
 """
 
 import math

@@ -218,7 +218,6 @@ class WordReader:
             raise stream.error(token, f"{name} takes no expression here: write a number")
 
     def _not_followed(self, name: str) -> str:
-        """Why an address with ``=`` is refused; empty where it is not."""
         if name in FEEDS:
             return f"{name} is a feed that is not followed: write F with G94 or G95"
         if name in WITH_MOTION:
@@ -275,7 +274,6 @@ class WordReader:
         return arguments[0], absolute if name in AXES else None
 
     def _uses(self, start: int) -> None:
-        """Remember the variables that a word's tokens from ``start`` on read."""
         self.used |= {variable(one.text) for one in self.stream.tokens[start : self.stream.at]}
 
     def _in_machine(self) -> None:

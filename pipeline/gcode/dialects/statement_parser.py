@@ -23,10 +23,7 @@ POLAR = frozenset("@^$")
 def parse_statement(line: Line, file: str, dialect: str) -> Statement:
     """Statement of a line, in the order written; nothing is executed.
 
-    Raises
-    ------
-    GcodeError
-        At the first character that cannot be parsed.
+    Raises GcodeError at the first character that cannot be parsed.
     """
     return _LineParser(line, file, dialect).statement()
 
@@ -34,10 +31,7 @@ def parse_statement(line: Line, file: str, dialect: str) -> Statement:
 def parse_blocks(program: Program, line: int) -> Statement:
     """Statement of a Fanuc's line, and those of the blocks behind each ``;`` of it.
 
-    Raises
-    ------
-    GcodeError
-        As :func:`parse_statement`.
+    Raises GcodeError when :func:`parse_statement` refuses a block.
     """
     source = program.line(line)
     statement = parse_statement(source, program.name, "fanuc")
@@ -161,7 +155,6 @@ class _LineParser:
         self.words.append(WordItem(letter, value, column, cursor.written(start)))
 
     def _strange(self) -> str:
-        """What is said of a character here that is not ASCII."""
         return strange_character(self.cursor.source, self.cursor.column - 1)
 
     def _unexpected(self, reason: str) -> GcodeError:

@@ -124,7 +124,6 @@ def _unit(run: Run, axis: int) -> float:
 
 
 def _fanuc_offset_place(number: int) -> tuple[str, int] | None:
-    """Work offset and axis that a system variable belongs to."""
     for name, first in FANUC_OFFSETS.items():
         if first <= number < first + 6:
             return name, number - first
@@ -303,7 +302,6 @@ class LinuxcncParameters:
 
 
 def _linuxcnc_offset_place(key: int) -> tuple[str, int] | None:
-    """Offset or reference that a number from 5161 to 5390 belongs to, and its place there."""
     if key == 5220:
         return "active", 0
     if key == 5210:

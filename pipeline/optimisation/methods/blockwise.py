@@ -1,9 +1,8 @@
 """Blockwise optimum: block by block the best F, stretch by stretch the best S.
 
-It is exact where blocks do not interact: where each row runs at its F nearly all along, so that
-what one block does changes nothing for the next.  Where rows are too short for that, the speed that
-they reach is taken from the plan of the solution so far, and the best of a few rounds is the
-answer.  The speeds of stretches are refined between the values of the grid, in whole rev/min.
+It is exact where each row runs at its F nearly all along.  Where rows are too short for that, the
+speed that they reach is taken from the plan of the solution so far, for a few rounds.  Speeds are
+refined between the values of the grid, in whole rev/min.
 """
 
 from collections.abc import Iterator, Sequence
@@ -37,7 +36,7 @@ WORTH = 1e-4
 """Gain that another round has to bring, as a share."""
 NARROWINGS = 6
 CANDIDATES = 9
-"""Of each round, about the best so far; the next round covers what lies between two of them."""
+"""Feeds evaluated per round around the best so far; the next round covers its neighbours' span."""
 SAME = 1e-9
 """Values that differ by less, as a share, are the same, and the lower S is taken."""
 Change = tuple[int, int, bool, float]
@@ -127,7 +126,6 @@ def _as_programmed(problem: Problem, objective: Objective) -> float:
 
 
 def _missing(problem: Problem, objective: Objective) -> str:
-    """What the objective needs and lacks: the lives of tools, or prices and powers."""
     cut, material = problem.cut, problem.basis.material
     for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
         if objective in ("cost", "wear") and material.tool_life(cut.tools[index]) is None:
@@ -136,7 +134,6 @@ def _missing(problem: Problem, objective: Objective) -> str:
 
 
 def _of_blocks(model: BlockModel, speeds: Floats) -> float:
-    """Objective of the part with each block at its best F."""
     problem = model.problem
     values = block_feeds(model, problem.editable.block, speeds[None]).values[0]
     bad = np.isinf(values)

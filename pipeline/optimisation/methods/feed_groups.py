@@ -1,12 +1,9 @@
 """Groups of blocks that share an F at given spindle speeds, and the best F of each.
 
-Every block begins as a group of its own.  Of all pairs of neighbours the one that loses least is
-merged, again and again, while the loss is less than what an F word has to save.  A group that takes
-less than the least block time is merged too, unless that loses more than it takes itself: an F that
-changes faster than the look-ahead can follow is a word for nothing.
-
-The objective of a group over F is tabulated over 1/F, in which time is linear; sums of tables are
-those of groups, so that a merge costs the same however many blocks it joins.
+Of all pairs of neighbours the one that loses least is merged, while the loss is less than an F word
+has to save.  A group that takes less than the least block time is merged too, unless that loses
+more than it takes itself.  The objective over F is tabulated over 1/F, in which time is linear, so
+that tables of groups are sums of tables.
 """
 
 from bisect import bisect_right
@@ -29,7 +26,7 @@ NODES = 49
 SPAN = 1.0 + 1e-6
 """Factor by which the table reaches beyond the least and greatest feed."""
 ROUNDING = 1e-12
-"""Of sums over many blocks, as a share."""
+"""Rounding error of sums over many blocks, as a share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -76,7 +73,6 @@ def feed_groups(
 def _curves(
     model: BlockModel, blocks: RowGroups, speeds: Floats, low: Floats, high: Floats
 ) -> Curves:
-    """Tables of all blocks over the feeds that any of them may have."""
     own = model.problem.cut.plan.path.moves.feed
     feeds = np.geomspace(low.min() / SPAN, high.max() * SPAN, NODES)
     tables = np.empty((2, len(low), NODES))
@@ -91,7 +87,6 @@ def _curves(
 
 
 def _codes(problem: Problem, stretch: Rows) -> Rows:
-    """Number of each row's tool, stretch and kind of feed; shape (M,)."""
     path = problem.cut.plan.path
     parts = np.stack([path.moves.tool, stretch, path.motion.astype(np.intp)])
     return np.unique(parts, axis=1, return_inverse=True)[1].ravel()
@@ -149,7 +144,6 @@ class _Group:
 
     @property
     def kept(self) -> bool:
-        """Whether its F is as programmed, so that no word is needed."""
         return self.feed == self.own
 
 
@@ -186,7 +180,6 @@ class _Merger:
         return (np.cumsum(first) - 1).astype(np.intp)
 
     def _offer(self, one: int, other: int, *, heap: bool = True) -> None:
-        """Put a pair of neighbours on the heap, if it may be merged."""
         if one < 0 or other < 0:
             return
         left, right = self._groups[one], self._groups[other]
@@ -237,7 +230,6 @@ class _Merger:
         ))  # fmt: skip
 
     def _settled(self, group: _Group) -> _Group:
-        """The group with its best F, and what it takes with it."""
         group.feed, group.value = self._best(group)
         group.time = self._at(group.times, group.feed)
         return group

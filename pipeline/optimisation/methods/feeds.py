@@ -5,12 +5,9 @@ Limits of a row hold its feed for each tooth f_z and its F; at one S they are on
     max(F_low, f_z_low N S) <= F <= min(F_high, f_z_high N S, f_z_power(S) N S)
 
 in the row's own units.  Feeds faster than axes, arcs and tolerances allow (``Path.cap``) change
-nothing.  Where the tool goes down in air F is at most as programmed: a floor may lie a little
-higher than it should.
-
-Rows that share an F have to suit all their intervals.  Time falls with F; so does all else, unless
-wear depends on the feed for each tooth: then the best F may lie inside, where a golden section
-finds it.
+nothing; where the tool descends in air F is at most as programmed.  Rows that share an F have to
+suit all their intervals.  Time falls with F; where wear depends on f_z the best F may lie inside
+and is found by golden section.
 """
 
 from collections.abc import Callable

@@ -1,9 +1,7 @@
-"""Decisions as genes that keep the limits, and one cost for each individual of a search.
+"""Genes of decisions that keep the limits, and one cost for each individual of a search.
 
-At one S the limits of each row are one interval of F
-(:mod:`pipeline.optimisation.methods.feeds`), and so are those of rows that share an F.  A gene of F
-is a place in that interval, on a logarithmic scale, from 0 to 1; whatever S a search tries, feeds
-follow it and keep their limits.  Genes of S are the spindle speeds themselves.
+A gene of F is a place from 0 to 1 on a logarithmic scale in the interval of F that the limits leave
+at the S of its rows (:mod:`pipeline.optimisation.methods.feeds`); genes of S are spindle speeds.
 """
 
 from dataclasses import dataclass, field, replace
@@ -27,7 +25,7 @@ INCH_STEP = 20.0
 ROUNDING = 1e-9
 """Excess over limits, as a share, up to which an evaluation keeps them [1]."""
 LEAST = 1e-3
-"""Of the greatest F that is allowed, where the range of F begins below."""
+"""Least F as a share of the greatest allowed F [1], where the range of F begins below."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,7 +158,7 @@ class Method:
     violation: float
     """Sum over rows of what passes each limit, as a share of it [1]; 0 inside all limits."""
     evaluations: int
-    """That it took."""
+    """Number of evaluations."""
     limits: MethodLimits = "certain"
     """Load limit at nominal values, or with the probability that is allowed."""
     refused: str = ""
@@ -195,7 +193,7 @@ class Front:
     """The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
     those that are no worse than the program; of all where there is none."""
     evaluations: int
-    """That it took."""
+    """Number of evaluations."""
 
 
 class Genes(Protocol):

@@ -1,11 +1,8 @@
-"""Genetic search from the blockwise optimum, and the baselines that its answer is held against.
+"""Genetic search from the blockwise optimum, and the baselines of its answer.
 
-The blockwise optimum leaves out what blocks do to each other: rows too short to reach their feed
-weigh less than it reckons.  The speeds of stretches are moved first, which takes a few dozen
-evaluations (:func:`pipeline.search.compass.compass`); the genetic search of Sim2023 begins with the
-result, and with copies that are scaled and perturbed.  Feeds follow the speeds and keep their
-limits (:class:`pipeline.optimisation.methods.genes.BoundedGenes`).  The baselines are the program
-as it is, and searches from random individuals.
+Rows too short to reach their feed weigh less than the blockwise optimum reckons.  The speeds of
+stretches are moved first (:func:`pipeline.search.compass.compass`); the genetic search of Sim2023
+begins with the result and with copies that are scaled and perturbed.
 """
 
 from collections.abc import Callable
@@ -46,7 +43,7 @@ WIDTHS = (0.003, 0.01, 0.03, 0.1, 0.3)
 SCALES = (0.5, 2.0)
 """Least and greatest factor of the speeds of scaled copies."""
 WEIGHT = 1.0
-"""Of a penalty: passing one row's limit once over costs as much as the whole program."""
+"""Penalty weight [1]: passing one row's limit once over costs as much as the whole program."""
 
 
 def improve(
@@ -149,7 +146,7 @@ def baselines(
     settings: SearchSettings,
     callback: Callback | None = None,
 ) -> list[Method]:
-    """As programmed, the method of Sim2023, and the best of many evaluations from a random start.
+    """Baselines: as programmed, the method of Sim2023, the best of many from a random start.
 
     Where no F and no S may change, the program as it is is the only one.
 
@@ -217,7 +214,7 @@ def _best_of(problem: Problem, name: str, genes: Genes, best: SearchResult) -> M
 
 
 def _anywhere(problem: Problem, groups: Groups) -> Decision:
-    """As the first row of each group is programmed, with S inside its range."""
+    """F and S of the first row of each group as programmed, S limited to its range."""
     feeds = groups.own_feed[first_rows(groups.feed)]
     own = groups.own_speed[first_rows(groups.speed)]
     return Decision(

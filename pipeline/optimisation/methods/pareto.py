@@ -123,7 +123,7 @@ def _front(
     problem: Problem, groups: Groups, feeds: Floats, speeds: Floats, count: Rows, *,
     many: int, evaluations: int,
 ) -> Front:  # fmt: skip
-    """Of all those, the ones inside the limits that none dominates, each once."""
+    """Non-dominated solutions within the limits, without duplicates."""
     evaluated = problem.evaluate(groups, feeds, speeds)
     values = evaluated.objectives[:, count]
     inside = np.flatnonzero(evaluated.violation <= 0)

@@ -1,7 +1,7 @@
 """Pieces of a program between the places where S may change, and the spindle speeds tried for them.
 
-Rows between two such places have one S.  The grid of speeds of each tool is a geometric row, the
-ends of its range, and speeds at which the feed per tooth and the feed reach their limits together.
+The grid of speeds of each tool is a geometric row, the ends of its range, and speeds at which the
+feed per tooth and the feed reach their limits together.
 """
 
 from dataclasses import dataclass, field
@@ -20,11 +20,11 @@ from pipeline.optimisation.text.words import stepped
 from pipeline.schema.arrays import Bools, Floats, Rows
 
 SPEEDS = 48
-"""Of the geometric row."""
+"""Number of spindle speeds of the geometric grid."""
 CORNERS = 16
 """Speeds at most at which the greatest feed per tooth meets the greatest feed."""
 SLOWEST = 0.1
-"""Of the program's least S, where no limit is lower than that."""
+"""Lower end of the speed grid over the program's least S [1], where no limit is lower."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,10 +1,7 @@
 """Spindle speed of each stretch of a program: the cheapest path through a grid of speeds.
 
-Pieces of the program (:mod:`pipeline.optimisation.methods.speed_pieces`) are stages, speeds of the
-grid the states.  A stage costs what its blocks take with their best feeds at that S; a change of S
-costs the time that the control waits for the spindle, and the worth of an S word that has to be
-added.  A change by less than the least one is not allowed.  All speeds are whole rev/min, or as
-programmed.
+Pieces of the program are stages, speeds of the grid states.  A stage costs its blocks with their
+best feeds at that S; a change of S the wait for the spindle and the worth of an added S word.
 """
 
 from collections.abc import Sequence
@@ -174,7 +171,6 @@ def _chosen(
 
 
 def _shared(values: Floats, key: Rows) -> Floats:
-    """Values of pieces of one key, each with the mean of all."""
     _, index, many = np.unique(key, return_inverse=True, return_counts=True)
     if (many == 1).all():
         return values

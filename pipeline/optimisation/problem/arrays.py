@@ -1,7 +1,7 @@
 """Arrays of an optimisation: constraints in their order, editable rows, bounds, groups, decisions.
 
-A program as interpreted has M rows, one for each move.  Rows of one line form a block; blocks that
-share an F form one of G groups, those that share an S one of H stretches.
+Rows of one line form a block; blocks that share an F form one of G groups, those that share an S
+one of H stretches.
 """
 
 from dataclasses import dataclass, field, replace
@@ -23,8 +23,10 @@ CONSTRAINTS = (
     "spindle power", "stability", "cutting speed", "spindle speed", "feed", "as programmed",
     "feed per tooth", "change from the program",
 )  # fmt: skip
-"""As programmed: where the operation allows no more for each tooth, or of a plunge or a drill that
-nothing else bounds.  The last two: the range of the tool, and the greatest change."""
+"""Names of the constraints.
+
+``feed as programmed`` holds where the operation allows no more feed per tooth, and in a plunge or a
+drill that nothing else bounds; the last two are the tool's range and the greatest change."""
 
 (
     LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, LEAST_CHIP, TORQUE, POWER, STABILITY,
@@ -96,7 +98,7 @@ class OperationRange:
     tool: int
     """Number."""
     operation: Operation
-    """Of :data:`pipeline.cutting.catalogue.OPERATIONS`."""
+    """Operation of :data:`pipeline.cutting.catalogue.OPERATIONS`."""
     range: CuttingRange
     """With its source; None in it where nothing is known."""
     kept: str = ""
@@ -141,7 +143,7 @@ class Practice:
     f_z_change: Floats = field(repr=False)
     """Greatest feed for each tooth by the change from the program [m]."""
     f_z_own: Floats = field(repr=False)
-    """That programmed, where the operation or ``not_raised`` allows no more [m]."""
+    """Programmed feed per tooth where the operation or ``not_raised`` allows no more [m]."""
     f_z_bent: Floats = field(repr=False)
     """Feed for each tooth by the bending of the tip, no less than programmed [m]."""
     not_raised: tuple[NotRaised, ...] = field(repr=False)

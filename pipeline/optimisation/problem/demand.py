@@ -35,7 +35,7 @@ class Demand:
     """Time, cost, energy and wear of rows; see :mod:`pipeline.optimisation.problem.kernels`."""
 
     rows: Floats = field(repr=False)
-    """Of each row; shape (M, COLUMNS)."""
+    """Demand of each row; shape (M, COLUMNS)."""
     loads: Floats = field(repr=False)
     """Torques [N m]; shape (2, M, K + 1)."""
     drive: Floats = field(repr=False)
@@ -156,7 +156,6 @@ def _fill_motion(rows: Floats, cut: Cut, blocks: CutBlocks) -> None:
 
 
 def _fill_wear(rows: Floats, cut: Cut, blocks: CutBlocks, life: Life, basis: CutBasis) -> None:
-    """Columns of tool life, out of that of the plan."""
     from pipeline.optimisation.problem import kernels as at
 
     row, plan = blocks.row, cut.plan

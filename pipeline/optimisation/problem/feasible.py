@@ -1,8 +1,4 @@
-"""Problem of a cut: how far rows use each constraint, and refusal where no F and S keep them all.
-
-The utilisation of a constraint is the value over its limit.  A refusal is one sentence with the
-block, the values and a remedy.
-"""
+"""Utilisation of each constraint by the rows of a cut, and refusal where none of F and S fits."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -123,7 +119,6 @@ def _fill_drive(out: Floats, problem: Problem, f_z: Floats, spindle_speed: Float
 
 
 def _outside(value: Floats, low: Floats, high: Floats) -> Floats:
-    """The greater of low / value and value / high."""
     return np.maximum(_over(low, value), _over(value, high))
 
 
@@ -217,7 +212,6 @@ def with_feed_cap(problem: Problem, cap: Floats, limit: str) -> Problem:
 
 
 def _check(problem: Problem, *, load_limited: bool) -> None:
-    """Refuse a problem that has no answer."""
     _check_spindle_on(problem)
     _check_limited(problem, load_limited)
     _check_bounds(problem)
@@ -275,7 +269,6 @@ def _check_limited(problem: Problem, load_limited: bool) -> None:
 
 
 def _check_bounds(problem: Problem) -> None:
-    """Least and greatest feed for each tooth leave something between them."""
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & ~(high > 0), lambda row: (
         f"no feed of {tool_name(problem, row)} keeps the {CONSTRAINTS[which[row]]}"
@@ -313,7 +306,6 @@ def _limit_of(problem: Problem, row: int, which: int) -> float:
 
 
 def _check_reach(problem: Problem) -> None:
-    """Feed for each tooth that the ranges of F and S reach."""
     slowest, fastest = _corners(problem)
     high, low, which = problem.bounds.high, problem.bounds.least, problem.bounds.binds
     _refuse(problem, problem.cuts & (slowest > high * (1 + SLACK)), lambda row: (
@@ -465,7 +457,6 @@ def _speeds(problem: Problem, row: int, own: float) -> list[float]:
 
 
 def _value(problem: Problem, limit: int, row: int, feed: float, speed: float) -> str:
-    """Value of a row at F and S, in the unit of the limit."""
     rows: Rows = np.arange(len(problem))
     moves = problem.cut.plan.path.moves
     feeds = np.where(rows == row, feed, moves.feed)

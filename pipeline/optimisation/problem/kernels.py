@@ -144,7 +144,7 @@ def _idle(n, drive):  # type: ignore[no-untyped-def]
 
 @compiled
 def looked_up(f_z, values, scale, exponent):  # type: ignore[no-untyped-def]
-    """As :func:`pipeline.cutting.force.profile_kernel.look_up`."""
+    """Interpolated loads, by :func:`pipeline.cutting.force.profile_kernel.look_up`."""
     if not f_z > 0.0:
         return 0.0
     u = scale * (f_z if exponent == 1.0 else f_z**exponent)

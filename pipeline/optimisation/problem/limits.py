@@ -38,11 +38,12 @@ from pipeline.twin.cut.loads import Cut
 
 MM, UM = 1e-3, 1e-6
 SOFT = 0.85
-"""Of the greatest feed for each tooth, up to which the least one of a range gives way to it [1]."""
+"""Share of the greatest feed per tooth up to which the least one of a range gives way to it [1]."""
 GIVES_WAY = 0.5
-"""Of the greatest F by all limits, down to which the least change gives way to them [1]."""
+"""Share of the greatest F by all limits down to which the least change gives way to them [1]."""
 LEAST_FEED = 0.1
-"""Of the least F of a program, where no range is given, or one from 0 on."""
+"""Share of a program's least F from which its range starts where none is given, or one from 0 on.
+"""
 
 
 def bounds_of(
@@ -163,8 +164,6 @@ def feed_for_marks(tool: Tool, height: float) -> float:
     sqrt(8 rho R_t) with the lesser of the radii that leave marks, over the teeth where the tool
     runs out.  Valid for feeds much less than that radius (Martellotti 1941).
 
-    Examples
-    --------
     A ball of 6 mm that leaves marks of 1 um:
 
     >>> ball = Tool(kind="ball", diameter_mm=6.0, flutes=2)

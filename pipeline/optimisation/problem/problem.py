@@ -1,8 +1,7 @@
-"""An optimisation as arrays: limits of each row, and what a population of F and S makes of them.
+"""Optimisation problem as arrays: limits of each row, objectives of a population of F and S.
 
-Loads, feeds for each tooth and power count at the commanded speed or, where that is less, what
-axes, arcs and tolerances allow: at least what the control reaches.  Times, wear and energy are
-those of the look-ahead.
+Loads, feeds for each tooth and power count at the commanded speed or, where that is less, the speed
+that axes, arcs and tolerances allow.  Times, wear and energy are those of the look-ahead.
 """
 
 from collections.abc import Callable
@@ -74,7 +73,7 @@ class Problem:
     demand: Demand = field(repr=False)
     """Objectives of each row."""
     lobes: Lobes = field(repr=False)
-    """Of stability."""
+    """Stability lobes."""
     practice: Practice | None = field(default=None, repr=False)
     """Ranges by tool and operation, and the greatest change from the program."""
     stays: Floats | None = field(default=None, repr=False)
@@ -219,7 +218,6 @@ class Problem:
 def _evaluation(
     problem: Problem, many: int, rows: Callable[[slice], tuple[Floats, Floats]]
 ) -> Evaluation:
-    """Objectives and violation of ``many`` individuals."""
     path, demand = problem.cut.plan.path, problem.demand
     objectives, violation = np.empty((many, 4)), np.empty(many)
     for part in _parts(problem, many):

@@ -1,8 +1,4 @@
-"""Limits that a spindle sets: power and torque of its drive, changes of speed, chatter.
-
-Power is that of the motor, torque that of the cut; a change of S while the spindle turns takes the
-run-up time of the spindle, which the control waits for or cuts through.
-"""
+"""Limits that a spindle sets: power and torque of its drive, changes of speed, chatter."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -169,10 +165,7 @@ class SpeedChanges:
 
 
 def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
-    """Where S can change in a program.
-
-    ``cuts`` (M,): rows that cut at feed.
-    """
+    """Where S can change in a program.  ``cuts`` (M,): rows that cut at feed."""
     path, free = plan.path, editable.speed
     moves = path.moves
     turning = moves.direction[1:] * moves.direction[:-1] > 0

@@ -1,8 +1,7 @@
 """Comparison of moves, feed and speed apart: the same to the last bit, split blocks merged again.
 
-A line that was put into a straight block holds G1, coordinates with a decimal point, and F or S;
-nothing else.  Its point may miss the straight line between its neighbours by half of its last
-decimal, and no more.
+A line put into a straight block holds G1, coordinates with a decimal point, and F or S only; its
+point misses the straight line by half of its last decimal at most.
 """
 
 import hashlib
@@ -104,7 +103,6 @@ def _bound_difference(before: Moves, after: Moves, rows: Rows, others: Rows) -> 
 
 
 def _stops(value: NDArray[np.float64], other: NDArray[np.float64]) -> Bools:
-    """Where one is positive and the other is not, or no number."""
     stops: Bools = ((value > 0) != (other > 0)) | ~np.isfinite(other)
     return stops
 
@@ -137,7 +135,7 @@ class Splits:
     points: dict[int, bytes] = field(repr=False)
     """Line that was put in, counting from 1 -> its text."""
     line: Rows = field(repr=False)
-    """Of each line its number among those kept; of those put in that of the line that follows;
+    """Index of each line among those kept, for an inserted line that of the line that follows;
     shape (L + 1,)."""
 
 
@@ -215,7 +213,6 @@ def _off_the_path(
 
 
 def _on_the_path(step: Floats, path: Floats, tolerance: Floats) -> bool:
-    """Whether one place on the path lies within the tolerance of each coordinate."""
     goes = path != 0.0
     middle, half = step[goes] / path[goes], tolerance[goes] / np.abs(path[goes])
     meets = (middle - half).max() <= (middle + half).min()

@@ -1,17 +1,12 @@
 """Proof that a program was changed in nothing but its F and S words.
 
-Two questions, answered without the code that writes words.  Are the texts the same, byte for byte,
-but for numbers of F and S words and such words added at the end of a line's words, and only where
-F is a feed and S a speed?  And do both programs, interpreted with the same set-up, make the same
-moves to the last bit: positions, arcs, planes, feed modes, tools, frames, spindle direction, M
-codes, dwells, path modes; by the same lines, and with the switch for ``/`` either way?  A word in
-a line that is never executed is a difference, since nothing tells what it means.  The proof's hash
-is one of what is the same, so that either program alone gives it again.
+The texts are the same, byte for byte, but for numbers of F and S words and such words added at the
+end of a line's words, only where F is a feed and S a speed.  Both programs, interpreted with the
+same set-up, make the same moves to the last bit, by the same lines, with the switch for ``/``
+either way.  A changed word in a line that is never executed is a difference.
 
-Some words have no proof in a run.  A line that is never executed (behind the end, jumped over)
-makes no moves to compare.  Lines that begin with ``/`` depend on a switch at the machine: programs
-are the same where they are so in both of its positions.  A program that reads the F or S in force
-may keep it in a variable that outlives the run, or branch on it.
+Not proved: a program that reads the F or S in force may keep it in a variable that outlives the
+run, or branch on it.
 """
 
 import hashlib
@@ -53,7 +48,7 @@ _READS = re.compile(
 """The feed and speed in force: LinuxCNC's parameters, Fanuc's modal variables, Siemens' own."""
 _SKIP = re.compile(rb"(?i)\s*(?:N\s*[0-9]+\s*)?/")
 LEVELS = tuple(range(1, 10))
-"""Of ``/``, all that there are."""
+"""Levels of the block skip ``/``."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,12 +64,12 @@ class Proof:
     moves: int
     """Rows that were compared; 0 where the texts already differ."""
     sha256: str
-    """Of what is the same; empty where the programs are not."""
+    """SHA-256 of the equal content; empty where the programs differ."""
     before_sha256: str
     after_sha256: str
-    """Of the two texts."""
+    """SHA-256 of the second text."""
     dialect: str = "fanuc"
-    """That both were read in."""
+    """Dialect in which both programs were read."""
     points: int = 0
     """Lines that were put in on the path of straight cuts."""
 
@@ -189,7 +184,6 @@ def with_proof_comment(text: bytes, proof: Proof) -> bytes:
 def _in_lines(
     difference: tuple[int, int, str] | None, moves: Moves, lines: list[bytes], others: list[bytes]
 ) -> Difference | None:
-    """A difference of moves, by the line that makes them."""
     if difference is None:
         return None
     row, _, what = difference

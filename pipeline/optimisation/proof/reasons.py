@@ -1,4 +1,4 @@
-"""First difference of two texts in a person's words: which word, which line, which line end."""
+"""First difference of two texts in words: which word, which line, which line end."""
 
 import re
 from collections import Counter
@@ -99,7 +99,6 @@ def _shift(longer: list[bytes], shorter: list[bytes], at: int) -> int:
 
 
 def _words(old: bytes, new: bytes, said: str) -> str:
-    """Which words of a line differ."""
     body, other = old.rstrip(b"\r\n"), new.rstrip(b"\r\n")
     code, changed = (COMMENT.sub(b"", text) for text in (body, other))
     if code == changed:
@@ -125,7 +124,6 @@ def _comments(body: bytes, other: bytes) -> str:
 
 
 def _split(code: bytes) -> list[str]:
-    """Words without blanks, in capital letters."""
     text = code.translate(None, b" \t").decode("latin-1").upper()
     return [found[0] for found in _WORD.finditer(text)]
 

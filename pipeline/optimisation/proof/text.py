@@ -1,8 +1,7 @@
-"""Comparison of two texts: the same, line by line and byte by byte, but for F and S words.
+"""Comparison of two texts: the same, byte by byte, but for F and S words.
 
-The proof reads the bytes itself and shares nothing with the code that writes words.  A line that it
-cannot read word by word, or in which F or S may mean anything but a feed or a speed, is sealed:
-nothing in it may differ.  The hash of the proof stands in a comment at a program's end.
+It shares nothing with the code that writes words.  A line that it cannot read word by word, or in
+which F or S may mean anything but a feed or a speed, is sealed: nothing in it may differ.
 """
 
 import hashlib
@@ -50,9 +49,9 @@ class WordChange:
     letter: str
     """``"F"`` or ``"S"``."""
     before: str | None
-    """As written; None where it was added."""
+    """Word as written; None where it was added."""
     after: str
-    """As written."""
+    """Word as written in the second program."""
 
 
 class Span(NamedTuple):

@@ -1,18 +1,14 @@
 """Chance-constrained feeds: greatest feeds at which a part keeps its load limit with a probability.
 
-The draws of a tool are the same for all of its cuts, and the model's error for the whole part, so
-that the probability that any load of a part passes the limit is far below the sum of those of its
-blocks, and above the greatest of them.  Each block gets the greatest feed at which a quantile of
-its load stays within the limit; the level of that quantile, the same for all blocks, rises from
-1 - epsilon until the share of draws in which any block passes is epsilon at most.
+The draws of a tool are the same for all of its cuts, and the model's error for the whole part. Each
+block gets the greatest feed at which a quantile of its load stays within the limit of its tool; the
+level of that quantile, the same for all blocks, rises from 1 - epsilon until the share of draws in
+which any block passes is epsilon at most.
 
-Loads count over the limit of their tool, so that each may have its own.
-
-Feeds fitted to draws pass the limit more often in others: half of the draws tests the feeds that
-the other half allows.  Above the last few draws quantiles go on as of a lognormal load, and a share
-of few draws counts as the tail of the part's load has it, if that is more.  The share that is aimed
-at is less than epsilon by what it errs in a sample of so many draws, so that the probability is
-epsilon at most whatever the seed (of 20 seeds in 19).
+Half of the draws tests the feeds that the other half allows.  Above the last few draws quantiles
+are those of a lognormal load, and a share of few draws counts as the tail of the part's load has
+it, if that is more.  The share aimed at is less than epsilon by its sampling error, so that the
+probability is epsilon at most whatever the seed (of 20 seeds in 19).
 """
 
 from dataclasses import dataclass, field, replace
@@ -75,9 +71,10 @@ class ChanceConstrainedFeeds:
     """Greatest one with and without uncertainty [m]; 0 where no feed meets the limit, inf in rows
     that cut nothing or never reach it; shape (M,)."""
     level: float
-    """Of the quantile that each row's load keeps within the limit [1]; 0.5 for nominal values."""
+    """Quantile level at which each row's load keeps within the limit [1]; 0.5 for nominal values.
+    """
     share: float
-    """Of draws in which any row passes the limit, in draws other than those of the feeds [1]."""
+    """Share of held-out draws in which any row passes the limit [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -87,11 +84,11 @@ class Exceedance:
     probability: float
     """Share of draws in which any row passes it [1]."""
     interval_95: tuple[float, float]
-    """Of Clopper and Pearson."""
+    """95 % interval of the share by Clopper and Pearson [1]."""
     draws: int
     """How many."""
     peak_quantiles: dict[float, float]
-    """Of the peak load of the tools with a limit, by level [N]."""
+    """Quantiles of the peak load of the tools with a limit, by level [N]."""
 
 
 def chance_constrained_feeds(
@@ -251,9 +248,9 @@ def _check(cut: Cut, candidates: Critical, uncertain: Uncertainty) -> None:
 
 
 def quantiles(ordered: Floats, level: float) -> Floats:
-    """Of values that rise along the last axis, at a level in standard deviations.
+    """Quantiles of values that rise along the last axis, at a level in standard deviations.
 
-    Above the last few values the tail goes on as that of a lognormal distribution.
+    Above the last few values the tail is that of a lognormal distribution.
     """
     beyond = SETTLED / ordered.shape[-1]
     settled = normal_level(1.0 - beyond)
@@ -315,8 +312,6 @@ def aimed_share(share: float, many: int) -> float:
     The level z of a normal distribution errs by sqrt((1 + z^2 / 2) / n) when all of n draws tell
     its mean and spread, and by ``TAIL_ALONE`` times as much when its tail does.
 
-    Examples
-    --------
     >>> round(aimed_share(0.01, 1024), 4), round(aimed_share(0.01, 65536), 4)
     (0.0065, 0.0095)
     """
@@ -328,8 +323,6 @@ def aimed_share(share: float, many: int) -> float:
 def clopper_pearson(passed: int, many: int) -> tuple[float, float]:
     """95 % interval of a probability of which ``passed`` of ``many`` draws are a sample.
 
-    Examples
-    --------
     >>> low, high = clopper_pearson(0, 100)
     >>> low, round(high, 4)
     (0.0, 0.0362)

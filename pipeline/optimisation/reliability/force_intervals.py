@@ -1,11 +1,8 @@
 """90 % intervals of the forces of a cut, tool by tool, by the draws of its uncertain quantities.
 
-The draws are those of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`): coefficients
-over the feeds, speeds and depths that the tool cuts with, wear of its edge, runout, axial depth,
-and the error of the model itself.  The loads of the station with the greatest peak, and of that
-with the greatest mean, are computed in each draw.  The ends are quantiles of the draws, and the
-load between them is their median: it has the runout of the draws, other loads that of the tool
-table.
+The loads of the station with the greatest peak, and of that with the greatest mean, are computed in
+each draw of ``kerf optimise`` (:mod:`.uncertainty`, :mod:`.part_loads`).  The ends are quantiles of
+the draws, the load between them their median.
 """
 
 from collections.abc import Mapping
@@ -86,7 +83,6 @@ def force_intervals(
 
 
 def _stations(cut: Cut, index: int) -> tuple[int, int]:
-    """Stations of a tool with the greatest peak and with the greatest mean load."""
     engagement = cut.engagement
     mine = np.flatnonzero(engagement.feed & (engagement.tool == index))
     loads = cut.station_loads

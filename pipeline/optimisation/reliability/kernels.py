@@ -5,7 +5,7 @@ from pipeline.optimisation.problem.kernels import looked_up
 
 HALVINGS = 40
 LEAST = 1e-9
-"""Of the greatest feed, below which it counts as none [1]."""
+"""Least feed as a share of the greatest one, below which it counts as none [1]."""
 
 
 @compiled

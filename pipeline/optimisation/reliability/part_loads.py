@@ -46,7 +46,7 @@ NEAR = 0.9
 """Share of a block's greatest load from which on a station is a candidate [1]."""
 COEFFICIENTS, SIZE, ANGLE, MOUNTING, DEPTH = slice(0, 6), 6, 7, slice(8, 10), 10
 DIMENSIONS = 11
-"""Of one tool."""
+"""Number of uncertain quantities of one tool."""
 NODES = np.array([0.01, 0.1, 0.25, 0.42, 0.6, 0.8, 1.0])
 """Feeds at which a class is computed, over its greatest."""
 CLOSE = 1.25
@@ -70,9 +70,9 @@ class Critical:
     """Peak load over the nodes of the table, never falling [N]; shape (Q, K + 1)."""
     scale: Floats = field(repr=False)
     exponent: Floats = field(repr=False)
-    """Of the nodes, as in :class:`pipeline.cutting.force.load_table.LoadTable`; shape (Q,)."""
+    """Exponent of the nodes of :class:`pipeline.cutting.force.load_table.LoadTable`; shape (Q,)."""
     own_station: Rows = field(repr=False)
-    """Of each candidate, the one with the greatest load at the middle of the table; shape (Q,)."""
+    """Station with the greatest load at the middle of the table, of each candidate; shape (Q,)."""
     weight: Floats = field(repr=False)
     """w [1]; shape (Q,)."""
     group: Rows = field(repr=False)
@@ -281,7 +281,6 @@ def _sobol(dimensions: int, many: int, seed: int) -> Floats:
 
 
 def _is_cube(content: bytes, many: int) -> bool:
-    """Whether bytes are ``many`` numbers from 0 to 1."""
     if len(content) != 8 * many:
         return False
     values = np.frombuffer(content, "<f8")

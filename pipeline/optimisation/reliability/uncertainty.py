@@ -93,7 +93,7 @@ class Uncertainty:
     depth: float
     """Standard deviation of each tool's axial depth [m]."""
     model: float
-    """Of the model's peaks, common to the part [1]."""
+    """Relative standard deviation of the model's peaks, common to the part [1]."""
     described: tuple[UncertainQuantity, ...] = ()
     """The last two in words."""
 
@@ -191,7 +191,6 @@ def _taken_over(
 def _identified(
     given: ToolCoefficients, model: CuttingModel | None, used: CutRange | None, flutes: int
 ) -> ToolUncertainty:
-    """Coefficients that this machine's recordings say."""
     mean, fitted = _values(given.law), fitted_coefficients(model)
     halves = [interval(model, name)[1] for name in COEFFICIENTS]
     for k, half in enumerate(halves):
@@ -242,7 +241,6 @@ def law_root(
 def _fitted_root(
     model: CuttingModel | None, mean: Floats, halves: Sequence[float | None]
 ) -> Floats:
-    """The same by the intervals and correlations of the fit."""
     spread = np.zeros(6)
     for k, half in enumerate(halves):
         beside = mean[0] if k < 3 else max(mean[3], mean[0] * CHIP)
@@ -254,7 +252,6 @@ def _fitted_root(
 
 
 def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertainty:
-    """The same with the land of a worn edge, whose growth has an interval of its own."""
     land = given.land
     if given.sharp is None or land is None:
         return drawn
@@ -278,7 +275,6 @@ def _with_runout(
     drawn: ToolUncertainty, tool: Tool, kind: str, model: CuttingModel | None,
     settings: ReliabilitySettings,
 ) -> ToolUncertainty:  # fmt: skip
-    """The same with the runout of the tool."""
     if tool.flutes < 2:
         return drawn
     value, half = interval(model, "runout", upper=True) if kind == "identified" else (None, None)
@@ -321,7 +317,7 @@ def interval(
 
 
 def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats:
-    """Of the six coefficients; only those of ``determined`` are correlated.  Shape (6, 6)."""
+    """Correlation of the six coefficients, (6, 6); only ``determined`` ones are correlated."""
     correlations = np.eye(len(COEFFICIENTS))
     if model is None:
         return correlations

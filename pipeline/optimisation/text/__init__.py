@@ -1,3 +1,3 @@
-"""Text of a program: which F and S may change, and how they are written; every other byte stays."""
+"""Text of a program with its editable F and S; every other byte stays."""
 
 __all__ = ["editable_blocks", "modal_words", "rewrite", "split", "words"]

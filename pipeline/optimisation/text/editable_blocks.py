@@ -1,8 +1,7 @@
 """Editable blocks of a program: which F and S may change, and why the others may not.
 
-F and S are modal: the value that a line leaves in force goes on into the lines after it.  So a
-block may change only where every line that reads its F afterwards can be given its own again; a
-block before one that cannot, a subprogram in another file, say, stays as programmed.
+F and S are modal: a block may change only where every line that reads its F afterwards can be given
+its own again.
 """
 
 from collections.abc import Iterator, Sequence
@@ -220,14 +219,12 @@ def _any(reasons: Reasons) -> Bools:
 
 
 def _rows(modal: ModalWords, chosen: Bools, line_runs: LineRuns) -> Bools:
-    """Rows of some line_runs (M,)."""
     flags = np.zeros(len(line_runs.line), dtype=np.bool_)
     flags[modal.run[chosen]] = True
     return flags[line_runs.of]
 
 
 def _held(letter: str, reasons: Reasons, left: Bools, moves: Moves) -> Iterator[HeldRows]:
-    """Rows that are held by their first reason."""
     for reason, rows in reasons:
         first_held = np.flatnonzero(rows & left)
         if len(first_held):

@@ -1,8 +1,6 @@
-"""F or S along a program: the line runs that read it, and the lines where it may be written.
+"""Line runs that read F or S along a program, and the lines where it may be written.
 
-A register holds the value in force.  A line with a word of the letter sets it; the others read it
-as it is.  A new word must leave every run of a line its value, in whatever order the lines are
-executed.
+A new word must leave every run of a line its value, in whatever order the lines are executed.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""A program with other F and S words, every other byte kept, and the rows that match in both."""
+"""Program with other F and S words, every other byte kept, and the rows that match in both."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -121,7 +121,6 @@ def _refuse_several(line_runs: LineRuns, speed: ModalWords, wanted: Floats, move
 def _values(
     modal: ModalWords, wanted: Floats, may: Bools
 ) -> Iterator[tuple[int, tuple[int, float]]]:
-    """Line, and a row of it with what is to be written."""
     row = dict(zip(modal.line.tolist(), modal.row.tolist(), strict=True))
     for line, value in modal.written(wanted[modal.row], may).items():
         yield line, (row[line], value)
@@ -130,7 +129,6 @@ def _values(
 def _put(
     words: ProgramWords, changed: Mapping[int, list[tuple[str, bytes]]]
 ) -> tuple[bytes, tuple[WordChange, ...]]:
-    """The text with words of some lines changed or added."""
     program, edits, changes = words.program, [], []
     tokens = {letter: words.token(letter) for letter in "FS"}
     start = program.tokens.start
@@ -168,7 +166,6 @@ def _edited(data: bytes, edits: list[tuple[int, int, bytes]]) -> bytes:
 def _check(
     program: Program, moves: Moves, text: bytes, feeds: Floats, speeds: Floats, setup: Setup
 ) -> None:
-    """Whether the text gives these values and the same moves."""
     after = interpret(Program(text, program.name), setup)
     rows = matching_rows(moves, after)
     wrong = (reads_feed(moves) & (after.feed[rows] != feeds)) | (

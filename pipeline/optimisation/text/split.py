@@ -26,7 +26,7 @@ STEP = 1.2
 AIR = 1e3
 """Level of a part in air; of one in the cut the steps by which it is lighter than the heaviest."""
 TINY = 1e-9
-"""Of lengths [mm], and of areas as a share: rounding."""
+"""Rounding error of lengths [mm], and of areas as a share."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +229,7 @@ def _axis_word(letter: str, value: float, decimals: int) -> bytes:
 
 
 def _decimals(program: Program) -> int:
-    """That the program's coordinates have at most; 3 at least."""
+    """Greatest number of decimals of the program's coordinates; 3 at least."""
     counts = [
         len(digits(word.text).partition(b".")[2])
         for line in program.lines

@@ -1,8 +1,7 @@
-"""F and S words of a program: where they stand, which lines could take one more, how they round.
+"""F and S words of a program: positions, lines that could take one more, rounding.
 
 Rows with assignments, flow control, calls, or codes under which F or S is no feed or speed (a
-pitch, a dwell, a limit, an argument) are closed: nothing is written into them.  Numbers are rounded
-as the program's text will hold them, so that what is evaluated is what is written.
+pitch, a dwell, a limit, an argument) are closed: nothing is written into them.
 """
 
 import re
@@ -48,7 +47,7 @@ class ProgramWords:
     """Words of a program by line; arrays have L + 1 places, that of line n is n."""
 
     program: Program = field(repr=False)
-    """Of L lines."""
+    """Program of L lines."""
 
     @cached_property
     def line_of(self) -> Rows:
@@ -152,7 +151,6 @@ class ProgramWords:
 
     @cached_property
     def _spaced(self) -> bool:
-        """Whether most words that follow another have a blank before them."""
         kind, letters = self.program.tokens.kind, self._letters
         if len(kind) < 3:
             return True
@@ -203,8 +201,6 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
 
     ``step``: in their unit, above 0, one for all or for each; one 0 leaves all as they are.
 
-    Examples
-    --------
     >>> stepped([3827.0, 423.0, 42.0], 50.0).tolist(), stepped([1534.0, 87.6], 10.0).tolist()
     ([3850.0, 425.0, 42.0], [1530.0, 88.0])
     """
@@ -300,7 +296,7 @@ class FeedText:
         )  # fmt: skip
 
     def rounded(self, feeds: ArrayLike) -> Floats:
-        """As :func:`rounded_feeds`."""
+        """Feeds rounded by :func:`rounded_feeds`."""
         given = np.asarray(feeds, dtype=np.float64)
         down = rounded_down(given / self.unit, self.style.least) * self.unit
         return np.where(np.isin(given, np.array(list(self.own))), given, down)

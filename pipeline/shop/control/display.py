@@ -132,7 +132,6 @@ def _resumed_time(u: Floats) -> Floats:
 
 
 def _middle(plan: Plan, line: int, cycle: float) -> float:
-    """Program time in the middle of the first cut in ``line`` or a later one."""
     for span in plan.spans:
         path = span.section
         if path is not None and path.lines[-1] >= line:
@@ -173,7 +172,6 @@ def _rapid_speed(span: Span, time: Floats) -> Floats:
 
 
 def _feed_knob(operator: Operator, line: Ints, tool: Ints, control: ControlParameters) -> Floats:
-    """Feed override as the knob shows it, from the first time that it is turned."""
     shown, before = np.full(line.size, np.nan), operator.feed_override[0][1]
     for since, percent in operator.feed_override[1:]:
         at = int(np.argmax(line >= since)) + _cycles(HESITATION, control)
@@ -254,7 +252,6 @@ def _items(run: Display, cycle: Ints, load: Floats | None) -> dict[str, Floats]:
 
 
 def _text(name: str, value: float) -> str:
-    """A polled value as it is written."""
     if name == "exec":
         return EXECUTION[int(value)]
     return f"{value + 0.0:.2f}".rstrip("0").rstrip(".")

@@ -1,8 +1,7 @@
-"""Part programs of a mill's control: cuts (facing, contours, pockets, chords) and four programs.
+"""Part programs of a mill's control: facing, contours, pockets, chords, and four whole programs.
 
-Each cut writes its lines into a :class:`~pipeline.shop.control.postprocessor.Post` whose tool has
-been taken; the corner of the workpiece is the origin, its top is Z 0.  Cutting data are those of
-catalogues (Sandvik, Walter) for aluminium.
+The corner of the workpiece is the origin, its top is Z 0.  Cutting data are those of catalogues
+(Sandvik, Walter) for aluminium.
 """
 
 from collections.abc import Callable, Mapping

@@ -1,10 +1,9 @@
 """Motion planner of the simulated control: look-ahead, rapids, waits, spindle ramps of a program.
 
-Another planner than the twin's.  Cuts run through without a stop where nothing else happens between
-them: a corner is passed at the speed at which an arc that stays within the junction deviation of it
-would be (Jeon 2011), and acceleration along the path has limited jerk and is zero at the corners
-that bind.  In rapids each axis goes as fast as it can; at each standstill the next block waits
-until the axes, which lag behind their commands, are in position.
+A corner is passed at the speed of an arc that stays within the junction deviation of it (Jeon
+2011); acceleration along the path has limited jerk and is zero at the corners that bind.  In rapids
+each axis goes as fast as it can; at each standstill the next block waits until the axes, which lag
+behind their commands, are in position.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -1,7 +1,4 @@
-"""Postprocessor: a part program's text (Fanuc, mm, XY plane) and the steps that each line causes.
-
-Text and steps come from the same rounded coordinates, so that the control runs what the text says.
-"""
+"""Postprocessor: text of a part program (Fanuc, mm, XY plane) and the steps of each line."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -219,7 +216,6 @@ class Post:
         self.lines.append((" " if self.spaced else "").join(block))
 
     def _add(self, kind: Kind, end: Point | None = None, **more: Any) -> None:
-        """Add a step of the last line, to ``end`` where it moves."""
         self.at = self.at if end is None else end
         self.steps.append(Step(kind=kind, line=len(self.lines), end=self.at, **more))
 

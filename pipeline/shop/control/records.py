@@ -79,7 +79,6 @@ def _moment(parameters: ShopParameters, second: float) -> np.datetime64:
 def _plays(
     programs: list[PartProgram], edited: PartProgram, parameters: ShopParameters
 ) -> list[Play]:
-    """Two runs of each program, with the actions of operators."""
     random = parameters.generator("control operator")
     plate, housing, cam, block = programs
     changes, end = [s.line for s in housing.steps if s.kind == "tool"], housing.steps[-1].line
@@ -102,13 +101,11 @@ def _plays(
 
 
 def _long_cuts(program: PartProgram) -> list[int]:
-    """Lines with a long straight cut."""
     pairs = pairwise(program.steps)
     return [b.line for a, b in pairs if b.kind == "line" and dist(a.end, b.end) > LONG]
 
 
 def _rapids_after_cuts(program: PartProgram) -> list[int]:
-    """Lines of the first rapid after a long cut."""
     lines, cut = [], 0.0
     for before, step in pairwise(program.steps):
         if step.kind in ("line", "arc"):

@@ -1,8 +1,7 @@
 """Recordings of the dynamometer: tests in order, measuring chain, files, a tool that wears.
 
 The force on the workpiece passes the modes of the plate, crosstalk, the charge amplifier with its
-drift and hum, and the converter; the files of its software have a head of twenty lines, names,
-units, rows.  Some recordings have faults: clipped, torn, a channel lost.
+drift and hum, and the converter.  Some recordings have faults: clipped, torn, a channel lost.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -241,7 +240,6 @@ def _recorded(
     folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats,
     random: np.random.Generator,
 ) -> dict[str, Any]:  # fmt: skip
-    """Cut one test and write its file; the truth about it."""
     d = cutting.dynamometer
     depth = test.conditions.depth + float(random.normal(0, d.depth_error)) * 1e-3
     motion = _motion(test, cutting, random)

@@ -1,7 +1,6 @@
 """Records of a Sunday of cutting tests, and the truth that a linear-edge model should recover.
 
-The dynamometer is first, then the spindle without a cut, then the passes of a program.  The truth
-is made of the shop's own edge forces, for a model with helix and offset runout.
+The truth is made of the shop's own edge forces, for a model with helix and offset runout.
 """
 
 from dataclasses import asdict
@@ -152,11 +151,7 @@ def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     The truth: ``parameters``, what a linear-edge model should recover; ``spindle``, the same of
     power without a cut and specific force, with the passes; ``more``, what such a model leaves out,
     how both are defined, and the truth about each file.  Nothing when cuts are not recorded.
-
-    Raises
-    ------
-    ValueError
-        When the machine has no tool of the number that the tests ask for.
+    Raises ValueError when the machine has no tool of the number that the tests ask for.
     """
     cutting = parameters.cutting
     if not cutting.recorded:
@@ -208,7 +203,6 @@ def _write_spindle(
 
 
 def _tool(parameters: ShopParameters) -> Tool:
-    """The end mill as the control's tool table has it."""
     mill = parameters.cutting.tool
     programs, _ = part_programs(parameters.control, parameters.generator("part programs"))
     for tool in (t for p in programs for t in p.tools):

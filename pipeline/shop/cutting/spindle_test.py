@@ -1,8 +1,4 @@
-"""Tests of the spindle load meter: programs of passes and of idle speeds, runs, displayed load.
-
-The passes are straight cuts through a blank, the warm-up turns the spindle without a cut; the
-machine's own control runs both, and an adapter logs the load.
-"""
+"""Tests of the spindle load meter: programs of passes and of idle speeds, runs, displayed load."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,8 +1,6 @@
 """Records of feeds by the servo tool: strokes of each axis, and stretches of part programs in air.
 
 Positions are absolute in the machine's frame, since cogging and the screw's pitch depend on them.
-Every recording of strokes begins at a place of its own.  Of a program the recorder holds a stretch,
-which begins at any moment; the axes have come from the program's beginning.
 """
 
 from collections.abc import Iterator
@@ -28,15 +26,10 @@ MOTION = 0.25
 
 
 def write_feed(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
-    """Write ``feed/*.csv`` into ``folder``, when feeds are recorded.
+    """Faults of each of the ``files`` of ``feed/*.csv`` written into ``folder``, with their motion.
 
-    Of each of the ``files`` its faults, and the stroke or the program's stretch that it holds;
-    nothing when feeds are not recorded.
-
-    Raises
-    ------
-    ValueError
-        When a part program is too short for its stretches.
+    The motion is a stroke or a stretch of a program; nothing is written when feeds are not
+    recorded.  Raises ValueError when a part program is too short for its stretches.
     """
     drives = parameters.drives
     if not (drives.recorded and drives.feed.recorded):
@@ -80,7 +73,6 @@ def _stroke(
 def _stretches(
     folder: Path, program: PartProgram, count: int, parameters: ShopParameters
 ) -> Iterator[dict[str, Any]]:
-    """Stretches of a program that is run from its beginning to its end."""
     drives, settings = parameters.drives, parameters.drives.feed
     if not count:
         return

@@ -207,7 +207,6 @@ def _load_step(letter: str, parameters: ShopParameters) -> Session:
 
 
 def _rise(u: Floats) -> Floats:
-    """From 0 to 1 for ``u`` from 0 to 1, smoothly."""
     inside: Floats = np.clip(u, 0, 1)
     return inside * inside * (3 - 2 * inside)
 

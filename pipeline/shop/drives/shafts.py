@@ -1,10 +1,8 @@
 """Records of both ends of a drive: motor's encoder, scale at the carriage and current, fast.
 
-A drive's own recorder takes them at the ticks of the position loop, as an axis is commissioned:
-reversals of short strokes, strokes at several speeds, and a frequency response, for which a swept
-sine is added to the current while the axis goes on at a constant feed.  The encoder errs once a
-turn (eccentricity), the scale once a period of its grating, and the screw has a pitch error, in a
-straight line and once a turn, and grows warm: between both ends stands more than twist and play.
+Reversals of short strokes, strokes at several speeds, and a frequency response by a swept sine on
+the current while the axis goes at a constant feed.  The encoder errs once a turn (eccentricity),
+the scale once a period of its grating; the screw has a pitch error and grows warm.
 """
 
 from collections.abc import Iterator

@@ -2,8 +2,7 @@
 
 Cells along shaft, rotor, stator, housing, head and column; of each bearing inner ring, balls and
 outer ring; a jacket through which the chiller's liquid flows.  Growth is positive where the nose
-comes nearer to the table: shaft, housing and head grow towards it, the column lifts all of them,
-the probe's stand grows against them.  Sources stand in :mod:`pipeline.shop.growth.parameters`.
+comes nearer to the table.  Sources stand in :mod:`pipeline.shop.growth.parameters`.
 """
 
 import math
@@ -27,7 +26,7 @@ BED_AIR, CHILLER_AIR, FLUID = 38.0, 4.0, 350.0
 """Bed to air and chiller to air [W/K]; heat capacity of a cell of the jacket's liquid [J/K]."""
 
 MODULUS, POISSON = 2.1e11, 0.3
-"""Of steel [Pa], [1]."""
+"""Young's modulus [Pa] and Poisson's ratio [1] of steel."""
 
 
 class Path(IntEnum):
@@ -183,7 +182,6 @@ def _bearings(net: Network, parameters: ShopParameters) -> None:
 
 
 def _structure(net: Network, parameters: ShopParameters) -> None:
-    """Head, column, bed and the probe's stand."""
     growth = parameters.growth
     body, paths = growth.body, growth.paths
     dz, dy = body.head_length / HEAD_CELLS, body.column_height / COLUMN_CELLS

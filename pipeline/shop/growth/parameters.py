@@ -110,7 +110,8 @@ class HeatPaths(Ranged, section="HeatPaths"):
     ring: Annotated[float, Range(least=0.5, most=1e3, unit="W/K")] = 40.0
     ball: Annotated[float, Range(least=0.1, most=200, unit="W/K")] = 16.0
     seat: Annotated[float, Range(least=0.5, most=1e3, unit="W/K")] = 36.0
-    """Of one bearing: shaft to inner ring, ring to balls at rest, outer ring to housing."""
+    """Thermal conductances of one bearing: shaft to inner ring, ring to balls at rest, outer ring
+    to housing."""
     mixing: Annotated[float, Range(least=0, most=10)] = 0.8
     """By how much the lubricant adds to the balls' conductance at 12 000 rev/min, as n^0.5."""
     shrink_fit: Annotated[float, Range(least=10, most=1e5, unit="W/m2/K")] = 900.0
@@ -128,7 +129,7 @@ class HeatPaths(Ranged, section="HeatPaths"):
     """Housing in the head's bore; at the flange; carriages; column to bed."""
     natural: Annotated[float, Range(least=0.1, most=50, unit="W/m2/K")] = 4.0
     radiation: Annotated[float, Range(least=0, most=10, unit="W/m2/K")] = 4.5
-    """Of surfaces in air: natural convection at 10 K, as dT^1/4; radiation."""
+    """Heat transfer of surfaces in air: natural convection at 10 K, as dT^1/4; radiation."""
     rotating: Annotated[float, Range(least=1, most=500, unit="W/m2/K")] = 110.0
     """Film coefficient of the nose at 12 000 rev/min, as n^2/3."""
     holder: Annotated[float, Range(least=0, most=1e4, unit="J/K")] = 550.0
@@ -164,18 +165,18 @@ class Instruments(Ranged, section="Instruments"):
     decimal: Literal[".", ","] = "."
     encoding: Literal["ascii", "cp1252"] = "ascii"
     blank: Literal["", "---"] = ""
-    """Of the files: a comma comes with semicolons; what stands where there is no value."""
+    """Form of the files: a comma comes with semicolons; what stands where there is no value."""
     noise: Annotated[float, Range(least=0, most=2, unit="K")] = 0.06
     resolution: Annotated[float, Range(least=1e-3, most=1, unit="K")] = 0.1
     lag: Annotated[float, Range(least=0, most=600, unit="s")] = 30.0
-    """Of the Pt100: standard deviation, step, time constant in their bore."""
+    """Errors of the Pt100: standard deviation, step, time constant in their bore."""
     tolerance: Annotated[float, Range(least=0, most=1)] = 0.8
     """Part of class A within which their offsets lie."""
     stem: Annotated[float, Range(least=0, most=0.5)] = 0.05
     """Part of the air in what a Pt100 on a surface reads."""
     probe_noise: Annotated[float, Range(least=0, most=10, unit="um")] = 0.3
     probe_resolution: Annotated[float, Range(least=1e-3, most=5, unit="um")] = 0.1
-    """Of the displacement."""
+    """Resolution of the displacement probe."""
     missing: Annotated[float, Range(least=0, most=100)] = 3.0
     """Cells without a value in a record, on average."""
     torn: Annotated[int, Range(least=0, most=PROFILES)] = 8

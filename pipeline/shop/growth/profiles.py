@@ -1,7 +1,7 @@
-"""Speed profiles of the growth records, the air about them, and what the machine did before.
+"""Speed profiles of the growth records, the shop air, and the machine's work before them.
 
-Each record is made on another day of a year.  A machine stands in the shop overnight, is switched
-on half an hour before the record, and before a warm start it works for some hours.
+A machine stands overnight, is switched on half an hour before the record, and before a warm start
+works for some hours.
 """
 
 from collections.abc import Iterator

@@ -1,8 +1,7 @@
 """Records of spindle growth: nine Pt100, the air and a displacement probe, once a minute.
 
-The logger has faults as real ones have: offsets within class A, a sensor that drifts from some
-record on, one that dies, cells without a value, a record that breaks off.  The probe is set to
-zero when it is set up, at the start of each record.
+Faults of the logger: offsets within class A, a sensor that drifts, one that dies, cells without a
+value, a record that breaks off.  The probe is set to zero at the start of each record.
 """
 
 from collections.abc import Sequence
@@ -167,7 +166,6 @@ def _drifted(
 def _died(
     logger: _Logger, profile: Profile, time: Floats, values: Floats, faults: dict[str, Any]
 ) -> None:
-    """Replace the readings of the dead sensor."""
     stand = logger.parameters.growth.instruments
     if profile.number < stand.dead_from:
         return
@@ -227,7 +225,6 @@ def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
 
 
 def _recorded(folder: Path, net: Network, profile: Profile, logger: _Logger) -> dict[str, Any]:
-    """Run and write one record; the truth about it."""
     stand = logger.parameters.growth.instruments
     true = measured(net, profile, logger.parameters)
     table, faults = _read(logger, profile, true)

@@ -1,8 +1,4 @@
-"""Log of a working day as an MTConnect agent or an adapter (SHDR) writes it: on change, polled.
-
-Lines are collected item by item and written in the order in which they reached the file, with the
-faults of :mod:`pipeline.shop.records.log_faults`.
-"""
+"""Log of a working day as an MTConnect agent or an adapter (SHDR) writes it: on change, polled."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -164,7 +160,6 @@ def _polls(
 
 
 def _poll_stamps(start: np.datetime64, midnight: float, times: Floats) -> list[str]:
-    """Stamps of polls at ``times`` (P,) [s after midnight]."""
     first = start.astype("datetime64[ms]") + np.timedelta64(int(midnight), "s")
     moments = first + np.round(times * 1000).astype("timedelta64[ms]")
     return [f"{m}Z" for m in np.datetime_as_string(moments, unit="ms").tolist()]
@@ -273,7 +268,6 @@ def _delay_lines(log: Log, lines: LogLines, times: Floats, midnight: float) -> i
 
 
 def _break_lines(log: Log, lines: LogLines, times: Floats, midnight: float) -> None:
-    """Add lines that no reader can parse."""
     p = log.parameters
     count = int(log.random.poisson(p.log.broken_lines))
     for poll in log.random.integers(1, times.size, count):

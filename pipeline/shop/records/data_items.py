@@ -1,7 +1,4 @@
-"""Data items of the simulated machines: one table for the log and for ``Devices.xml``.
-
-The device model is an MTConnect Devices document (2.0).
-"""
+"""Data items of the simulated machines, for the log and the MTConnect Devices document (2.0)."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,9 +1,4 @@
-"""Sensor readings of each second of a day: shop air, spindle, axes, counters, thermocouples.
-
-The day's timeline drives the heat network of the spindle; the control's own sensors and counters
-are read from it, and the tips of the thermocouples, whose logger beside the machine writes CSV
-files of its own layout with its own clock and faults.
-"""
+"""Sensor readings of each second of a day: shop air, spindle, axes, counters, thermocouples."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,8 +1,7 @@
 """Blank of a trial cut: path length of the tool at which each cell of each layer was first swept.
 
-Layers lie between the heights at which the program mills, finer where it ramps; their cells are
-squares of about a three-hundredth of the tool's diameter.  A disc moves along the path of the tool
-over the layers (numba).  A map belongs to a program: every seed cuts along the same path.
+Layers lie between the heights at which the program mills, finer where it ramps; a disc moves along
+the path of the tool over their square cells (numba).
 """
 
 from dataclasses import dataclass

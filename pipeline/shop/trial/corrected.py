@@ -1,8 +1,7 @@
-"""Corrected commands on the shop floor's axes: what is left of their errors.
+"""Residual errors of corrected commands on the simulated axes.
 
-A table gives the commanded positions of the axes and the same with a correction added.  Both are
-driven on the same axes under the same noise; errors are those against what was commanded, as the
-sensor that closes the position loop shows them, and of the carriage itself.
+The commanded positions and the same with a correction added are driven on the same axes under the
+same noise; errors are those against the command, at the position loop's sensor and at the carriage.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +34,8 @@ def corrected_trials(
     with ``#``: ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and
     ``X_corrected``, the commanded and the corrected position in the machine's frame [mm];
     ``cutting``, 1 where the program cuts, may be there.  The noise of a seed is the same before and
-    after.
+    after.  Raises ValueError without seeds, when a column is missing or unknown, there are less
+    than two rows, a value is no finite number, or time is not even.
 
     Returns
     -------
@@ -46,12 +46,6 @@ def corrected_trials(
         none; the same under ``cutting`` where the table has cuts.  ``path``: the same of the
         distance from the commanded path, of two axes and more.  Each number with its mean, least
         and greatest value over the seeds; ``seeds`` is their number.
-
-    Raises
-    ------
-    ValueError
-        Without seeds, when a column is missing or unknown, there are less than two rows, a value is
-        no finite number, or time is not even.
     """
     if not len(seeds):
         raise ValueError("corrected trials need one seed or more; got none")

@@ -260,10 +260,7 @@ def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generato
 def check_cut(name: str, track: Track, blank: Swept, job: TrialJob) -> None:
     """Refuse a cut with a tool that the job does not have, or with a spindle that stands.
 
-    Raises
-    ------
-    ValueError
-        With the program's ``name`` and the line.
+    Raises ValueError with the program's ``name`` and the line.
     """
     low, high = np.array(job.blank).reshape(3, 2).T
     inside = np.all((track.tip > low) & (track.tip < high), axis=1)

@@ -1,8 +1,7 @@
 """Jobs of trial cuts (blank, tools, material, load limit), and the parts of the shop's mills.
 
-The parts are programmed on the safe side, with cutting data at the lower end of what makers'
-catalogues (Sandvik, Walter) give for slots in wrought aluminium, and in unalloyed steel of 0.45 %
-carbon.
+Cutting data are at the lower end of catalogues (Sandvik, Walter) for slots in wrought aluminium and
+in unalloyed steel of 0.45 % carbon.
 """
 
 from collections.abc import Mapping
@@ -54,7 +53,7 @@ class TrialJob(Ranged, section="TrialJob"):
     lengths: Mapping[int, float] = field(default_factory=dict)
     """Lengths of the tools in their holders [mm]."""
     dialect: Literal["fanuc", "linuxcnc", "siemens"] = "fanuc"
-    """That the program is written in."""
+    """Dialect of the program."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -91,10 +90,7 @@ class ShopPart:
 def shop_part(parameters: ShopParameters) -> ShopPart:
     """The part of a machine: of aluminium with two tools, or of steel with one.
 
-    Raises
-    ------
-    ValueError
-        When the machine has no tool of the number that its cutting tests ask for.
+    Raises ValueError when the machine has no tool of the number that its cutting tests ask for.
     """
     own = parameters.cutting.tool
     programs, _ = part_programs(parameters.control, parameters.generator("part programs"))

@@ -1,9 +1,7 @@
 """Motion of the tool in a trial cut: program text, commands of the control, axes that lag.
 
-The text is read by the project's interpreter, which has no model of the machine; what the machine
-does with it is the shop's own.  Every axis closes the same share of its distance in each second
-(``position_gain``), as the feed rate of the control's own display does; corners and arcs are
-rounded accordingly.
+Every axis closes the same share of its distance in each second (``position_gain``), so that corners
+and arcs are rounded.
 """
 
 from dataclasses import dataclass
@@ -35,12 +33,8 @@ def program_steps(
 ) -> PartProgram:
     """The steps of a program, its coordinates being those of its one work offset.
 
-    Raises
-    ------
-    GcodeError
-        At the first word that cannot be followed.
-    ValueError
-        At the first move that this mill does not have: another axis, another plane, a thread.
+    Raises GcodeError at the first word that cannot be followed; ValueError at the first move that
+    this mill does not have: another axis, another plane, a thread.
     """
     data = text.encode() if isinstance(text, str) else text
     offset = (*control.work_offset, 0.0, 0.0, 0.0)
@@ -89,7 +83,6 @@ class _Steps:
         self.done = [Step(kind="rapid", line=1, end=self._tip(self.place))]
 
     def take(self, row: int) -> None:
-        """Add the steps of a row."""
         moves, kind = self.moves, Kind(self.moves.kind[row])
         line = int(moves.line[row])
         if kind in MOVING:

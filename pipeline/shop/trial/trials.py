@@ -1,9 +1,8 @@
 """Trial cuts: the shop's machine mills a part by any program, a dynamometer under it.
 
-The control plans and the axes lag as in the shop's other runs; the material is what the tool has
-not swept; edge forces are those of :mod:`pipeline.shop.cutting.force`.  Left out are the cut of the
-tool's end where it goes down, bending of the tool, and the dynamics of tool and dynamometer: the
-load is the resultant across the axis as it acts.
+Edge forces are those of :mod:`pipeline.shop.cutting.force`.  Left out are the cut of the tool's end
+where it goes down, bending of the tool, and the dynamics of tool and dynamometer: the load is the
+resultant across the axis as it acts.
 """
 
 from collections.abc import Sequence
@@ -56,15 +55,9 @@ class Trial:
 def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParameters) -> Prepared:
     """Read a program, let the shop's control run it once, and sweep the blank.
 
-    ``name`` is the file's, for messages.
-
-    Raises
-    ------
-    GcodeError
-        At the first word that cannot be followed.
-    ValueError
-        When the program does nothing, the mill cannot do what it asks, or it cuts with a tool that
-        the job does not have, or with a spindle that stands.
+    ``name`` is the file's, for messages.  Raises GcodeError at the first word that cannot be
+    followed; ValueError when the program does nothing, the mill cannot do what it asks, or it cuts
+    with a tool that the job does not have, or with a spindle that stands.
     """
     program = program_steps(text, name, job, parameters.control)
     control = control_of(program, job, parameters, parameters.generator("trial control"))
@@ -95,16 +88,12 @@ def trials(
     before: bytes | str, after: bytes | str, job: TrialJob, parameters: ShopParameters,
     seeds: Sequence[int],
 ) -> dict[str, Any]:  # fmt: skip
-    """Cut the same parts (batch, mounting, edge) by a program before and after it was changed.
+    """Loads and times of a program before and after a change, over the same parts.
 
-    One part of each program for each seed.  For JSON: number of seeds, the limit [N], and of both
-    programs time of the runs [s], peak load over the runs [N], and in how many of them a peak was
-    above the limit.
-
-    Raises
-    ------
-    GcodeError, ValueError
-        As :func:`prepare`, or without seeds.
+    Equal parts (batch, mounting, edge) are cut by both, one of each for each seed.  For JSON:
+    number of seeds, the limit [N], and for both programs time of the runs [s], peak load over the
+    runs [N], and in how many of them a peak was above the limit.  Raises GcodeError or ValueError
+    when :func:`prepare` refuses a program, or without seeds.
     """
     if not len(seeds):
         raise ValueError("trials need one seed or more; got none")

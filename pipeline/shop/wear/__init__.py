@@ -1,9 +1,7 @@
-"""Whole lives of end mills: flank wear of each tooth, and what seven sensors record of it.
+"""Whole lives of end mills: flank wear of each tooth, and the records of seven sensors.
 
-A tool wears by its temperature, faster where it is hotter, and a worn flank heats itself; teeth
-wear apart by their runout and their edges.  Of some cuts a data-acquisition system keeps half a
-second of forces on the workpiece, vibration of the spindle's nose and the envelope of the acoustic
-emission; now and then the land is measured under a microscope.
+Wear grows with the temperature of the flank, which a worn land heats; teeth wear apart by their
+runout and their edges.
 """
 
 __all__ = ["parameters", "records", "sensors", "teeth"]

@@ -1,8 +1,7 @@
 """Records of tool lives: half a second of some cuts as Parquet, the list of them, the truth.
 
-``wear/<tool>_<number>.parquet`` has seven channels, the unit of each in its field's metadata, and
-no time: the rate stands in the machine's file.  ``wear/lives.csv`` has one row a record in the
-order of cutting; the land has a value where somebody measured it.
+``wear/<tool>_<number>.parquet`` has seven channels with their units and no time; ``wear/lives.csv``
+one row a record in the order of cutting, with the land where it was measured.
 """
 
 from dataclasses import asdict, dataclass, replace
@@ -122,7 +121,6 @@ class _Cut:
 
 
 def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
-    """Draw depth, width, speed and the stretch of the pass of the record ``k``."""
     told = life.cuts[k % len(life.cuts)]
     depth = told.depth * (1 + random.normal(0, wear.depth_error))
     side = told.width if told.immersion == "slot" else told.width * (
@@ -244,7 +242,6 @@ def _values(
 
 
 def _write(path: Path, values: Floats, wear: Wear) -> None:
-    """Write the seven channels of one record in the units of its files."""
     import pyarrow as pa
 
     sensors = wear.sensors
@@ -257,7 +254,6 @@ def _write(path: Path, values: Floats, wear: Wear) -> None:
 
 
 def _listed(rows: list[list[str | float]], wear: Wear) -> str:
-    """The list of all records: names, units, a row each."""
     head = [wear.delimiter.join(part) for part in zip(*COLUMNS, strict=True)]
     lines = [wear.delimiter.join(_cell(v, wear.decimal) for v in row) for row in rows]
     return "\n".join([*head, *lines]) + "\n"

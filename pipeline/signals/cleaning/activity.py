@@ -1,14 +1,13 @@
 """Activity of a machine: cycles of programs, and segments off, warm_up, idle, air or cut.
 
-A cycle is one run of a program, from ACTIVE in AUTOMATIC to READY or STOPPED.  Feed hold and
-interruption belong to it.  A short loss of data inside is bridged when the same program goes on;
-its seconds are in none of the cycle's times.
+A cycle is one run of a program, from ACTIVE in AUTOMATIC to READY or STOPPED, feed hold and
+interruption included.  A short loss of data inside is bridged when the same program goes on; its
+seconds are in none of the cycle's times.
 
-Segments are derived from the state table second by second: ``off`` between the machine's times in
-operation; ``warm_up`` a spindle that turns without load after a cold start, or a program named for
-it; ``cut`` while a program moves with the load of a spindle above its no-load level; ``air``
-executing without; ``idle`` the rest.  Seconds in which the execution is not known belong to no
-segment.
+Segments: ``off`` between the machine's times in operation; ``warm_up`` a spindle that turns without
+load after a cold start, or a program named for it; ``cut`` while a program moves with the load of a
+spindle above its no-load level; ``air`` executing without; ``idle`` the rest.  Seconds of unknown
+execution belong to no segment.
 """
 
 from collections.abc import Hashable, Mapping
@@ -81,7 +80,6 @@ class _OpenCycle:
     tool_changes: int = 0
 
     def spend(self, start: int, end: int, word: str, tool: str | None) -> None:
-        """Count one interval in a state of execution."""
         column = TIMES.get(word, "idle_s")
         self.seconds[column] = self.seconds.get(column, 0.0) + (end - start) / NS
         self.end, self.last = end, word
@@ -90,7 +88,6 @@ class _OpenCycle:
             self.tool = tool
 
     def row(self, complete: bool) -> dict[str, object]:
-        """The cycle as a row of the table."""
         times = {c: round(self.seconds.get(c, 0.0), 3) for c in (*TIMES.values(), "idle_s")}
         return {
             "program": self.program, "part": self.part, "start": self.start, "end": self.end,
@@ -148,7 +145,6 @@ class _CycleBuilder:
         return other or state["execution"] in ENDS or start - now.end > self.longest_loss
 
     def close(self, *, complete: bool) -> None:
-        """End the cycle that is open."""
         if self.now is not None and self.now.end - self.now.start >= SHORTEST:
             self.rows.append(self.now.row(complete))
         self.now = None

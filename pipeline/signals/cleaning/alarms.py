@@ -1,9 +1,8 @@
-"""Alarms: conditions of an agent's log that were a warning or a fault, from when to when.
+"""Alarms: start and end of the warnings and faults in an agent's log.
 
-A data item of category CONDITION may have several at once, told apart by their native codes.
-NORMAL with a code ends that one, NORMAL without a code all of the item, UNAVAILABLE all of it
-without saying how; a warning that becomes a fault ends, and the fault begins (MTConnect Part 2).
-What a file repeats of what was said before changes nothing.
+A data item of category CONDITION may have several at once, distinguished by their native codes.
+NORMAL with a code ends that one, NORMAL without a code all of the item, UNAVAILABLE all of it; a
+warning that becomes a fault ends, and the fault begins (MTConnect Part 2).
 """
 
 import json
@@ -61,7 +60,6 @@ def conditions(path: Path) -> list[Said]:
 
 
 def _words(attributes: str | None) -> str:
-    """Message and qualifier of a condition."""
     try:
         told = json.loads(attributes or "{}")
     except json.JSONDecodeError:

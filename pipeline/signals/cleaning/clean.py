@@ -186,7 +186,6 @@ class _Build:
     def _whole(
         self, days: list[str], done: dict[str, Summary], written: list[str], gaps: pd.DataFrame
     ) -> Summary:
-        """Cycles, segments and the summary, from all days."""
         changes = [done[d]["controller"] for d in days]
         end = max((done[d]["carry"]["spoken"] or 0 for d in days), default=0)
         found = intervals(tables.series_of_changes(changes), end)

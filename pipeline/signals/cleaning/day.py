@@ -226,7 +226,6 @@ def _spoken(rows: pd.DataFrame, carry: Carry) -> Ints:
 
 
 def _agent(rows: pd.DataFrame, carry: Carry) -> list[int] | None:
-    """Time, instance and sequence of the agent's last numbered record."""
     given = rows[rows["instance"].notna()]
     if given.empty:
         return carry.get("agent")

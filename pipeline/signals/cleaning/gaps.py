@@ -1,18 +1,13 @@
 """Gaps of a record: times in which a machine, or one of its items, reported nothing.
 
 Four causes: the item was UNAVAILABLE; it was silent for longer than its reporting interval allows;
-the agent began anew (its instance changed); sequence numbers are missing.  A gap of the whole
-machine has no data item.  An item that reports on change and does not change is no gap while the
-machine reports.
+the agent began anew (its instance changed); sequence numbers are missing.  An item that reports on
+change and does not change is no gap while the machine reports.
 
-After a gap, what was known before counts again only where nothing can have been lost: after a
-silence that is too short for the machine to have been off and in which its agent announced no loss
-(it would have said UNAVAILABLE), and after any silence over which the agent's numbers go on
-without a hole.  Else an item is unknown until it reports again.
-
-Reporting intervals are estimated from an item's own reports while the machine is on, in eight
-bins an octave, so that the counts of many files add up in any order and a new day seldom moves
-them.
+After a gap an earlier value counts again only where nothing can have been lost: after a silence too
+short for the machine to have been off, without a loss announced by its agent (UNAVAILABLE), and
+after any silence over which the agent's numbers go on without a hole.  Reporting intervals are
+estimated from an item's own reports in eight bins an octave.
 """
 
 import math

@@ -1,12 +1,10 @@
 """Position control of a spindle: engaged while its position loop holds it as a C axis.
 
-A motor that holds a position carries current while it stands: it heats although the speed is zero.
-A machine may report its rotary mode.  Of the others, two signs show it: the angle of the C axis
-changes, or driven tools turn in the other spindle, while this one's speed is zero (engaged);
-and the spindle turns under speed control (released).  Between the two the state stays, also over
-pauses and over short times without data.  What a log then cannot show: a spindle that is
-held at angle zero and neither moves nor is milled, a brake that takes over, a release without a
-turn, and whether a machine that was switched off engages again.
+A motor that holds a position carries current while it stands, and heats.  Without a reported rotary
+mode two signs show it: the angle of the C axis changes, or driven tools turn in the other spindle,
+while this one's speed is zero (engaged); and the spindle turns under speed control (released).
+Between the two the state stays.  Not seen: a spindle held at angle zero that neither moves nor is
+milled, a brake, a release without a turn.
 """
 
 import numpy as np

@@ -1,8 +1,7 @@
 """Ingested files of a machine: an index of each, and the rows of one file.
 
-An agent's file often begins with what was known before: old times, each item once.  Such rows are
-taken as reported at the first time that the file reports anew (its live start); at their own times
-they are in the file before, or not known to be complete.
+Rows at the head of an agent's file that repeat earlier reports, each item once, count from the
+first time that the file reports anew (its live start).
 """
 
 from dataclasses import dataclass, field
@@ -228,7 +227,6 @@ def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, 
 
 
 def _units(signals: Path) -> dict[str, str]:
-    """Unit of each data item and channel that has one."""
     units: dict[str, str] = {}
     items = signals / "data_items.parquet"
     if items.is_file():

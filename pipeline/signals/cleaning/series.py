@@ -1,7 +1,4 @@
-"""Time series of one data item, and its values on a regular grid.
-
-Values are held or joined by a line, never across what is not known.
-"""
+"""Time series of one data item, and its values on a regular grid, held or joined by a line."""
 
 from dataclasses import dataclass, replace
 from typing import Any

@@ -55,7 +55,6 @@ class CleanMachine:
     midnight to midnight of it."""
 
     def __post_init__(self) -> None:
-        """Check the names against the table of signals."""
         check_zone(self.time_zone)
         seen: dict[str, str] = {}
         for name, item in self.signals.items():
@@ -128,7 +127,6 @@ class CleanSettings(Ranged, section="cleaning"):
     [PERCENT, 1]."""
 
     def __post_init__(self) -> None:
-        """Check every range."""
         super().__post_init__()
         if self.lookahead_s < self.off_after_s:
             raise ValueError(

@@ -92,7 +92,6 @@ def drop_days(out: Path, keep: list[str]) -> None:
 
 
 def _kept(path: Path, by: str, days: list[str], zone: str) -> pa.Table | None:
-    """Rows of a table that belong to days which stay as they are."""
     if not days or not path.is_file():
         return None
     table = pq.read_table(path)

@@ -138,7 +138,6 @@ class DeviceModel:
 
     @cached_property
     def _named(self) -> Counter[tuple[str | None, str | None]]:
-        """How many items of a device share a name."""
         return Counter((i.device, i.name) for i in self.items if i.name)
 
     @cached_property

@@ -1,8 +1,4 @@
-"""Reader of MTConnect XML: Streams, Devices, Assets and Error documents, one or many in a file.
-
-Documents may follow each other directly or as parts of a multipart stream, in any version and
-namespace.
-"""
+"""Reader of MTConnect XML: Streams, Devices, Assets and Error documents, one or many in a file."""
 
 import re
 from collections.abc import Iterator
@@ -33,7 +29,6 @@ def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
 
 
 def _several_devices(whole: Content) -> bool:
-    """Whether the streams in a file are of more than one device."""
     mapped, at = whole.mapped, -1
     seen: set[bytes] = set()
     while len(seen) < 2 and (at := mapped.find(b"DeviceStream ", at + 1)) >= 0:
@@ -43,7 +38,6 @@ def _several_devices(whole: Content) -> bool:
 
 
 def _documents(whole: Content, document: Document) -> Iterator[Batch]:
-    """Batches of one document after the other."""
     at: int = whole.start
     begin: int | None = _first(whole)
     known = False

@@ -1,8 +1,7 @@
 """XML events of MTConnect documents without a tree, and the bytes of a file in UTF-8.
 
-A document comes from outside and is not trusted: a document type declaration is refused, so no
-entity is ever declared, expanded or fetched, and nothing of a document is kept in memory but the
-element that is being read.
+A document is not trusted: a document type declaration is refused, so that no entity is ever
+declared, expanded or fetched.
 """
 
 import codecs

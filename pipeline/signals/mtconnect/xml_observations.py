@@ -267,7 +267,6 @@ class Streams(XmlEvents):
             raise MalformedError(f"the observation holds {stranger}, which is no entry")
 
     def _code(self, context: tuple[str, str], tag: str, attributes: dict[str, str]) -> int:
-        """The place of an observation's shape."""
         key = context, tag, *attributes, *attributes.values()
         code = self._codes.get(key)
         if code is None:

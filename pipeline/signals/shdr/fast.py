@@ -95,7 +95,6 @@ class Scanner:
         self._known.append(plan)
 
     def _batch(self) -> Batch:
-        """What has come together, in the order of the file."""
         n = int(self._state[scan.ROWS])
         rows: list[Row] = []
         before: list[int] = []
@@ -181,12 +180,10 @@ def _code(codes: dict[str, int], word: str | None) -> int:
 
 
 def _words(most: int, most_bytes: int) -> tuple[Any, Any, Any]:
-    """An empty table of words: slots, offsets, bytes."""
     return np.zeros(2 * most, "i4"), np.zeros(most + 1, "i4"), np.empty(most_bytes, "u1")
 
 
 def _strings(n: int, offsets: Any, data: Any) -> pa.Array:
-    """The first ``n`` words of a table."""
     used = data[: offsets[n]].tobytes()
     return pa.StringArray.from_buffers(
         n, pa.py_buffer(offsets[: n + 1].tobytes()), pa.py_buffer(used)

@@ -101,7 +101,6 @@ def _not_one(key: str, model: "DeviceModel") -> str:
 
 
 def _form(item: "DataItem") -> tuple[str, str]:
-    """Kind and shape of a data item."""
     category, representation = item.category, item.representation or "VALUE"
     if category == "CONDITION":
         return "CONDITION", "condition"

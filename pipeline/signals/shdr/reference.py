@@ -1,8 +1,7 @@
 """Lines of an SHDR log in plain Python: those that the compiled scanner leaves over.
 
-They define the meaning that the scanner has to equal.  Bytes that are not UTF-8 are read as
-Latin-1, which loses nothing, and the rows say so (``encoding``).  NUL bytes around a line are left
-out and counted (``nulBytes``); within a line they make it unreadable.
+Bytes that are not UTF-8 are read as Latin-1, which the rows say (``encoding``).  NUL bytes around a
+line are left out and counted (``nulBytes``); within a line they make it unreadable.
 """
 
 import re

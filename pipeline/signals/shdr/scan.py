@@ -1,7 +1,4 @@
-"""Compiled scanner for the ordinary lines of an SHDR log: ISO time, items, numbers and plain words.
-
-It reads what it is certain of and hands every other line to the reference path.
-"""
+"""Compiled scanner for the ordinary lines of an SHDR log: ISO time, items, numbers, plain words."""
 
 from typing import Any
 
@@ -167,7 +164,6 @@ def _past_blanks(buf: Any, at: Any) -> Any:
 
 @inlined
 def _numeric(c: Any) -> Any:
-    """Whether a number can begin with ``c``."""
     return 48 <= c <= 57 or c == 45 or c == 43 or c == 46
 
 
@@ -258,7 +254,6 @@ def _holds_time(buf: Any, start: int, stop: int) -> Any:
 
 @compiled
 def _is_level(buf: Any, start: int, stop: int) -> Any:
-    """Whether a text is a level of a condition."""
     return (
         is_word(buf, start, stop, _NORMAL)
         or is_word(buf, start, stop, _WARNING)

@@ -99,7 +99,6 @@ def _columns(block: NamedArray) -> dict[str, _Column]:
 
 
 def _length(columns: dict[str, _Column], named: list[str]) -> int:
-    """Samples of the recording."""
     lengths = {name: columns[name].length for name in named if name in columns}
     if not lengths:
         return Counter(c.length for c in columns.values()).most_common(1)[0][0] if columns else 0

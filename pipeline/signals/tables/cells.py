@@ -271,7 +271,6 @@ def _offsets(zoned: pa.Array) -> Ints:
 
 
 def _formatted(cells: pa.Array, layout: TableLayout) -> Instants:
-    """Times in a form of the user's."""
     import pandas as pd
 
     text = pd.Series(pc.utf8_trim_whitespace(cells).to_pylist(), dtype=object)

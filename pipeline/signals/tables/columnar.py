@@ -261,7 +261,6 @@ def _raw(file: Any, layout: TableLayout) -> RawTable:
 
 
 def _samples(label: str, channel: Any) -> Array:
-    """Scaled values of a channel."""
     try:
         values = channel[:]
     except (ValueError, KeyError, IndexError, TypeError) as error:

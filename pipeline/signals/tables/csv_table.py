@@ -1,8 +1,7 @@
 """Tables in text: CSV and its kin, of any header, delimiter, decimal mark and encoding.
 
-Line numbers are the file's own, from 1.  Lines without a quote that stays open go through Arrow's
-parser; a file with quoted line ends, or with short rows that are to be filled, goes record by
-record.  Both give the same rows.
+Lines without an open quote go through Arrow's parser; a file with quoted line ends, or with short
+rows that are to be filled, goes record by record with the same result.
 """
 
 import csv
@@ -73,15 +72,12 @@ class Lines:
         self.starts: Ints = np.concatenate([[0], ends[:-1] + 1])[: len(ends)]
 
     def __len__(self) -> int:
-        """Number of lines."""
         return len(self.ends)
 
     def __getitem__(self, number: int) -> str:
-        """One line."""
         return self.body[self.starts[number] : self.ends[number]].decode()
 
     def __iter__(self) -> Iterator[str]:
-        """All lines."""
         return (self[number] for number in range(len(self)))
 
 
@@ -189,7 +185,6 @@ def _delimiters(layout: TableLayout) -> list[str]:
 
 
 def _header(lines: Lines, layout: TableLayout) -> tuple[int, str]:
-    """Number of the line with the column names, and the delimiter."""
     named = named_columns(layout)
     if layout.header is not None and layout.header >= len(lines):
         raise UnreadableFile(
@@ -402,7 +397,6 @@ def _record(lines: Lines, number: int, delimiter: str) -> tuple[list[str] | None
 
 
 def _open_quotes(lines: Lines, first: int) -> bool:
-    """Whether some line holds an odd number of quotes."""
     body = np.frombuffer(lines.body, np.uint8)
     quotes = np.flatnonzero(body == ord('"'))
     counts = np.searchsorted(quotes, lines.ends) - np.searchsorted(quotes, lines.starts)

@@ -1,9 +1,8 @@
 """Recordings in MATLAB's MAT files: level 4, level 5 (versions 5, 6 and 7) and version 7.3.
 
-SciPy reads level 4, h5py version 7.3, which is HDF5.  Level 5, as published by The MathWorks,
-has a reader of its own for vectors, matrices, text, cells and structs, because SciPy's compiled one
-ends the whole process when a file is damaged: every size is checked here before it is believed.
-Sparse arrays, functions and objects (tables, datetimes) are left out.
+SciPy reads level 4, h5py version 7.3, which is HDF5.  Level 5 (The MathWorks) has a reader of its
+own for vectors, matrices, text, cells and structs, because SciPy's ends the process when a file is
+damaged.  Sparse arrays, functions and objects (tables, datetimes) are left out.
 """
 
 import io

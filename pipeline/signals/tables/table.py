@@ -1,9 +1,7 @@
 """Traces from raw tables: columns become channels in the units of the table of signals.
 
 A row whose time or number cannot be read is rejected with its line; a row whose clock runs
-backwards is kept in its place.  What else must not be lost stands as JSON under ``notes`` in the
-metadata of the trace's schema: where the clock ran backwards, columns of the file that the layout
-does not name, constants beside the channels.
+backwards is kept in its place, as ``notes`` in the metadata of the trace's schema say.
 """
 
 import difflib
@@ -148,7 +146,6 @@ def _channel(name: str, raw: str, unit: str | None, target: str | None) -> Trace
 
 
 def _stated(unit: str | None) -> str | None:
-    """A unit that a file states, None when it states none."""
     return None if unit is None or unit.strip().lower() in _NO_UNIT else unit.strip()
 
 
@@ -391,7 +388,6 @@ def _note_bad(reasons: dict[int, str], bad: Bools, cells: pa.Array, sentence: st
 
 
 def _rejections(raw: RawTable, reasons: dict[int, str]) -> list[Rejection]:
-    """All rejected rows of the file, in its order."""
     ours = [
         Rejection(
             line=int(raw.lines[row]),

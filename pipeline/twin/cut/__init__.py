@@ -1,8 +1,8 @@
-"""The cut of a program on its machine: engagement, loads, limits, stability, wear, cost, axes.
+"""Cut of a program on its machine: engagement, loads, limits, stability, wear, cost, axes.
 
 The blank is in the coordinates of one work offset; SI inside (m, N, W), documents in the units of
-their names.  Rows are those of the program's moves, blocks those of them that cut, stations the
-places along the path at which the engagement is known.
+their names.  Rows are the program's moves, blocks those that cut, stations the places along the
+path at which the engagement is known.
 """
 
 __all__ = [

@@ -1,22 +1,15 @@
 """Force of the cut along a program, and following error and motor command of the axes under it.
 
-The force is the axes' load at the place where the tool is: behind the interpolator by what its
-filters and the servos take, one delay for the program.
+The force is taken where the tool is: behind the interpolator by one delay for the program.  Its
+mean over a turn is that of the station at the feed for each tooth of that moment
+(:mod:`pipeline.cutting.force.load_table`); about the mean stands one harmonic at tooth passing of
+the same standard deviation, of any phase, which makes the friction of an axis at rest give way.
 
-At each moment the tool is at a station of the engagement, whose mean force over a turn belongs to
-the feed for each tooth of that moment (:mod:`pipeline.cutting.force.load_table`); without runout
-the mean over a tooth period is the same.  About the mean it goes up and down with the teeth: as one
-harmonic at the frequency of their passing, of the same standard deviation.  Its phase is not known
-and does not matter: it moves an axis by fractions of a micrometre, and that is what makes the
-friction of one that stands give way.
-
-Frames.  The force of a station lies along the feed, to its left and along the tool; the feed is
-turned into the coordinates of the blank by its piece of the path, and from there into the machine's
-by the rotation of the work offset.  A positive coordinate of an axis moves the tool along it
-relative to the workpiece, whichever of the two the axis carries (ISO 841): a tool that moves is
-pushed by the force on it; a table moves against its coordinate and is pushed by the opposite force.
-So the force on the tool helps positive motion in both cases, and the load against it is minus that
-force.
+Frames.  The force of a station lies along the feed, to its left and along the tool; it is turned
+into the coordinates of the blank by the piece of the path, and into the machine's by the rotation
+of the work offset.  A positive coordinate moves the tool along the axis relative to the workpiece,
+whichever of the two the axis carries (ISO 841), so that the force on the tool helps positive motion
+in both cases, and the load against it is minus that force.
 """
 
 from collections.abc import Iterable, Mapping
@@ -168,12 +161,8 @@ def follow_cut(
 
     Drives without a servo are left out.  The axes follow the positions ``commanded``, by default
     those of the plan.  The ``residual`` is learnt beside the drives' model without a load: it is
-    taken in air, and added to the error under the force too.
-
-    Raises
-    ------
-    ValueError
-        When the program is too long to be held, or a drive is unstable.
+    taken in air, and added to the error under the force too.  Raises ValueError when the program is
+    too long to be held, or a drive is unstable.
     """
     path = commanded_positions(cut.plan) if commanded is None else commanded
     known = {letter: drive for letter, drive in drives.items() if drive.force_unit == NEWTON}

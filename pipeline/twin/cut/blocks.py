@@ -20,7 +20,7 @@ class StationArcs:
 
     entry: Floats
     exit: Floats
-    """Of the longest engaged arc on the side where a chip is cut, 0 to pi [rad]."""
+    """Exit angle of the longest engaged arc on the side where a chip is cut, 0 to pi [rad]."""
     radial: Floats
     """Width of that arc across the feed [m]."""
     thickness: Floats
@@ -117,7 +117,7 @@ class CutBlocks:
     """Greatest diameter at which an edge cuts: D, of a corner what its depth reaches [m]."""
     entry: Floats
     exit: Floats
-    """Of the station with the greatest mean load [rad]."""
+    """Exit angle of the station with the greatest mean load [rad]."""
     peak: Floats
     mean: Floats
     axial: Floats
@@ -127,7 +127,7 @@ class CutBlocks:
     """Mean over the turn, and peak, at the station where they are greatest [N m]."""
     power: Floats
     mean_power: Floats
-    """Of that torque; mean over the block at its mean feed [W]."""
+    """Mean power of that torque over the block at its mean feed [W]."""
     seconds: Floats
     air: Floats
     """Time in the material, and time of the rest of the block [s]."""
@@ -193,7 +193,6 @@ def cut_blocks(cut: Cut, arcs: StationArcs | None = None) -> CutBlocks:
 
 
 def _sums(cut: Cut, values: Floats) -> Floats:
-    """Sum over each row's stations; shape (M,)."""
     engagement = cut.engagement
     return np.bincount(engagement.block, values, minlength=engagement.blocks).astype(np.float64)
 
@@ -207,7 +206,6 @@ def _greatest(cut: Cut, values: Floats) -> Floats:
 
 
 def _worst_station(cut: Cut, values: Floats) -> Rows:
-    """Station of each row where ``values`` are greatest; shape (M,)."""
     order = np.lexsort((values, cut.engagement.block))
     worst = np.zeros(cut.engagement.blocks, dtype=np.intp)
     worst[cut.engagement.block[order]] = order  # the last of a row stays

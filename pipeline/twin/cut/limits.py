@@ -21,7 +21,7 @@ class CutLimits:
     drive: Floats
     """Power of the motor over its greatest at that speed, infinite above its top speed [1]."""
     margin: Floats
-    """Of stability [1]."""
+    """Stability margin [1]."""
     deflection: Floats
     """Deflection of the tip under the peak load; a drill's lips balance each other, it has none
     [m]."""

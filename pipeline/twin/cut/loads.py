@@ -1,9 +1,7 @@
-"""The cut of a program: its engagement with a blank, and the loads at its feeds and speeds.
+"""Cut of a program: its engagement with a blank, and the loads at its feeds and speeds.
 
-The engagement is computed once; other feeds and speeds cost a look-up (:meth:`Cut.loads`).  A
-block's feed for each tooth is that of the highest speed that the control reaches in it, so that
-peaks are those of the fastest moment; means (power, removal rate, energy) come from the block's
-mean speed.
+Other feeds and speeds cost a look-up (:meth:`Cut.loads`).  Peaks are those of the highest speed
+that the control reaches in a block; means (power, removal rate, energy) of its mean speed.
 """
 
 from collections.abc import Mapping
@@ -49,7 +47,7 @@ class CutJob:
     offsets: Mapping[str, Vector] = field(default_factory=dict)
     """Work offsets before the program [mm, deg]."""
     offset: str | None = None
-    """That the blank is measured in; by default that of the first cut."""
+    """Work offset in which the blank is measured; by default that of the first cut."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -63,7 +61,7 @@ class Cut:
     numbers: tuple[int, ...]
     tools: tuple[Tool, ...] = field(repr=False)
     force_laws: tuple[ForceLaw, ...] = field(repr=False)
-    """Of the tools that cut."""
+    """Force laws of the tools that cut."""
     engagement: Engagement = field(repr=False)
     """N stations."""
     blank: HeightMap = field(repr=False)
@@ -131,7 +129,7 @@ class Cut:
 
     @cached_property
     def block_loads(self) -> BlockLoads:
-        """Of the plan, at the highest speed reached in each row; arrays of shape (M,)."""
+        """Loads of the plan's blocks at the highest speed reached in each row; shape (M,) each."""
         return self.table.loads(self.feed_per_tooth)
 
     @cached_property
@@ -155,10 +153,7 @@ class Cut:
 def cut_program(plan: Plan, job: CutJob) -> Cut:
     """The cut of a planned program.
 
-    Raises
-    ------
-    ValueError
-        When the blank cannot be made, nothing cuts, or a cut has no tool of the job.
+    Raises ValueError when the blank cannot be made, nothing cuts, or a cut has no tool of the job.
     """
     moves = plan.path.moves
     listed = sorted(job.tools)
@@ -213,12 +208,8 @@ def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
 
     Neither the engagement nor the table depends on feeds and speeds.  The plan is of the same moves
     and of others that do not cut; ``rows`` (M,) says which of its rows each row of ``cut`` has
-    become, rising.
-
-    Raises
-    ------
-    ValueError
-        When a row has no place, or a row with a cut moves otherwise than before.
+    become, rising.  Raises ValueError when a row has no place, or a row with a cut moves otherwise
+    than before.
     """
     place, moves = np.asarray(rows, dtype=np.intp), plan.path.moves
     before = cut.plan.path.moves
@@ -261,7 +252,7 @@ def _placed(table: LoadTable, place: Rows, rows: int) -> LoadTable:
 
 
 def rapid_speeds(control: ControlParameters) -> Floats | None:
-    """Of X, Y and Z where each goes as fast as it can; an axis that is not there never moves."""
+    """Rapid speeds of X, Y and Z, each as fast as it can; an absent axis never moves."""
     if control.rapid_mode != "independent":
         return None
     axes = control.axes

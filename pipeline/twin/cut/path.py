@@ -1,17 +1,15 @@
 """Path of a program's tools through its stock: straight pieces in work coordinates.
 
-Machine positions become positions of the tool's tip in the coordinates of one work offset.  A frame
-of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/offsets.py); what of it is tool
-length follows from the offsets in force before the program, and holds until G43 is said again.
+A frame of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/offsets.py); its tool
+length follows from the offsets in force before the program, and holds until the next G43.
 
 Arcs, helices and spirals become chords.  A chord over the angle d of p(phi) leaves it by at most
-d^2 max|p''| / 8, and with a radius r that goes linearly with phi |p''| <= sqrt(r^2 + 4 r'^2).
-Where each axis goes as fast as it can, a rapid is a dog-leg: all axes at their speeds until one
-after the other arrives; their acceleration is left out.
+d^2 max|p''| / 8, and with a radius r that goes linearly with phi |p''| <= sqrt(r^2 + 4 r'^2). Where
+each axis goes as fast as it can, a rapid is a dog-leg: all axes at their speeds until one after the
+other arrives; their acceleration is left out.
 
-The tool's envelope holds while it turns.  Where a boring cycle (G76, G86, G87) has stopped
-the spindle, after G76 and G87 with its one edge off the wall by the cycle's shift, its rapids until
-the spindle turns again are not on the path: that they clear the wall is the program's to see to.
+The tool's envelope holds while it turns.  Where a boring cycle (G76, G86, G87) has stopped the
+spindle, its rapids until the spindle turns again are not on the path.
 """
 
 from collections.abc import Mapping, Sequence
@@ -57,12 +55,8 @@ def work_frame(
 ) -> WorkFrame:
     """The work offset ``name``, by default the one in force in ``row``, the first that cuts.
 
-    ``offsets`` are those before the program, as in :class:`pipeline.gcode.setup.Setup`.
-
-    Raises
-    ------
-    ValueError
-        When the program does not use ``name``, or a tool length cannot be told from a shift.
+    ``offsets`` are those before the program, as in :class:`pipeline.gcode.setup.Setup`.  Raises
+    ValueError when the program does not use ``name``, or a tool length cannot be told from a shift.
     """
     used = list(dict.fromkeys(offset_of(frame) for frame in moves.frames))
     held = int(moves.frame[row])
@@ -93,12 +87,11 @@ def offset_of(frame: Frame) -> str:
 
 
 def _is_plain(frame: Frame) -> bool:
-    """Whether its translation is work offset and tool length alone."""
     return set(_marks(frame)[1:]) <= {LENGTH}
 
 
 def _base(frames: Sequence[Frame], name: str, offsets: Mapping[str, Vector]) -> Floats:
-    """Of a work offset as the last of ``frames`` without a length has it (G10), else the set-up."""
+    """Work offset in the last of ``frames`` without a length (G10), else that of the set-up."""
     for frame in reversed(frames):
         if frame.name == name:
             return np.array(frame.translation[:3])
@@ -175,12 +168,8 @@ def cutting_path(
     The places of the numbers ``tools`` become ``ToolPath.tool``; a chord leaves its arc by
     ``chord`` [m] at most; ``offsets`` are those before the program [mm, deg]; ``rapid_speeds`` (3,)
     of X, Y and Z, in any unit, say that they do not interpolate a rapid, else it is straight.
-
-    Raises
-    ------
-    ValueError
-        When nothing in the program moves with a tool of ``tools``, or a cut has no tool or one
-        that is not in ``tools``.
+    Raises ValueError when nothing in the program moves with a tool of ``tools``, or a cut has no
+    tool or one that is not in ``tools``.
     """
     # rows that move, and those of them that are left out
     moving: Bools = np.isin(moves.kind, MOVES) & (moves.length > 0)

@@ -146,13 +146,11 @@ def _sum(values: Floats, rows: Bools) -> float:
 
 
 def _ends(name: str, values: Floats, rows: Bools) -> dict[str, float | None]:
-    """Sums of both ends of an interval, shape (2, M), over the rows."""
     low, high = values[:, rows].sum(axis=1).tolist()
     return {f"{name}_low": figure(low), f"{name}_high": figure(high)}
 
 
 def _cost(found: CutResults, cost: PartCost, rows: Bools) -> CutCost:
-    """Time, tools with their changes, energy, and the sum of what is known with its ends."""
     time, used, worn = (_sum(c, rows) for c in (cost.time, cost.energy, cost.tool + cost.change))
     return CutCost(
         time=figure(time), tools=figure(worn),

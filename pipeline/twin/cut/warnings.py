@@ -136,7 +136,6 @@ def _rigid(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None) -> list[Cu
 
 
 def _unseen(dynamics: TipDynamics | None) -> CutWarning | None:
-    """What the measurement of the tips does not show."""
     if dynamics is None or not dynamics.caution:
         return None
     return CutWarning(
@@ -290,7 +289,6 @@ def _not_listed(cut: Cut) -> Iterator[CutWarning]:
 
 
 def _contacts(cut: Cut) -> tuple[CutWarning, ...]:
-    """Shanks and holders that meet the part."""
     tools = dict(zip(cut.numbers, cut.tools, strict=True))
     moves = cut.plan.path.moves
     return preflight_warnings(contact_violations(moves, cut.path, tools, cut.blank))

@@ -1,9 +1,8 @@
-"""Cutting coefficients of worn edges: which wear each tool of a cut has, and what its land adds.
+"""Cutting coefficients of worn edges: wear of each tool of a cut, and the forces on its land.
 
-Pressure and friction on the land of a worn flank add to the edge forces, K_te + k_t VB and
-K_re + k_r VB (Smithey, Kapoor, DeVor 2000), with k_t and k_r of the machine's sub-model of wear.
-They were fitted on one material and on milling: on another material they are used where somebody
-says a wear, with a caution; a drill has none.
+Pressure and friction on the land of a worn flank add to the edge forces, K_te + k_t VB and K_re +
+k_r VB (Smithey, Kapoor, DeVor 2000), with k_t and k_r fitted on one material in milling: on another
+material they count only where a wear is given, with a caution; a drill has none.
 """
 
 from collections.abc import Mapping
@@ -39,7 +38,7 @@ class LandGrowth:
     learnt_um: tuple[float, float]
     """Least and greatest wear that they were fitted on [um]."""
     material: str
-    """Of conf/material/, that was cut; empty where nobody said it."""
+    """Material cut, of conf/material/; empty where not stated."""
     basis: str
     """Records that they were fitted on."""
 
@@ -82,7 +81,7 @@ class ToolWear:
     machine: MachineWear = field(default_factory=MachineWear)
     """What is known."""
     rule: WearRule = "known"
-    """Of tools whose wear is not given."""
+    """Rule for tools whose wear is not given."""
     asked: bool = False
     """Whether somebody asked for the rule; else it is the default, and a criterion holds for the
     material alone that the growth was fitted on."""
@@ -98,13 +97,8 @@ def worn_coefficients(
 ) -> dict[int, ToolCoefficients]:  # fmt: skip
     """Coefficients of sharp tools, by number, with what the land of each adds.
 
-    ``material`` is its name in conf/material/, and its own.
-
-    Raises
-    ------
-    ValueError
-        When a wear is given of a tool that is not there or is a drill, beyond what was learnt, or
-        without a known growth.
+    ``material`` is its name in conf/material/, and its own.  Raises ValueError when a wear is given
+    of a tool that is not there or is a drill, beyond what was learnt, or without a known growth.
     """
     for number, value in wear.given.items():
         _check_given(number, value, tools, wear.machine)
@@ -141,7 +135,6 @@ def _check_given(
 def _worn(
     one: ToolCoefficients, number: int, tool: Tool, wear: ToolWear, material: tuple[str, str]
 ) -> ToolCoefficients:
-    """The coefficients of one tool at its wear."""
     machine, growth = wear.machine, wear.machine.growth
     if growth is None:
         return replace(one, edge=f"sharp: {machine.reason}")
