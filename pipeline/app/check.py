@@ -31,11 +31,10 @@ TABLE = "the tool table"
 def check_programs(
     before: Path, after: Path, machine: str | None, dialect: str | None, *, splits: bool = False
 ) -> tuple[Proof, tuple[Moves, Moves] | None]:
-    """Compare two programs with the set-up of ``machine``, read in ``dialect``; and their moves.
+    """Proof and moves of two programs with the set-up of ``machine``, read in ``dialect``.
 
-    There are none where the texts differ in more than F and S.  Subprograms of both are searched in
-    the folder of ``before``.  With ``splits`` the second may have more points on the path of
-    straight cuts.
+    No moves where the texts differ in more than F and S.  Subprograms of both are searched beside
+    ``before``.  With ``splits`` the second may have more points on the path of straight cuts.
     """
     setup = setup_beside(machine_setup(machine, dialect), before)
     for path in (before, after):
@@ -72,12 +71,10 @@ def check_lines(proof: Proof, before: Path, after: Path) -> Iterator[str]:
 def range_lines(
     after: Path, moves: tuple[Moves, Moves], tool_table: str, material: str | None = None
 ) -> Iterator[str]:
-    """Lines of AFTER whose F or S is not that of BEFORE and leaves the range of the tool.
+    """Lines of AFTER whose changed F or S leaves the range of the tool.
 
-    Cuts at feed count, with the F and S in force; feeds of threads, cycles of tapping and G93 are
-    no feeds a tooth.  Where the tool table gives no range and there is a ``material``, that of the
-    catalogue counts: of the operation that cycle, comment or tool tells, else the widest of all
-    milling, since there is no cut.  ``moves`` are those of both programs.
+    Cuts at feed count, but for threads, tapping and G93.  Without a range in the tool table that of
+    the catalogue for ``material`` counts: of the known operation, else the widest of all milling.
     """
     tools = read_tools(tool_table).tools
     data = None if material is None else (read_catalogue(), read_material(material))
@@ -150,10 +147,7 @@ def _cuts(moves: Moves) -> Rows:
 
 
 def in_force(moves: Moves, rows: Rows, *, lines: bool = True) -> Iterator[tuple[float, ...]]:
-    """File, line, tool, F and S of rows; without ``lines`` all stand in line 0.
-
-    Where points are put in, the lines of two programs are not each other's.
-    """
+    """File, line, tool, F and S of rows; without ``lines`` all stand in line 0."""
     line = moves.line if lines else np.zeros_like(moves.line)
     columns = (moves.file, line, moves.tool, moves.feed, moves.speed)
     return zip(*(column[rows].tolist() for column in columns), strict=True)
@@ -175,10 +169,7 @@ def place(moves: Moves, row: int) -> str:
 def _outside(
     moves: Moves, row: int, tool: Tool, limits: _Limits, *, word: str, new_speed: bool
 ) -> Iterator[str]:
-    """What of a row is outside of the range of its tool; of S where it is another one.
-
-    ``word`` is its F as the program has it.
-    """
+    """Values of a row outside of the range of its tool; S only where it is another one."""
     known = limits.range
     if known is None:
         return
@@ -200,11 +191,7 @@ def _outside(
 
 
 def machine_lines(after: Path, moves: tuple[Moves, Moves]) -> Iterator[str]:
-    """Warnings of F and S of AFTER that are far from those of BEFORE: one for each pair of values.
-
-    Far is a factor of change beyond the default of ``kerf optimise``; what the machine cannot do
-    is said by :mod:`pipeline.twin.preflight`.  ``moves`` are those of both programs.
-    """
+    """Warnings of F and S that changed by more than the default factor of ``kerf optimise``."""
     program, (old, new) = parse_program(after.read_bytes(), after.name), moves
     fed = cuts_at_feed(new)
     turns = at_speed(new) & ~new.constant_surface_speed & (new.length > 0)

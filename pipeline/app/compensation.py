@@ -32,7 +32,7 @@ FORMATS = ("csv", *CONTROLS)
 def write_compensation(
     machine: str, out: Path, kind: str = "csv", model: str = "champion", *, anyway: bool = False
 ) -> Written:
-    """Write the correction of a machine's spindle growth; what was written.
+    """Write a machine's spindle growth compensation.
 
     ``anyway``: even when the model failed or was not judged.
     """
@@ -55,7 +55,7 @@ def write_compensation(
 
 
 def _judged(folder: Path, *, anyway: bool) -> str:
-    """Status of the verdict; refused, whatever is asked, where no correction at all errs less."""
+    """Status of the verdict; always refused where no compensation at all errs less."""
     path = folder / "verdict.json"
     verdict = read_json(path, Verdict) if path.exists() else None
     total = None if verdict is None else verdict.total(QUANTITY)

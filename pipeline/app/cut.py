@@ -130,7 +130,7 @@ def cut_options(
     resolution: float | None, page: Path | None = None, objective: Objective = "time",
     alone: bool = True, **words: str | None,
 ) -> CutOptions:  # fmt: skip
-    """The options of a cut, limits by the names of their fields.
+    """Options of a cut, limits by the names of their fields.
 
     ``words`` are stock, tool_table, material and work_offset; with ``alone`` the first three are
     needed for another of the options that is given.
@@ -185,10 +185,7 @@ def cut_document(simulated: Simulated, options: CutOptions) -> ProgramCut:
 
 
 def workshop_of(on: Controlled, options: CutOptions, rule: WearRule = "known") -> Workshop:
-    """Tools, material, prices and spindle of the options and the machine's file.
-
-    ``rule`` holds for the wear of tools where the options say nothing of it.
-    """
+    """Tools, material, prices and spindle of the options and the machine's file."""
     return Workshop(
         table=_limited(read_tools(options.part.tool_table), options.tool_limits),
         material=read_material(options.part.material),

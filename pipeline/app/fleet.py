@@ -88,10 +88,7 @@ def _digest(text: bytes) -> bytes:
 def ingest_files(
     files: Sequence[Path], machine: str, out: Path, advance: Callable[[str], None]
 ) -> list[FileResult]:
-    """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else.
-
-    See :func:`pipeline.signals.formats.source_of` for how a file is read.
-    """
+    """Read ``files`` as records of ``machine`` into ``out``, which then holds nothing else."""
     from pipeline.signals.formats import RecordSource, source_of
     from pipeline.signals.ingest import ingest
 
@@ -153,11 +150,7 @@ def _commonest_reasons(entries: dict[str, Any], out: Path) -> dict[str, str]:
 def _bring_devices(
     chosen: dict[str, "RecordSource"], places: dict[str, Path], known: Path, raw: Path
 ) -> dict[str, str]:
-    """Put the Devices documents beside the records, where they are no records.
-
-    A document is looked for in ``known``, then beside the file and in the folder above.  Sources
-    whose document is not there do without; the note that says so, by place.
-    """
+    """Put the Devices documents from ``known``, or from beside the file, beside the records."""
     from pipeline.signals.store import sha256_of
 
     notes = {}
@@ -285,12 +278,10 @@ def freeze_set(
     sealed: bool = False,
     again: Callable[[str], bool] = lambda question: False,
 ) -> FrozenSet:
-    """Freeze raw files of ``machine`` as its golden set, or as the sealed set beside it.
+    """Freeze raw files of ``machine`` as its golden set, or as the ``sealed`` set of promotion.
 
-    ``first`` and ``last``: days of the plant that count in logs, ``YYYY-MM-DD``, both included;
-    every file that reaches into them; ``files``: patterns of further files, whole whether they have
-    a clock or not, and of parts of tables, ``<file>#<column>=<value>``; ``sealed``: whether it is
-    the set that promotion alone looks at.
+    ``first`` and ``last``: days of the plant, ``YYYY-MM-DD``, both included; ``files``: patterns of
+    further files, and of parts of tables, ``<file>#<column>=<value>``.
     """
     mapping = machine_parameters(machine)["machine"][machine].get("mapping") or {}
     zone = str(mapping.get("time_zone", UTC))

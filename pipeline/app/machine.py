@@ -90,10 +90,7 @@ def propose(
     raw: Path,
     time_zone: str = UTC,
 ) -> Proposal:
-    """What the machine's file may say, from its Devices document, its logs and its tables.
-
-    ``devices`` and ``logs`` are copied to ``raw`` where they do not stand there.
-    """
+    """Proposed content of the machine's file; ``devices`` and ``logs`` are copied into ``raw``."""
     check_zone(time_zone)
     documents = [devices] if devices else []
     for path in (*documents, *logs):
@@ -304,10 +301,7 @@ def next_steps(p: Proposal) -> list[str]:
 def write_machine(
     name: str, devices: Path | None, logs: Sequence[Path], device: str | None, time_zone: str = UTC
 ) -> list[str]:
-    """Propose ``conf/machine/<name>.yaml`` and a fleet of it; what was found, in lines.
-
-    The schemas by which an editor checks them are written into ``conf/schema/``.
-    """
+    """Write ``conf/machine/<name>.yaml``, its fleet and ``conf/schema/``; report in lines."""
     from pipeline.app.json_schema import PLACE, first_line, write_schemas
     from pipeline.submodels.contract import submodel, submodels
 

@@ -76,10 +76,7 @@ class Found:
 
 
 def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]) -> Found:
-    """Which of ``items`` (name in observations, declaration) is which signal.
-
-    ``series``: what they said; empty where no log is given.
-    """
+    """Signals of ``items`` (name in observations, declaration); ``series`` empty without a log."""
     found, log = Found(), Log(series)
     usable = [(n, i) for n, i in items if i.category != "CONDITION" and i.type]
     for signal, kinds in EVENTS.items():

@@ -98,10 +98,7 @@ def _time(name: str, cells: pa.ChunkedArray, unit: str) -> list[str]:
 def _choice(
     name: str, cells: pa.ChunkedArray, stated: str, named: str, more: dict[str, str | float]
 ) -> str:
-    """A comment that makes a signal of a column, with what it could be and its range.
-
-    Of a unit that the file states the layout says nothing.
-    """
+    """Comment that makes a signal of a column, with its candidates and range."""
     unit = stated or named
     kind = _kind(name, unit)
     signal = re.sub(r"\W+", "_", _UNIT.sub("", name)).strip("_").lower() or "channel"

@@ -78,7 +78,7 @@ def _column(values: NDArray[np.generic]) -> pa.Array:
 
 
 def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[str, ...]]:
-    """Write moves as CSV, a row a move, packed where the end of the file's name says so (``.gz``).
+    """Write moves as CSV, a row a move, packed by the ending (``.gz``).
 
     ``parts`` are consecutive moves of one program; each is written before the next one is made.
     Returned are the number of moves, the length of their path [mm], and notices to the user.

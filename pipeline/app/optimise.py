@@ -56,7 +56,7 @@ def optimise_part(
     on: Controlled, program: Path, moves: Moves, cut: CutOptions, search: SearchOptions,
     progress: Progress,
 ) -> tuple[Result, OptimisedPart]:  # fmt: skip
-    """The optimised program, which makes ``moves`` as it is, with its document.
+    """Optimised program, which makes ``moves`` as it is, with its document.
 
     Raises KeyboardInterrupt when it was ended before anything kept the limits.
     """
@@ -88,10 +88,7 @@ def write_optimised(
 
 @contextmanager
 def interruptible(said: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Ctrl-C asks to end with the best so far instead of ending at once; a second one ends.
-
-    Yields whether it was asked.
-    """
+    """Whether Ctrl-C asked to end with the best so far; a second one ends at once."""
     asked = False
 
     def first(number: int, frame: FrameType | None) -> None:

@@ -142,10 +142,7 @@ def _same(path: Path, other: Path) -> bool:
 
 
 def _check_writable(path: Path) -> None:
-    """Open the file, and one beside it, to write: nothing else says it of every file system.
-
-    What is there is left as it is.
-    """
+    """Open the file, and one beside it, to write; the content stays."""
     if path.exists() and not path.is_file():
         return
     try:

@@ -48,7 +48,7 @@ def preflight_program(
     path: Path, machine: str, dialect: str | None = None, *, beside: Path | None = None,
     clearance: Clearance | None = None, moves: Moves | None = None,
 ) -> Preflight:  # fmt: skip
-    """Hold the program at ``path`` against the limits of ``machine``, and its tools' bodies.
+    """Preflight of the program at ``path`` against ``machine``, and its tools' bodies.
 
     ``beside`` is a program whose folder is searched for subprograms too; ``moves`` are those of the
     program, where it was followed with this set-up before.

@@ -314,12 +314,10 @@ def simulate_program(
     path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION,
     *, compensated: bool = False,
 ) -> Simulated:  # fmt: skip
-    """What the control of ``machine`` makes of the program at ``path``.
+    """Plan of the program at ``path`` by the control of ``machine``: the champion's, else conf/'s.
 
-    The champion's control (``data/champion/<machine>/control/``) goes before conf/machine/.
-
-    ``unit``: which of several machines of a kind; its default one when None; ``compensated``:
-    whether following errors hold what the compensation network adds to them.
+    ``unit``: one of several machines of a kind; its default one when None; ``compensated``: whether
+    following errors hold what the compensation network adds to them.
     """
     from pipeline.twin.control import planned_program
 
@@ -377,10 +375,10 @@ def needed_drives(on: Controlled, option: str) -> Path:
 def axes_table(
     plan: Plan, models: Path, residual: "Residual | None" = None
 ) -> list[dict[str, Any]]:
-    """Following error [um] and command of each axis whose drive was identified, in air.
+    """Following error [um] and command of each identified axis, in air.
 
-    Also the greatest half width of the 90 % interval of the error [um], where it is known: of the
-    ``residual`` model, else of the drive.
+    Also the greatest half-width of the error's 90 % interval [um]: of ``residual``, else of the
+    drive.
     """
     from pipeline.submodels.contract import submodel
     from pipeline.twin.drive import read_drives
@@ -538,8 +536,6 @@ def predict_table(
     """Predict a table of a sub-model's inputs with a machine's champion.
 
     The number of rows, and a sentence on each interval that is not known, whose columns are empty.
-
-    ``machine`` and ``name``: as in conf/machine/; of the sub-model.
     """
     import pandas as pd
 

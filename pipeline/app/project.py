@@ -28,10 +28,7 @@ IGNORED = (
 
 
 def new_project(folder: Path) -> str:
-    """Make a project in ``folder``; of one that is there, bring dvc.yaml to the installed Kerf.
-
-    A project's conf/ is its own and never written again.  Answers in a word what was done.
-    """
+    """Make a project in ``folder``, or bring its dvc.yaml to the installed Kerf."""
     there = folder.exists() and any(folder.iterdir()) if not folder.is_file() else True
     known = (folder / CODE).is_file()
     if there and not known:

@@ -133,10 +133,9 @@ def item_record(
     shortened: Callable[[Ints], Ints],
     **about: Any,
 ) -> ItemRecord:
-    """The row of one item.
+    """Row of one item.
 
-    ``span`` [ns] is that of all records, both it and share and course without the holes that
-    ``shortened`` takes out; ``about`` are the other fields.
+    ``span`` [ns] is that of all records, without the holes that ``shortened`` takes out.
     """
     said = series.time[series.known]
     number = series.number[~np.isnan(series.number)]
@@ -201,8 +200,8 @@ def machine_records(
 ) -> list[ItemRecord]:
     """Rows of every item in ``signals``, those of the machine's signals first, then by name.
 
-    ``signal_of``: data item -> its signal; an item that no record has gets a row without samples;
-    ``units``: data item -> unit, of the items that a Devices document describes; empty without one.
+    ``signal_of``: data item -> its signal, listed even without records; ``units``: data item ->
+    unit.
     """
     every = item_series(signals)
     shortened = without_holes(every)

@@ -138,10 +138,7 @@ def declared_range(hint: Any) -> Range | None:
 
 
 def members(union: Any) -> tuple[Any, ...]:
-    """Types that a union is one of, None last.
-
-    Python keeps one object for equal types, so that its order depends on who was imported first.
-    """
+    """Types of a union, None last, in an order that does not depend on the order of imports."""
     return tuple(sorted(get_args(union), key=lambda one: (one is type(None), repr(one))))
 
 

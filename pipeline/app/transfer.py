@@ -31,13 +31,10 @@ def transfer_curve(
     between: float = 0.3,
     page: Path | None = None,
 ) -> Transfer:
-    """Write the curve of minutes of warm-up against error of ``machine`` into ``out``.
+    """Write the curve of minutes of warm-up against error of the sibling ``machine`` into ``out``.
 
-    The files are written together or not at all.
-
-    ``machine`` and ``golden``: as in conf/machine/: the sibling, and the machine whose parameters
-    are the prior; ``between``: standard deviation of the logarithm of a parameter between machines
-    of a type [1].
+    ``golden``: the machine whose parameters are the prior; ``between``: standard deviation of the
+    logarithm of a parameter between machines of a type [1].
     """
     if machine == golden:
         raise ValueError(f"{machine} is both sibling and golden machine: name another one")

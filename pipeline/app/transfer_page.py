@@ -76,10 +76,7 @@ def transfer_page(found: Transfer, sources: Sequence[Source], credit: str = "") 
 
 
 def _verdict(found: Transfer) -> tuple[str, str]:
-    """Status and word: who leads, where the transfer's sentence says that one does.
-
-    Who leads does so at the longest record too, so that the least error there names it.
-    """
+    """Status and word of the parameters that lead, by the transfer's sentence and least error."""
     if found.sentence.startswith(NONE_LEADS):
         return "unknown", "none leads"
     last = found.points[-1]

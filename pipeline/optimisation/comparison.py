@@ -22,10 +22,7 @@ MM = 1e3
 
 
 def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
-    """By the limit's name, which of the K blocks that cut exceed it; margins are not counted.
-
-    A quantity that is not known exceeds nothing.  A block's F is the feed that it reaches.
-    """
+    """Blocks (K,) that cut and exceed a limit, by the limit's name; margins are not counted."""
     blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
     running = blocks.spindle_speed > 0
     load, bending, torque = (
@@ -95,12 +92,7 @@ class Side:
 
 
 def load_trace(cut: Cut, columns: int = COLUMNS) -> LoadTrace:
-    """Highest load in each column of the path length at feed.
-
-    The path does not depend on F and S, so that columns of a program before and after belong to the
-    same places.  A station counts in every column that it lies in.
-
-    """
+    """Highest load in each column of the path length at feed, equal places before and after."""
     pieces, engagement = cut.path.pieces, cut.engagement
     begin, total = path_length(cut)
     scale = columns / max(total, 1e-12)

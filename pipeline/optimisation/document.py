@@ -52,10 +52,9 @@ def optimised_text(result: Result) -> bytes:
 
 
 def optimised_part(result: Result, *, machine: str, origin: str, control: str) -> OptimisedPart:
-    """The answer of an optimisation as it is stored.
+    """Stored document of an optimisation.
 
-    ``origin``: ``simulated`` or ``recorded``: of the machine's records; ``control``:
-    ``identified``, or ``conf/machine`` where the control's values are as written there.
+    ``origin``: ``simulated`` or ``recorded``; ``control``: ``identified`` or ``conf/machine``.
     """
     job, basis = result.job, result.job.basis
     before, after = _sides(result)
@@ -131,10 +130,7 @@ def _given_up(result: Result) -> Iterator[CutWarning]:
 
 
 def _chatters(result: Result) -> Iterator[CutWarning]:
-    """One for each tool that misses the margin of stability as programmed, at any S it may have.
-
-    Its F and S rise no further than programmed.
-    """
+    """Warning for each tool that misses the margin of stability at any S as programmed."""
     problem = result.problem
     limit, least = problem.limits.margins.stability, problem.least_margin
     for number in np.unique(problem.cut.tool[least < limit]).tolist():

@@ -165,7 +165,7 @@ def full_twin(
     job: Job, program: Program, moves: Moves, problem: Problem, decision: Decision,
     certain_f_z: Floats | None,
 ) -> TwinAnswer:  # fmt: skip
-    """Write ``decision`` into the program and judge it by the whole twin.
+    """Write ``decision`` into the program and check it by the whole twin.
 
     ``certain_f_z`` (M,): feed for each tooth up to which each row keeps the load limit [m]; None
     without a limit.
@@ -205,11 +205,7 @@ def full_twin(
 def _f_z_cap(
     cut: Cut, certain_f_z: Floats, reached: Floats, verified: Verified, rows: NDArray[np.intp]
 ) -> Floats:
-    """Feeds for each tooth that bring passing teeth down to the load of the table [m].
-
-    The table's load at the certain feed stands for the limit; where teeth that pass one by one make
-    more of the feed that is reached, the excess over the table's slope has to go.
-    """
+    """Feeds for each tooth that bring passing teeth down to the load of the table [m]."""
     bound = np.isfinite(certain_f_z)  # elsewhere no feed reaches the limit
     allowed = cut.table.peaks(np.where(bound, certain_f_z, reached))
     here = cut.table.peaks(reached)
@@ -253,10 +249,7 @@ def verify(
     cut: Cut, *, drives: Mapping[str, IdentifiedDrive] | None = None, rows: int = WAVEFORM_ROWS,
     limits: CutLimit | None = None, residual: Residual | None = None,
 ) -> Verified:  # fmt: skip
-    """The whole twin on the plan of a cut.
-
-    ``rows``: rows whose waveforms are computed, those with the greatest loads of the table.
-    """
+    """Whole twin on the plan of a cut, with waveforms of the ``rows`` of greatest load."""
     f_z, peak = cut.feed_per_tooth, cut.block_loads.peak
     worst = np.argsort(-peak, kind="stable")[:rows]
     worst = worst[peak[worst] > NOTHING]

@@ -44,11 +44,7 @@ def spots_only(tool: Tool) -> bool:
 
 
 def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlocks) -> Bools:
-    """Fill in the operations of rows in the material; which of them are thin across alone.
-
-    ``code`` (M,) is filled in; returned are the rows (M,) that count as finishing by their radial
-    depth, with a greater axial one.
-    """
+    """Fill in the operations (M,) of rows in the material; rows thin across alone (M,)."""
     row = blocks.row
     slender = np.zeros(len(code), dtype=np.bool_)
     if not len(row):
@@ -107,12 +103,7 @@ def _mostly(rows: Bools, passes: Rows, length: Floats) -> Bools:
 
 
 def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
-    """Blocks that lead in or out: the short ends of a cut, partly in air.
-
-    An end is short up to :data:`LEAD` diameters and half of its cut.  A cut that is no longer than
-    that altogether is a loop or a pass of its own between two moves in air; beside a rapid or a
-    plunge it is a lead too.
-    """
+    """Blocks that lead in or out: the short ends of a cut, partly in air."""
     row, length = blocks.row, moves.length[blocks.row] * 1e-3
     longest = LEAD * np.array([tool.diameter for tool in cut.tools])[blocks.tool]
     in_air = length_in_air(cut, blocks)[row] > cut.engagement.resolution
@@ -138,12 +129,7 @@ def _drilling_stations(cut: Cut) -> Rows:
 
 
 def _holes(cut: Cut) -> tuple[Bools, Bools]:
-    """Rows of drills in holes that their full diameter does not reach, and in deep ones; (M,) each.
-
-    A hole is all that drills cut at one place in the plane, with whatever codes and however often:
-    it is as deep as from where the first of them met the material down to where the drill's full
-    diameter ends at its lowest.
-    """
+    """Rows (M,) of drills in holes that their full diameter does not reach, and in deep ones."""
     shallow, deep = np.zeros((2, cut.engagement.blocks), dtype=np.bool_)
     stations = _drilling_stations(cut)
     if not len(stations):
@@ -169,11 +155,7 @@ def _holes(cut: Cut) -> tuple[Bools, Bools]:
 
 
 def drills_on_one_side(cut: Cut) -> Bools:
-    """Rows in which a drill cuts more on one side than on the other; shape (M,).
-
-    Over a slot or a cross hole, on a slope, at the edge of the blank: the height of its cone in the
-    material, averaged over a sixth of a turn, is not the same all around.
-    """
+    """Rows (M,) in which a drill cuts more on one side: over a slot, on a slope, at an edge."""
     uneven = np.zeros(cut.engagement.blocks, dtype=np.bool_)
     stations = _drilling_stations(cut)
     engagement = cut.engagement

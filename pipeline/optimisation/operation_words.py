@@ -166,10 +166,7 @@ def comments_of(program: Program) -> tuple[tuple[str, ...], dict[int, str]]:
 
 
 def tool_texts(text: str) -> dict[int, str]:
-    """What a comment says of tools, by their number.
-
-    The text belongs to its number; of several numbers each has the text up to the next, or, where
-    the text begins with what it names, all the text before it.
+    """Comment on each tool, by its number: up to the next number, or all text before it.
 
     >>> tool_texts("T1 ROUGHING 16, T2 FINISHING 10")
     {1: 'ROUGHING 16,', 2: 'FINISHING 10'}

@@ -112,10 +112,7 @@ class CommentsInForce:
 def comments_in_force(program: Program, comments: tuple[str, ...], moves: Moves) -> CommentsInForce:
     """Comments in force in each row of a program.
 
-    A subprogram is under its own comments and those of the lines that may have called it: of the
-    calls between the rows of the main program before and after it.
-
-    ``comments``: those of its L lines, L + 1 of them.
+    A subprogram is under its own comments and those of the lines that may have called it.
     """
     own = moves.file == 0
     lines = program.data.splitlines()
@@ -245,10 +242,9 @@ class Operations:
         return there
 
     def of_parts(self, whole: NDArray[np.int8]) -> "Operations":
-        """These operations of the parts of blocks, where ``whole`` (M,) are those of the blocks.
+        """Operations of the parts of blocks, where ``whole`` (M,) are those of the blocks.
 
-        A part is of its block's operation: its first part is no lead.  Only what of it is in air
-        is that, and beside a slot there may be less than one.
+        A part is of its block's operation: no lead; only what of it is in air is that.
         """
         own = self.of("air") | ((whole == CODE["slotting"]) & self.of("roughing"))
         return replace(self, code=np.where(own | (self.code < 0), self.code, whole))
@@ -265,10 +261,8 @@ def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> O
 def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
     """Operation of each row of a program as far as it is known without the cut.
 
-    What neither a cycle nor a comment nor the tool tells is roughing, that of a drill drilling; see
-    :data:`MAY_BE` for what such a row may be.
-
-    ``tools``: by their number, those of the program that are known.
+    Rows without a sign are roughing, those of a drill drilling; see :data:`MAY_BE` for
+    alternatives.
     """
     fed = _fed(moves)
     code = np.where(fed, CODE["roughing"], -1).astype(np.int8)
@@ -330,10 +324,7 @@ def _fill_tag(code: NDArray[np.int8], rows: Bools, tag: Operation | None) -> Non
 
 
 def _given_way(tag: Operation) -> list[int]:
-    """Numbers of the operations that give way to what a tool or a comment is called.
-
-    What keeps F and S gives way only to what does so too, milling to all but roughing.
-    """
+    """Operations that give way to a tool's or comment's; what keeps F and S only to its like."""
     milling = [CODE["roughing"], CODE["slotting"], CODE["face_milling"]]
     if tag == "roughing":
         return []
@@ -364,11 +355,7 @@ def _of_tool(tool: Tool | None, about: str) -> Operation | None:
 
 
 def passes(operations: Operations, moves: Moves, rows: Bools) -> Rows:
-    """Number of the pass of each row among ``rows``, -1 for others; shape (M,).
-
-    A pass is what one tool cuts at one programmed F between two rows that are not of it: the walls
-    of one contour.
-    """
+    """Pass of each row among ``rows``, -1 for others: one tool at one programmed F; shape (M,)."""
     code = np.where(rows, operations.code, -1)
     keys = np.stack([code.astype(np.float64), moves.tool.astype(np.float64), moves.feed])
     fed = operations.code >= 0

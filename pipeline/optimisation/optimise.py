@@ -95,7 +95,7 @@ class _Outcome:
 
 
 def optimise(job: Job, progress: Progress | None = None) -> Result:
-    """The best program that keeps the limits of ``job``.
+    """Best program that keeps the limits of ``job``.
 
     Raises Interrupted when the search was ended before anything kept the limits.
     """
@@ -105,11 +105,10 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
 def optimise_worn(
     request: JobRequest, workshop: Workshop, progress: Progress | None = None
 ) -> Result:
-    """The best program that keeps the limits until its tools are changed.
+    """Best program that keeps the limits until its tools are changed.
 
-    Where no feed keeps them at the criterion of wear, tools have to be changed earlier: the
-    criterion is lowered to the greatest of ``SHARES`` that allows one.  A wear that somebody asked
-    for is not lowered.  Raises as :func:`optimise` does.
+    Where no feed keeps them at the criterion of wear, it is lowered to the greatest of ``SHARES``
+    that allows one; a wear that was asked for is not.  Raises as :func:`optimise` does.
     """
     wear = workshop.wear
     if wear.rule != "criterion" or wear.asked or wear.given:
@@ -186,10 +185,7 @@ class _Course:
         return self.interrupted
 
     def result(self) -> Result:
-        """The best program; tools that cannot keep their limits stay as programmed.
-
-        Raises LimitsError when that is no single tool, or every one that cuts.
-        """
+        """Best program, with tools that cannot keep their limits as programmed."""
         while True:
             try:
                 return self.outcome()
@@ -333,10 +329,7 @@ class _Course:
         return "time" if self.job.objective == "pareto" else self.job.objective
 
     def _search(self, problem: Problem) -> _Outcome:
-        """The best that the whole twin accepts: blockwise, then by genetic search, or of a front.
-
-        Loads and axes are brought inside their limits by the blockwise optimum, which is quick.
-        """
+        """Best answer that the whole twin accepts: blockwise, then genetic, or of a front."""
         if self.ends("solving block by block", 0.2):
             raise Interrupted
         direct = self._settled(problem, lambda one: (self._blockwise(one), None))
@@ -412,10 +405,7 @@ class _Course:
     def _methods(
         self, problem: Problem, outcome: _Outcome
     ) -> tuple[TwinAnswer, tuple[Method, ...]]:
-        """The answer, and beside it the blockwise optimum and the baselines, all as written.
-
-        A method that passes the same test, the whole twin included, and is better, is the answer.
-        """
+        """Answer, and beside it the blockwise optimum and the baselines, all as written."""
         answer, which = outcome.answer, OBJECTIVES.index(self.objective)
         methods, contest = [], self.job.objective != "pareto"
         for one in self._others(problem, outcome.blockwise):
@@ -435,10 +425,7 @@ class _Course:
         return answer, (*methods, final)
 
     def _nominal(self, problem: Problem) -> tuple[Method, ...]:
-        """The same methods where every value is as stated; the answer's last.
-
-        It is not put through the whole twin.  A front's knee is not searched again.
-        """
+        """The same methods at nominal values, not put through the whole twin; the answer's last."""
         if self.certain is None or self.interrupted:
             return ()
         nominal = with_load(problem, self.certain.nominal)
@@ -461,10 +448,7 @@ class _Course:
         return tuple(replace(one, limits="nominal") for one in methods)
 
     def _others(self, problem: Problem, optimum: Decision) -> list[Method]:
-        """The blockwise optimum of a problem among the baselines, with F and S as words hold them.
-
-        The baselines are left out of a search that was interrupted.
-        """
+        """Blockwise optimum of a problem among the baselines, as words hold them."""
         direct = method_of(problem, DIRECT, optimum, 1)
         if self.interrupted:
             return [self._written(problem, direct)]
@@ -474,10 +458,7 @@ class _Course:
         return [self._written(problem, one) for one in (*found[:1], direct, *found[1:])]
 
     def _written(self, problem: Problem, method: Method) -> Method:
-        """A method with the objectives of its F and S rounded as words are.
-
-        What it keeps is not asked again: F is rounded down, S by less than a word shows.
-        """
+        """Method with the objectives of its rounded F and S, which keep what it kept."""
         if method.decision is None:
             return method
         decision = written_feeds(problem, method.decision)
@@ -512,10 +493,7 @@ def _as_programmed(job: Job) -> _Text:
 
 
 def _best(course: _Course, whole: Result | None = None) -> Result:
-    """The better of the program as it is (``whole``, where it was solved) and in parts.
-
-    Long blocks are split where that is asked for and gains.
-    """
+    """Better of the program as it is (``whole``) and with long blocks split where that gains."""
     grouping, refused = course.job.settings.grouping, None
     try:
         whole = whole or course.result()

@@ -53,10 +53,7 @@ _WORD = re.compile(r"\s*[FS]\s*[-+0-9.]+")
 
 
 def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bools]]:
-    """Number of each tool, ranges of its feed and speed, why these stay, and its rows (M,).
-
-    Of each tool in each operation, where operations were told apart; else of the tool table.
-    """
+    """Number of each tool, ranges of its feed and speed, why these stay, and its rows (M,)."""
     problem, moves = result.problem, result.moves
     practice = problem.practice
     if practice is not None:
@@ -69,7 +66,7 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
 
 
 def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
-    """What of ``BINDS`` binds for the longest; None where nothing does for longer.
+    """Name in ``BINDS`` that binds for the longest; None where nothing does for longer.
 
     ``binds`` (M,): of :class:`~pipeline.optimisation.reasons.RowReasons`; ``seconds`` (M,): time of
     each row [s].
@@ -111,10 +108,7 @@ def tool_uses(
 
 
 def _raised(before: Floats, after: Floats, rows: Bools) -> Bools:
-    """Rows whose feed per tooth rose; where none of ``rows`` did, those where it changed, or all.
-
-    What did not change would hide what did where it is greater, as a fast return move does.
-    """
+    """Rows whose feed per tooth rose, else those where it changed, else all."""
     change = after / before - 1
     for some in (change > LEAST_RISE, np.abs(change) > LEAST_RISE):
         if (some & rows).any():
@@ -148,10 +142,7 @@ def _range_there(
 
 
 def _rise(lines: NDArray[np.int32], before: Floats, after: Floats, rows: Rows) -> FeedRise | None:
-    """Where among rows the feed per tooth rose most; None where it rose by no more than rounding.
-
-    Of rows that rose alike it is the one that ends highest.
-    """
+    """Place where the feed per tooth rose most, the highest end first; None below rounding."""
     ratio = np.divide(after[rows], before[rows], out=np.ones(len(rows)), where=before[rows] > 0)
     worst = rows[np.lexsort((after[rows], np.round(ratio, 3)))[-1]]
     if not after[worst] > (1 + LEAST_RISE) * before[worst]:

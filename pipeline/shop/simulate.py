@@ -32,16 +32,10 @@ from pipeline.shop.wear.records import write_wear
 def simulate(
     out: Path, truth: Path, parameters: ShopParameters, compute: Compute = "serial"
 ) -> None:
-    """Write what one machine of the simulated shop records into ``out``, and the truth about it.
+    """Write the records of one machine of the simulated shop into ``out``, and ``truth`` (JSON).
 
-    Records are ``Devices.xml``, ``agent/<day>.txt``, ``thermocouples/<day>.csv``,
-    ``programs/<name>.nc``, ``control/<run>.txt``, ``servo/<trace>.csv``, ``motor/<trace>.csv``,
-    ``feed/<trace>.csv``, ``shaft/<test>.csv``, ``dynamometer/<test>.csv``,
-    ``cutting/<program>.nc``, ``cutting/<run>.txt``, ``growth/<profile>.csv``,
-    ``wear/<tool>_<number>.parquet``, ``wear/lives.csv``, ``parts/<name>.nc``; files of the same
-    names are replaced.  The file ``truth`` (JSON) has parameters, working days, cycles, and every
-    fault with its exact time.  Raises ValueError when ``truth`` lies in ``out``, or a part program
-    is unknown.
+    The truth has parameters, working days, cycles, and every fault with its exact time.  Raises
+    ValueError when ``truth`` lies in ``out``, or a part program is unknown.
     """
     if truth.resolve().is_relative_to(out.resolve()):
         raise ValueError(f"the truth {truth} must not stand among the records in {out}")
@@ -65,10 +59,7 @@ def _written(task: tuple[str, Path, ShopParameters]) -> Any:
 
 
 def write_work(out: Path, parameters: ShopParameters) -> dict[str, Any]:
-    """Write ``agent/<day>.txt`` and ``thermocouples/<day>.csv`` of the weeks of work into ``out``.
-
-    The truth: days, cycles, heat, and the faults of both loggers.
-    """
+    """Write ``agent/<day>.txt`` and ``thermocouples/<day>.csv``; truth of days, heat and faults."""
     ambient = sensors.ambient_temperature(parameters)
     shop = Shop(parameters=parameters, random=parameters.generator("schedule"))
     machine = sensors.new_machine(parameters, float(ambient[0]))

@@ -69,10 +69,7 @@ def flux(speed: float, base_speed: float) -> float:
 
 @compiled_with()
 def copper_share(phi: float, current: float, magnetising: float) -> float:
-    """Stator copper loss against the rated one [1] at flux ``phi`` and torque current ``current``.
-
-    Magnetising and torque currents stand at right angles, so their squares add.
-    """
+    """Stator copper loss [1] of the rated one at flux ``phi``; both currents in quadrature."""
     return (magnetising * phi) ** 2 + (1.0 - magnetising**2) * current**2
 
 
@@ -207,10 +204,7 @@ def state_at_rest(ambient: float) -> Floats:
 
 
 def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1) -> Heat:
-    """Temperatures of all nodes for each second of ``inputs``, in ``substeps`` Euler steps each.
-
-    ``state`` (11,) are the temperatures before [degC], and whether the chiller runs.
-    """
+    """Node temperatures in each second from ``state`` (11,) [degC] by ``substeps`` Euler steps."""
     table = _edges(p)
     ends = np.array([(a, b) for a, b, _, _ in table])
     kinds = np.array([int(kind) for *_, kind in table])
@@ -322,10 +316,7 @@ def _simulated(
 
 
 def no_load_power(speed: Floats, spindle: SpindleParameters, oil: float) -> Floats:
-    """Power that the spindle takes without a cut at each speed [rev/min], in [W].
-
-    Friction of all bearings with oil of ``oil`` [degC] (Palmgren), and the air about the rotor.
-    """
+    """No-load power [W] at each speed [rev/min], oil at ``oil`` [degC] (Palmgren)."""
     nu = viscosity(oil, *viscosity_line(spindle.viscosity_40, spindle.viscosity_100))
     torque = sum(_friction(b, speed, nu) for b in (spindle.front, spindle.rear))
     air = spindle.motor.windage * (speed / 12000) ** 3

@@ -123,10 +123,9 @@ def carried(values: Floats, start: float) -> Floats:
 
 @dataclass(frozen=True)
 class Operation:
-    """One tool's work: ``power`` is a share of the rated power, ``feed`` in mm/s.
+    """Work of one tool: ``power`` as a share of the rated power, ``feed`` in mm/s.
 
-    ``motion`` is the pattern of the axes; in ``contour`` the spindle is a C axis under position
-    control and does not turn; ``run`` turns the spindle only (warm-up).
+    In the ``motion`` ``contour`` the spindle is a C axis; ``run`` turns the spindle only (warm-up).
     """
 
     tool: int

@@ -78,7 +78,7 @@ class ControlRecords:
             )
 
     def shown(self, raw: Path) -> dict[str, Path]:
-        """Programs below ``raw`` that the report shows, each with the name of what is made of it.
+        """Programs below ``raw`` that the report shows, each with the name of its results.
 
         That is the file's name without its ending; where several have the same, their whole path.
         """
@@ -111,10 +111,7 @@ class ControlRecords:
 
 
 def read_controls(path: Path) -> dict[str, ControlParameters]:
-    """Controls in a ``model.json``, by unit ("" where a machine is one).
-
-    Raises StoreError when the file is missing or of another form.
-    """
+    """Controls in a ``model.json``, by unit ("" for a single machine).  May raise StoreError."""
     return dict(read_json(path, ControlModelFile).control)
 
 
@@ -139,8 +136,8 @@ def time_interval(
     """90 % interval of the predicted time of a whole run [s]; None where none was learnt.
 
     It is wider where feeds or spindle speeds are outside of the conditions that were ``learnt``,
-    and reaches as far as the slowest and the fastest control, ``ends``, that the runs leave open.
-    Dwells are timed by the control: each is sure to a tick of its clock.
+    and reaches as far as the slowest and the fastest control, ``ends``.  A dwell is sure to a clock
+    tick.
     """
     band = intervals.get(WHOLE)
     if band is None:
@@ -183,10 +180,7 @@ def program_moves(path: Path, setup: Setup, progress: Callable[[int], None] | No
 
 @dataclass(frozen=True, kw_only=True)
 class Overrides:
-    """What the operator sets while a program runs, over what is programmed [1].
-
-    Each is one number, or one a row.
-    """
+    """Overrides of the operator over what is programmed [1], each one number or one a row."""
 
     feed: Floats | float = 1.0
     rapid: Floats | float = 1.0

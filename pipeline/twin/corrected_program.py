@@ -41,19 +41,13 @@ def corrected_program(
     """Linear axes with a servo that move in a program, each with its corrected command.
 
     Cuts are corrected.  In the rapids between them the correction fades out, for all axes at the
-    same time, so that a rapid keeps the path on which it lags today.  It takes the time that the
-    slowest loop needs to forget: in a longer fade axes at their limits part more.  The axes stand
-    for a moment before and after the program, at times below 0 and beyond its end.  The bounds are
-    the rapid speed and the acceleration that the control may command.  ``longest`` [s] is the time
-    of the program that is corrected, from its start.  Raises ValueError when no axis can be
-    corrected, or a drive is unstable.
+    same time, in the time that the slowest loop needs to forget.  The axes stand for a moment
+    before and after the program, at times below 0 and beyond its end.  The bounds are the rapid
+    speed and the acceleration of the control; ``longest`` [s] is the corrected time from the
+    program's start.
 
-    Returns
-    -------
-    axes : dict of str to CorrectedAxis
-        By letter, on the same T samples.
-    cutting : (T,) array of bool
-        Samples in blocks that cut.
+    Returns the axes by letter, on the same T samples, and the samples (T,) in blocks that cut.
+    Raises ValueError when no axis can be corrected, or a drive is unstable.
     """
     commanded = commanded_positions(plan)
     letters = moved_axes(commanded, drives)
@@ -82,10 +76,7 @@ def corrected_program(
 
 
 def in_cuts(plan: Plan, commanded: Trace, time: Floats) -> Bools:
-    """Samples of a corrected command, at ``time`` (T,) [s], in blocks that cut; shape (T,).
-
-    Below 0 and beyond the end of the program nothing is cut.
-    """
+    """Samples (T,) of a corrected command, at ``time`` (T,) [s], in blocks that cut."""
     cuts = np.isin(plan.path.motion, (Motion.CUTTING, Motion.PER_TURN))[commanded.row]
     period = float(commanded.time[1] - commanded.time[0])
     rows = np.rint(time / period).astype(int)
@@ -197,10 +188,10 @@ def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:
 
 
 def write_corrected(done: CorrectedProgram, path: Path) -> None:
-    """Write commanded and corrected positions [mm] over time [s] as CSV, comments before them.
+    """Write commanded and corrected positions [mm] over time [s] as CSV, after comments.
 
-    Columns ``t``, for each axis ``X`` (what the program commands) and ``X_corrected``, in the
-    machine's frame, at the control's interpolation period, and ``cutting``: 1 in blocks that cut.
+    Columns ``t``, ``X`` and ``X_corrected`` for each axis in the machine's frame, at the control's
+    interpolation period, and ``cutting``: 1 in blocks that cut.
     """
     first = next(iter(done.axes.values()))
     columns = [first.time]

@@ -212,8 +212,7 @@ def reference_response(
 
     G = (L (K + f_v s) / (1 + T_x s) + H f_a s^2) / (s (1 + L / (1 + T_v s)) + L K / (1 + T_x s)).
 
-    Sampling is left out; the axis is in slip and within its limit, b that of its less viscous
-    direction.
+    Sampling is left out; the axis is in slip, b that of its less viscous direction.
     """
     s = 1j * omega
     sides = feed_drive.friction.positive.viscous, feed_drive.friction.negative.viscous
@@ -228,10 +227,9 @@ def reference_response(
 
 
 def cutoff(servo: ServoParameters, feed_drive: FeedDriveParameters, period: float) -> float:
-    """Where an axis no longer follows its command, by 3 dB [rad/s].
+    """Cutoff at which an axis follows its command by -3 dB [rad/s].
 
-    A quarter of what ``period`` [s] can hold at most: the correction is sampled with it, and a
-    smooth curve through its samples is what the servo gets.
+    At most a quarter of the sampling rate of the correction, ``period`` [s].
     """
     highest = 0.25 * pi / period
     omega = np.geomspace(min(1e-3 * servo.loop_gain, highest), highest, 2000)
@@ -242,13 +240,11 @@ def cutoff(servo: ServoParameters, feed_drive: FeedDriveParameters, period: floa
 def bounded(
     reference: Floats, correction: Floats, period: float, bounds: AxisBounds, reach: int
 ) -> Floats:
-    """A correction with which the command keeps its bounds; the same object where it does.
+    """Correction with which the command keeps its bounds; the same object where it does.
 
-    Where it does not, the command follows the one that is asked for as near as the bounds let it.
-    So that it ends where the reference ends, the correction is taken back earlier before the end
-    until it does, first from ``reach`` samples before it; in the worst case from its beginning,
-    which leaves none.  Positions (T,) in [m], period in [s]; the correction is zero at both ends,
-    and what the reference itself reaches is no less than its bound.
+    So that it ends where the reference ends, the correction is taken back before the end, first
+    from ``reach`` samples before it.  Positions (T,) in [m], period in [s]; the correction is zero
+    at both ends, and a bound is no less than the reference itself reaches.
     """
     from pipeline.machine.control.bounded import follow_within
 

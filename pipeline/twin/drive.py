@@ -28,7 +28,7 @@ from pipeline.schema.verdict import Fact
 
 
 def loop_matrix(rows: Floats, period: float, substeps: int = 1) -> Floats:
-    """G of axes, of their less viscous direction, shape (..., 5, 5).
+    """Loop matrices G in the less viscous direction, (..., 5, 5).
 
     ``rows`` (..., 21) are those of :func:`pipeline.machine.axis.drive_parameters.drive_row`; the
     servo samples with ``period`` [s], its mechanics make ``substeps`` in it.

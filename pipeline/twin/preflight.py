@@ -150,10 +150,7 @@ def preflight(moves: Moves, setup: Setup, limits: MachineLimits) -> Preflight:
 def contact_violations(
     moves: Moves, path: CuttingPath, tools: Mapping[int, Tool], blank: HeightMap
 ) -> tuple[Violation, ...]:
-    """Lines in which shank or holder of a tool goes into the material, each at its deepest.
-
-    ``path`` is that of the moves; it counts ``tools`` by their rising numbers.
-    """
+    """Lines in which a tool's shank or holder enters the material, each at its deepest."""
     numbers = sorted(tools)
     found = contacts(path.pieces, [tools[number] for number in numbers], blank)
     seen: dict[tuple[int, int, str], Violation] = {}
@@ -191,11 +188,7 @@ def clearance_not_checked(moves: Moves, tools: Mapping[int, Tool]) -> tuple[str,
 
 
 def extents(moves: Moves) -> tuple[Floats, Floats]:
-    """Least and greatest position of each axis in each row, NaN where it stands; shape (M, 6).
-
-    An arc reaches beyond its ends where it passes a quadrant; of a spiral the last passage counts
-    as well as the first.
-    """
+    """Least and greatest position of each axis in each row, NaN at rest, arcs included; (M, 6)."""
     start, end = moves.start, moves.end
     low = np.where(start != end, end, np.nan)
     high = low.copy()

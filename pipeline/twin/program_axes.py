@@ -80,7 +80,6 @@ def follow_program(
 ) -> dict[str, AxisFollowing]:
     """Linear axes of ``drives`` with a servo that move in a program, in air.
 
-    ``residual`` is what the drives' model leaves over; by default their model is all there is.
     Raises ValueError when the program is too long to be held, or a drive is unstable.
     """
     return follow_in_air(commanded_positions(plan), drives, residual)
@@ -226,9 +225,8 @@ def followed(
     """One axis along its reference, from rest.
 
     ``load`` (T * substeps,) acts against positive motion [N], ``substeps`` being samples of the
-    servo in one of the T of ``commanded``.  ``residual`` is added to the error of the model; it
-    gets what the model says under this load.  Raises ValueError when the drive has no servo, or is
-    unstable.
+    servo in one of the T of ``commanded``; ``residual`` is added to the error of the model.  Raises
+    ValueError when the drive has no servo, or is unstable.
     """
     reference = commanded.position[:, AXES.index(letter)]
     period = float(commanded.time[1] - commanded.time[0])
@@ -306,12 +304,11 @@ def driven_by_fuzzy(
     letter: str, drive: IdentifiedDrive, reference: Floats, period: float, *,
     substeps: int = SUBSTEPS,
 ) -> Floats:  # fmt: skip
-    """Where an axis would be with a fuzzy PI speed loop in place of its PI, from rest, (T,) [m].
+    """Position (T,) [m] of an axis with a fuzzy PI speed loop in place of its PI, from rest.
 
-    The gains that were identified are the middles of both ranges.  The inputs' scales are not
-    published (Feed2025): here the greatest speed error of the PI along the same command, and the
-    greatest change of it, are the ends of the sets.  Arguments and errors are those of
-    :func:`driven`.
+    The identified gains are the middles of both ranges.  The inputs' scales are not published
+    (Feed2025): here the greatest speed error of the PI along the same command, and its greatest
+    change. Arguments and errors are those of :func:`driven`.
     """
     if drive.servo is None:
         raise ValueError(f"axis {letter} has no servo: {drive.servo_reason}")
@@ -335,8 +332,7 @@ def _spring(drive: IdentifiedDrive, stiffness: float | None) -> tuple[float, flo
 
 
 def between(values: Floats, substeps: int) -> Floats:
-    """Values (T,) at ``substeps`` places a sample on a smooth curve, (T * substeps,); the last one
-    holds.
+    """Values (T,) at ``substeps`` places a sample on a smooth curve, (T * substeps,).
 
     On straight lines the acceleration that is fed forward would be a row of spikes.
     """

@@ -77,8 +77,8 @@ def feature_names(sources: Sequence[str], extra: Sequence[str]) -> list[str]:
 def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> pd.DataFrame:
     """Exponential means of ``names`` over each time constant, from the past only.
 
-    Where a signal is unknown its means are nan; after a gap they go on from what was before it.
-    Raises ValueError when a signal is no column of ``frame``.
+    An unknown signal has nan; after a gap its mean goes on.  Raises ValueError when a signal is no
+    column of ``frame``.
     """
     missing = [name for name in names if name not in frame.columns]
     if missing:
@@ -109,9 +109,8 @@ def features(
 ) -> Floats:
     """Feature matrix, shape (T, features), in the order of :func:`feature_names`.
 
-    ``inputs`` are rows of :func:`smoothed_inputs` at the T steps; ``physics`` (T,) is the network's
-    temperature, ``start`` the measured one it was started from [degC], ``at`` (T,) the time since
-    [s].
+    ``inputs``: rows of :func:`smoothed_inputs`; ``physics`` (T,): the network's temperature;
+    ``start``: the measured one of its start [degC]; ``at`` (T,): time since [s].
     """
     names = feature_names(sources, extra)
     columns = [physics, np.broadcast_to(start, len(physics)), at]
@@ -124,7 +123,7 @@ def save_forest(forest: "Trees", folder: Path) -> None:
 
 
 def load_forest(folder: Path, about: Forest, draws: int = 0) -> ResidualForest | None:
-    """The forest in ``folder``, None when training found that it does not help.
+    """Forest in ``folder``, None when training found that it does not help.
 
     Raises ValueError when its features are those of another version, or its file cannot be read.
     """

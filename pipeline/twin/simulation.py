@@ -60,10 +60,11 @@ def limit_words(plan: Plan) -> NDArray[np.str_]:
 
 
 def block_table(plan: Plan) -> "pd.DataFrame":
-    """One row a move: where it ends [mm], what was programmed and reached [mm/min], time [s].
+    """One row a move: where it ends [mm], programmed and reached feed [mm/min], time [s].
 
-    Columns ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool
-    speed limit``; ``programmed_feed`` is NaN where no feed holds.
+    Columns
+    ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool speed limit``;
+    ``programmed_feed`` is NaN where no feed holds.
     """
     import pandas as pd
 
@@ -121,10 +122,7 @@ def summary(plan: Plan, name: str) -> dict[str, Any]:
 
 
 def without_time(plan: Plan) -> dict[str, int]:
-    """How often a program changes the tool, or starts or stops the spindle, in no time at all.
-
-    Such a control has no time of them: neither in its file nor identified.
-    """
+    """Counts of tool changes, spindle starts and stops without a time in the control."""
     moves, known = plan.path.moves, plan.path.control.auxiliary
     changes = moves.tool[moves.kind == Kind.TOOL_CHANGE].tolist()
     found = {
@@ -178,9 +176,9 @@ MOST = 50_000_000
 def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None = None) -> int:
     """Write time [s], position [mm, deg], row and line at the interpolation period to Parquet.
 
-    ``programmed_x`` and its like are before the filters, ``x`` and its like after them.  Only axes
-    that move have columns.  ``progress`` is called with the share that is written; the number of
-    samples is returned.  Raises ValueError when the program is too long.
+    ``programmed_x`` and its like are before the filters, ``x`` and its like after them.
+    ``progress`` gets the share that is written; the number of samples is returned.  Raises
+    ValueError when the program is too long.
     """
     period = plan.path.control.interpolation_period
     if plan.total > MOST * period:
@@ -242,10 +240,9 @@ def simulate_files(
 ) -> None:
     """Simulate each of ``files`` on a machine's control; one that cannot be followed is refused.
 
-    ``files`` are part programs by the name of what is made of them, ``<name>.json`` and
-    ``<name>.parquet`` in ``out``; their places are named below ``raw``.  The interval of a time
-    comes from ``intervals`` of the control's times, the conditions ``learnt`` and the slowest and
-    the fastest control, ``ends``, that the learnt runs leave open.
+    ``files`` are part programs by the stem of ``<name>.json`` and ``<name>.parquet`` in ``out``.
+    The interval of a time comes from ``intervals``, the conditions ``learnt`` and the slowest and
+    fastest control, ``ends``.
     """
     out.mkdir(parents=True, exist_ok=True)
     for name, path in files.items():

@@ -70,9 +70,8 @@ class SpindleRecords:
 
 
 def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
-    """``state`` with one column a heat source, at the state's own sampling.
+    """``state`` with one column a heat source, taken before averaging: n^(5/3) is not linear.
 
-    The sources are taken before averaging: the mean of n^(5/3) is not the mean of n to the 5/3.
     Raises ValueError when a needed column is missing; the message names it.
     """
     missing = [name for name in records.signals if name not in state.columns]
@@ -120,11 +119,10 @@ def spindle_stretches(
 def stretch_of(
     state: pd.DataFrame, start_temperature: float, records: SpindleRecords, *, step: float
 ) -> StateSegment:
-    """A whole state table as one stretch that starts from a given temperature.
+    """Whole state table as one stretch from a given temperature, unknown inputs held.
 
-    Unknown inputs are held from before however long; the temperature of the spindle in ``state`` is
-    not looked at.  Raises ValueError when the table is empty, a column is missing, an input is
-    unknown in the first step, or the temperature to start from is not a number.
+    Raises ValueError when the table is empty, a column is missing, an input is unknown in the first
+    step, or the temperature to start from is not a number.
     """
     if state.empty:
         raise ValueError("the state table has no row: give the time that is to be predicted")
@@ -196,9 +194,8 @@ def from_measured(
 ) -> Floats:
     """Temperature over ``length`` steps from that measured at each of N ``starts``, (N, length).
 
-    ``nodes`` (nodes, T) is a free run from the stretch's beginning.  What it is off by at a start
-    is known then; an error that has lasted is one of the slow mode, so the body is as far off.
-    Beyond the end of the stretch its last inputs are held.
+    ``nodes`` (nodes, T) is a free run from the stretch's beginning, whose error at a start counts
+    as one of the slow mode.  Beyond the end of the stretch its last inputs are held.
     """
     frame, at = stretch.frame, np.asarray(starts, dtype=np.intp)
     rows = np.minimum(at[:, None] + np.arange(length), len(frame) - 1)
@@ -267,10 +264,7 @@ class SpindleIntervals(Ranged, section="intervals"):
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleModelFile(Model):
-    """The content of a spindle's ``model.json``; the forest's trees stand beside it.
-
-    ``intervals`` is None where a single training day leaves none to calibrate them on.
-    """
+    """Content of a spindle's ``model.json``; ``intervals`` is None with a single training day."""
 
     network: SpindleThermalParameters
     records: SpindleRecords
@@ -290,10 +284,7 @@ class SpindleModel:
     forest: ResidualForest | None = None
 
     def free_run(self, stretch: StateSegment) -> tuple[Floats, Floats]:
-        """Temperature from the first sample: of the network alone, (T,), and of the whole model.
-
-        The latter has shape (1 + draws, T), those by forests drawn last.
-        """
+        """Temperature of the network alone, (T,), and of the whole model, (1 + draws, T)."""
         physics = free_run(stretch, self.records, self.network)[0]
         if self.forest is None:
             return physics, physics[None]
@@ -304,8 +295,7 @@ class SpindleModel:
     def windows(self, stretch: StateSegment, window_s: float) -> tuple[Floats, Floats, Floats]:
         """Network alone, (T,), whole model, (1 + draws, T), and persistence, (T,), by windows.
 
-        Every window starts from a measured temperature; where there is none, the window begins at
-        the next one and what lies between is nan.
+        Every window starts from a measured temperature; what lies between is nan.
         """
         measured = stretch.frame[TARGET].to_numpy(float)
         length = max(round(window_s / stretch.step), 1)

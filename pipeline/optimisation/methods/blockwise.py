@@ -43,10 +43,7 @@ Change = tuple[int, int, bool, float]
 
 
 def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping) -> Decision:
-    """F and S of least time, cost, energy or wear, reckoned row by row.
-
-    It is inside all limits; S in whole rev/min or as programmed.
-    """
+    """F and S of least time, cost, energy or wear, row by row, inside all limits."""
     which = column(objective)
     whole = _as_programmed(problem, objective)
     kept: list[tuple[float, Decision]] = []
@@ -166,10 +163,8 @@ def refined(
 ) -> Floats:
     """Best S of each stretch near those given; never worse.  Shape (H,) [rev/min].
 
-    A stretch that has its S as programmed keeps it: another was not worth its word.
-
-    ``group`` (M,): rows that share an F, -1 where it is kept; ``worth``: what another S than that
-    programmed has to save, as a share; without it all are refined.
+    ``group`` (M,): rows that share an F, -1 where it is kept; ``worth``: least saving of another S
+    than that programmed, as a share; without it all are refined.
     """
     speeds = stretches.speeds.copy()
     if not len(speeds):

@@ -48,11 +48,10 @@ class Curves:
 def feed_groups(
     model: BlockModel, grouping: Grouping, stretch: Rows, speeds: Floats, whole: float
 ) -> tuple[Rows, Floats]:  # fmt: skip
-    """Groups of F, and the best F of each.
+    """Groups of F, (M,), -1 where F is kept, and the best F (G,) of each in the units of ``Moves``.
 
     ``stretch`` (M,): stretch of S of each row; a group lies in one; ``speeds`` (M,): S of each row
-    [rev/min]; ``whole``: objective of the whole part as programmed. Groups are of shape
-    (M,), -1 where F is kept; their F (G,) in the units of ``Moves``.
+    [rev/min]; ``whole``: objective of the whole part as programmed.
     """
     problem, block = model.problem, model.problem.editable.block
     if not (block >= 0).any():
@@ -93,11 +92,7 @@ def _codes(problem: Problem, stretch: Rows) -> Rows:
 
 
 def _joint(moves: Moves, code: Rows, problem: Problem) -> Bools:
-    """Whether each block may share an F with the next one of the text; shape (B - 1,).
-
-    Both need the same tools, stretches and kind of feed, and no row between them that keeps its F:
-    its word would end the group in any case.
-    """
+    """Blocks (B - 1,) that may share an F with the next: same tools, stretches and kind of feed."""
     block, line = problem.editable.block, problem.editable.line
     rows = np.flatnonzero(block >= 0)
     pairs = np.unique(np.stack([block[rows], code[rows]]), axis=1)
@@ -256,12 +251,11 @@ class _Merger:
 
 
 def merged(curves: Curves, joint: Bools, *, gain: float, least_time: float) -> Rows:
-    """Group of each of B blocks.
+    """Group of each of B blocks, from 0, rising, without gaps; shape (B,).
 
-    ``joint`` (B - 1,): whether each block may share an F with the next; ``gain``: what an F word
-    has to save, in the units of the objective; ``least_time``: groups that take less [s] are merged
-    even if that loses as much as they take. Numbers from 0, rising,
-    without gaps; shape (B,).
+    ``joint`` (B - 1,): whether each block may share an F with the next; ``gain``: least saving of
+    an F word, in the units of the objective; ``least_time``: groups that take less [s] are merged
+    unless that loses more than they take.
     """
     if not len(curves.low):
         return np.zeros(0, dtype=np.intp)

@@ -44,10 +44,9 @@ AT_ONCE = 2**18
 
 
 def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest F of each row at S, in the units of ``Moves``; the least is infinite where
-    no F is allowed at that S.
+    """Least and greatest F of each row at S (P, M) [rev/min], in the units of ``Moves``.
 
-    ``speeds`` (P, M): [rev/min]. Shape (P, M) each.
+    Shape (P, M) each; the least is infinite where no F is allowed at that S.
     """
     path, cuts = problem.cut.plan.path, problem.cuts
     spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
@@ -73,14 +72,11 @@ def feed_bounds(problem: Problem, speeds: Floats) -> tuple[Floats, Floats]:
 def common_bounds(
     problem: Problem, groups: RowGroups, low: Floats, high: Floats, speeds: Floats
 ) -> tuple[Floats, Floats]:
-    """Interval of F that suits all rows of each group, without what axes and arcs cut off.
+    """Interval of F that suits all rows of each group, (P, U) each, empty where low > high.
 
-    It reaches up to F as programmed where that is allowed: a lesser one, that changes nothing,
-    would be a word for nothing.  All of it still suits when a word rounds F down.  An interval too
-    narrow for that is one F: as programmed, or such as a word holds.
-
-    ``low`` and ``high`` (P, M): of rows, from :func:`feed_bounds`; ``speeds`` (P, M): [rev/min].
-    Shape (P, U) each; empty where the first is above the second.
+    It reaches up to F as programmed where that is allowed, and holds after a word rounds F down; an
+    interval too narrow for that is one F.  ``low`` and ``high`` (P, M): of :func:`feed_bounds`;
+    ``speeds`` (P, M): [rev/min].
     """
     path = problem.cut.plan.path
     spindle_speed = np.where(path.moves.direction == 0, 0.0, speeds)
@@ -208,11 +204,7 @@ class BlockFeeds:
 
 
 def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
-    """Best F of each group of rows at given speeds.
-
-    ``group`` (M,): rows that share an F, from 0 without gaps; -1 where the row keeps its own;
-    ``speeds`` (P, M): S of each row [rev/min].
-    """
+    """Best F of each group of rows, (M,), -1 where a row keeps its own, at S (P, M) [rev/min]."""
     many = max(1, AT_ONCE // max(speeds.shape[1], 1))
     parts = [
         _solved(model, group, speeds[first : first + many]) for first in range(0, len(speeds), many)
@@ -225,10 +217,10 @@ def block_feeds(model: BlockModel, group: Rows, speeds: Floats) -> BlockFeeds:
 def best_feeds(
     model: BlockModel, groups: RowGroups, speeds: Floats, low: Floats, high: Floats
 ) -> Floats:
-    """F of each row, the best of its group from ``low`` to ``high``; shape (P, M).
+    """Best F of each row from ``low`` to ``high`` (P, U) of its group; shape (P, M).
 
-    ``speeds`` (P, M): S of each row [rev/min]; ``low`` and ``high`` (P, U): where that is empty,
-    the mean of the group's own feeds is taken.
+    ``speeds`` (P, M): S of each row [rev/min]; where the interval is empty the mean of the group's
+    own feeds is taken.
     """
     own = model.problem.cut.plan.path.moves.feed
 

@@ -133,10 +133,9 @@ def speed_ranges(problem: Problem, groups: Groups, own: Floats) -> tuple[Floats,
 
 
 def group_bounds(problem: Problem, groups: Groups, speeds: Floats) -> tuple[Floats, Floats]:
-    """Least and greatest F that suits all rows of each group, shape (P, G) each.
+    """Least and greatest F of each group, (P, G) each, at S (P, H) [rev/min].
 
-    ``speeds`` (P, H): [rev/min]. In the units of ``Moves``; the least is above the greatest where
-    no F keeps the limits.
+    In the units of ``Moves``; the least is above the greatest where no F keeps the limits.
     """
     rows = groups.row_speeds(speeds)
     least, most = common_bounds(

@@ -121,10 +121,7 @@ def _around(
 
 
 def _population(genes: BoundedGenes, given: Floats, settings: SearchSettings) -> Floats:
-    """First individuals: those given, all their speeds scaled, and perturbed copies.
-
-    A quarter of the population is left to chance over the whole box.
-    """
+    """First individuals: those given, perturbed copies, and a quarter by chance."""
     rng = np.random.default_rng([settings.seed, 1])
     low, high, is_speed = genes.low, genes.high, genes.log
     scaled = np.repeat(given[-1:], settings.population // 4, axis=0)

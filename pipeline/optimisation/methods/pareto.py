@@ -24,11 +24,10 @@ def pareto(
     settings: SearchSettings,
     callback: Callback | None = None,
 ) -> Front:
-    """The front that NSGA-II finds; in no objective worse than the best of the starts.
+    """Front of NSGA-II; in no objective worse than the best of the ``starts`` inside the limits.
 
-    ``starts``: inside all limits, such as the blockwise optimum of each objective. Rows share an F
-    or an S in the front where they do so in every one of them; ``objectives``: those that count, of
-    :data:`~pipeline.optimisation.settings.OBJECTIVES`.
+    Rows share an F or an S in the front where they do so in every start; ``objectives``: those that
+    count, of :data:`~pipeline.optimisation.settings.OBJECTIVES`.
     """
     count = np.array([OBJECTIVES.index(one) for one in objectives], dtype=np.intp)
     joint = [_joint(starts, one) for one in starts]
@@ -103,10 +102,7 @@ def _refined(groups: Sequence[Rows], values: Sequence[Floats]) -> Rows:
 
 
 def _population(genes: BoundedGenes, given: Floats, many: int) -> Floats:
-    """First individuals: the starts, and as many between each two of them as have a place.
-
-    A quarter of the population is left to chance over the whole box.
-    """
+    """First individuals: the starts, points between each two of them, a quarter at random."""
     given = np.unique(given, axis=0)[:many]
     pairs = list(combinations(range(len(given)), 2))
     each = (3 * many // 4 - len(given)) // len(pairs) if pairs else 0

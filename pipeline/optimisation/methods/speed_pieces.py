@@ -50,16 +50,12 @@ class Pieces:
 
 
 def speed_pieces(plan: Plan, editable: Editable, cuts: Bools, grouping: Grouping) -> Pieces:
-    """Pieces of a program.
+    """Pieces of a program, each from a line where an S word may stand to the next.
 
-    A piece goes from a line where an S word may stand to the next such line.  A word is added only
-    between two cuts, and at the first line after a cut: the approach to the next cut is made at the
-    speed of that one, the retract from the last at the speed that it was cut with.  A line that is
-    run more than once (a loop, a subprogram) gives S the same value each time: there only the
-    program's own S words count, and each always begins a piece.  Tools that cut nothing keep their
-    S.
-
-    ``cuts`` (M,): rows that cut at feed.
+    A word is added only between two cuts, at the first line after a cut: the approach is made at
+    the speed of the next cut.  A line that is run more than once (a loop, a subprogram) gives S the
+    same value each time: there only the program's own S words count.  Tools that cut nothing keep
+    their S. ``cuts`` (M,): rows that cut at feed.
     """
     moves = plan.path.moves
     runs = LineRuns.among(moves)
@@ -108,10 +104,7 @@ def _between_cuts(own: Bools, may: Bools, cuts: Bools, tool: Rows) -> Bools:
 
 
 def speed_grid(problem: Problem, pieces: Pieces) -> Floats:
-    """Speeds tried for each run of pieces of one tool, in whole rev/min or as programmed.
-
-    Shape (T, K), rising [rev/min]; the last one stands repeatedly where a run has fewer.
-    """
+    """Speeds (T, K) tried for each run of pieces of one tool, rising, whole or own [rev/min]."""
     moves = problem.cut.plan.path.moves
     listed = []
     for tool_run in range(int(pieces.tool_run.max(initial=-1)) + 1):
@@ -145,9 +138,9 @@ def _speeds(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> Floats:
 
 
 def speed_range(problem: Problem, cuts: NDArray[np.bool_], own: Floats) -> tuple[float, float]:
-    """Least and greatest S of any of some rows that cut [rev/min].
+    """Least and greatest S of rows that cut [rev/min].
 
-    Where nothing limits S, it is what the program has at most, and a tenth of what it has at least.
+    Where nothing limits S, a tenth of the program's least and its greatest.
     """
     least, most = float(own.min(initial=np.inf)), float(own.max(initial=0.0))
     low = float(problem.ranges.speed_low[cuts].min())

@@ -42,10 +42,7 @@ class Stretches:
 
 
 def best_speeds(model: BlockModel, grouping: Grouping, whole: float) -> tuple[Pieces, Stretches]:
-    """Best stretches of S, each with the best value of the grid.
-
-    ``whole``: objective of the whole part as programmed.
-    """
+    """Best stretches of S, each with the best value of the grid; ``whole`` as programmed."""
     problem, moves = model.problem, model.problem.cut.plan.path.moves
     pieces = speed_pieces(problem.cut.plan, problem.editable, problem.cuts, grouping)
     grid = speed_grid(problem, pieces)
@@ -72,12 +69,7 @@ def own_speeds(problem: Problem, pieces: Pieces) -> Floats:
 
 
 def staying(problem: Problem, grouping: Grouping) -> Problem:
-    """The problem, in which what chatters as programmed may stay where no S would help.
-
-    Where machining practice holds, a piece that has no S at which all of its rows keep their limits
-    may be cut as it is: those of its rows that are nearer to chatter than the limit asks come no
-    nearer.
-    """
+    """Problem in which pieces that chatter at every S may stay as they are, but come no nearer."""
     below = problem.own_margin < problem.limits.margins.stability  # NaN: not known
     if problem.practice is None or not (below & problem.editable.speed).any():
         return problem
@@ -245,10 +237,7 @@ def _joined(run: Rows, key: Rows) -> Rows:
 
 
 def changes_of(of_piece: Rows, pieces: Pieces) -> Sequence[tuple[int, int, bool, float]]:
-    """Stretches that follow one another on one tool.
-
-    Before, after, whether the spindle rests between them, and the least lead [s].
-    """
+    """Before, after, rest of the spindle between, and least lead [s] of stretches of one tool."""
     leads: dict[tuple[int, int, bool], float] = {}
     for piece in range(1, len(pieces)):
         before, after = int(of_piece[piece - 1]), int(of_piece[piece])
@@ -262,11 +251,10 @@ def changes_of(of_piece: Rows, pieces: Pieces) -> Sequence[tuple[int, int, bool,
 def viterbi(values: Floats, change: Floats, kind: Rows, word: Floats) -> Rows:
     """States of A stages that cost least together: dynamic programming (Viterbi 1967).
 
-    ``values`` (A, K): of each state at each stage; infinite where it is not allowed; ``change`` (C,
-    K, K): price of going from one state (first) to another, by kind of change; ``kind`` (A,): kind
-    of the change that leads to each stage; ``word`` (A,): price of any change there, beside that of
-    its kind. Of those that cost the same
-    it is the lowest states and the earliest changes; 0 where a stage is infinite in all; (A,).
+    ``values`` (A, K): cost of each state, infinite where it is not allowed; ``change`` (C, K, K):
+    price from one state (first) to another, by kind of change; ``kind`` (A,): kind of the change to
+    each stage; ``word`` (A,): price of any change there.  Of equal costs the lowest states and the
+    earliest changes; 0 where a stage is infinite in all; (A,).
     """
     stages, states = values.shape
     before = np.tile(np.arange(states), (stages, 1))
@@ -289,10 +277,9 @@ def change_price(
 ) -> Floats:
     """Price of a change of S between two places of one tool; infinite below the least change.
 
-    ``before`` and ``after``: [rev/min], of shapes that go together; ``rest``: whether the spindle
-    stands in between; what its start takes does not belong to the change; ``lead``: time from the
-    change to the next cut [s]: a control that does not wait cuts at another speed than it should,
-    with too thick chips where that is lower, when the lead is too short.
+    ``before`` and ``after``: [rev/min], of shapes that broadcast; ``rest``: whether the spindle
+    stands in between; ``lead``: time from the change to the next cut [s], too short for a control
+    that does not wait where chips get too thick.
     """
     problem, least = model.problem, model.problem.limits.least_speed_change_rpm
     step = np.abs(after - before)
@@ -307,8 +294,7 @@ def change_price(
 def start_prices(model: BlockModel, pieces: Pieces, grid: Floats) -> Floats:
     """Price of starting the spindle for each piece, and stopping it after; shape (A, K).
 
-    Infinite where S would be too near to that of a row beside the piece that keeps its own.
-
+    Infinite where S would be too near to that of a row beside the piece that keeps its own;
     ``grid`` (T, K): speeds of each run of pieces [rev/min].
     """
     prices, price = _beside_held(model, pieces, grid), model.second_price

@@ -268,10 +268,7 @@ class Evaluation:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Editable:
-    """F and S that may change in a program of M rows and B editable blocks.
-
-    A block is one line of the program's own file; rows of one line (cycles, repeats) share it.
-    """
+    """F and S that may change in a program of M rows and B editable blocks (lines)."""
 
     block: Rows = field(repr=False)
     """Block whose F each row takes, -1 for rows that keep theirs; in the order of the program;
@@ -290,19 +287,13 @@ class Editable:
 
 
 def speeds_between_cuts(editable: Editable, kind: NDArray[np.uint8]) -> Editable:
-    """Editable rows in which S changes at the program's own S words and at rapids alone.
-
-    ``kind`` (M,): of the moves.
-    """
+    """Editable rows with S changes at own S words and rapids alone; ``kind`` (M,): of the moves."""
     fitting = editable.own_start | np.isin(kind, (Kind.RAPID, Kind.SPINDLE))
     return replace(editable, may_start=editable.may_start & fitting)
 
 
 def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
-    """Editable rows in which the rows of a pass are one block, inside which S does not change.
-
-    ``passes`` (M,): pass of each row, -1 for those of none.
-    """
+    """Editable rows in which the rows of a pass (M,), -1 for none, are one block of constant S."""
     block, line = editable.block, editable.line
     rows = np.flatnonzero((passes >= 0) & (block >= 0))
     lowest = np.arange(len(line))
@@ -323,10 +314,7 @@ def one_feed_each_pass(editable: Editable, passes: Rows) -> Editable:
 
 
 class RowGroups:
-    """Rows of each of U groups.
-
-    ``group`` (M,): from 0 without gaps; -1 for rows of none.
-    """
+    """Rows of each of U groups; ``group`` (M,): from 0 without gaps, -1 for rows of none."""
 
     def __init__(self, group: Rows) -> None:
         self.group = group

@@ -62,11 +62,10 @@ class Demand:
         return replace(self, rows=rows)
 
     def of_rows(self, time: Floats, wait: Floats, spindle_speed: Floats) -> Floats:
-        """Objectives of each row.
+        """Time [s], cost, energy [kWh], share of tool life [1] of rows, NaN unknown; (4, P, M).
 
         ``time`` and ``wait`` (P, M): moving, and standing after it [s]; ``spindle_speed`` (1 or P,
-        M): of the spindle [rev/min]. Time [s], cost, energy [kWh], share of tool life [1];
-        NaN where not known; shape (4, P, M).
+        M): [rev/min].
         """
         from pipeline.optimisation.problem.kernels import row_values
 
@@ -87,11 +86,7 @@ class Demand:
         return out
 
     def violation(self, path: Path, feed: Floats, spindle_speed: Floats) -> Floats:
-        """Excess over limits that hold row by row, as a share of each, summed; shape (P,).
-
-        ``feed`` and ``spindle_speed`` (P, M): F in the units of ``Moves``, speed of the spindle
-        [rev/min].
-        """
+        """Excess over row limits, as a share of each, summed; (P,) of F and S (P, M) [rev/min]."""
         from pipeline.optimisation.problem.kernels import violations
 
         out = np.empty(len(feed))

@@ -66,9 +66,8 @@ REMEDY = {
 def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> Floats:
     """Value over limit of each row, limit over value where the limit is a least one [1].
 
-    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``. Shape (14, M) in the order of
-    ``CONSTRAINTS``; 0 where nothing limits. F and S outside of their ranges on either side are
-    above 1.
+    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``.  Shape (14, M) in the order of
+    ``CONSTRAINTS``; 0 where nothing limits.
     """
     out = np.zeros((len(CONSTRAINTS), len(problem)))
     cuts, ranges = problem.cuts, problem.ranges
@@ -153,9 +152,8 @@ def problem_of(
 ) -> Problem:  # fmt: skip
     """Limits and objectives of the rows of a cut.
 
-    ``f_z_load`` (M,): feed for each tooth up to which the load keeps its limit [m]; by default that
-    of the load table; ``practice``: ranges by tool and operation, and the greatest change from the
-    program.
+    ``f_z_load`` (M,): feed for each tooth up to which the load keeps its limit [m], by default of
+    the load table; ``practice``: ranges by tool and operation, and the greatest change.
     """
     arcs = station_arcs(cut.engagement, cut.tools)
     blocks = cut_blocks(cut, arcs)
@@ -182,10 +180,7 @@ def problem_of(
 
 
 def with_load(problem: Problem, f_z_load: Floats) -> Problem:
-    """The same problem with another bound of the load, as :func:`problem_of` takes it.
-
-    Stability lobes are not computed again.
-    """
+    """Same problem, lobes included, with another bound of the load, see :func:`problem_of`."""
     bounds = bounds_of(
         problem.cut, problem.blocks, problem.limits, problem.editable, f_z_load, problem.practice
     )  # fmt: skip
@@ -389,12 +384,10 @@ SPEEDS = 33
 
 
 def passed_limit(problem: Problem, feeds: Floats, speeds: Floats) -> LimitsError | None:
-    """The limit that F and S pass by most, in one sentence with its block; None where none is.
+    """Limit that F and S pass by most, in one sentence with its block; None where none is.
 
-    The least possible value is that over the ranges of F and S of the block alone: where it keeps
-    the limit, blocks that share an F or an S with it are what stands against it.
-
-    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``.
+    ``feeds`` and ``speeds`` (M,): F and S in the units of ``Moves``.  The least possible value is
+    that over the ranges of F and S of the block alone.
     """
     used = constraint_utilisation(problem, feeds, speeds)
     which, row = np.unravel_index(int(np.argmax(used)), used.shape)

@@ -90,10 +90,7 @@ def _wear_and_energy(time, wait, speed, row, loads, drive):  # type: ignore[no-u
 
 @compiled
 def violations(motion, factor, cap, feed, speed, rows, loads, drive, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` of shape (P,): what passes each limit, as a share of it, summed over rows.
-
-    Feed for each tooth against its bounds, motor power, F and S against their ranges.
-    """
+    """Fill ``out`` of shape (P,): excess over each limit, as a share of it, summed over rows."""
     for p in range(feed.shape[0]):
         total = 0.0
         for k in range(feed.shape[1]):

@@ -52,9 +52,8 @@ def bounds_of(
 ) -> Bounds:  # fmt: skip
     """Bounds of each row of a cut.
 
-    ``editable``: rows that share an F: the least of a range gives way to what any of them may take;
-    ``f_z_load`` (M,): feed for each tooth that the load limit allows [m]; by default that of the
-    load table.
+    ``editable``: the least of a range gives way to what any row of a shared F may take;
+    ``f_z_load`` (M,): feed for each tooth by the load limit [m]; by default that of the load table.
     """
     margins = limits.margins
     torque = greatest_torque(cut)
@@ -113,9 +112,8 @@ def _least_of_blocks(block: Rows, values: Floats) -> Floats:
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
     """Greatest f_z up to which a load stays within a limit [m].
 
-    ``values`` (M, K + 1): the load at its nodes; ``limit`` (..., M): in the unit of ``values``;
-    infinite where there is none. Shape (..., M): 0 where any feed passes the limit, infinite
-    where none does.
+    ``values`` (M, K + 1): the load at its nodes; ``limit`` (..., M): in its unit.  Shape (..., M):
+    0 where any feed passes the limit, infinite where none does.
     """
     from pipeline.optimisation.problem.kernels import first_crossings
 
@@ -133,10 +131,7 @@ def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
 
 
 def greatest_torque(cut: Cut) -> Floats:
-    """Mean torque over the turn at each row's hardest station [N m]; shape (M, K + 1).
-
-    At the nodes of the load table; between them it is not below any station's.
-    """
+    """Mean torque over the turn at each row's hardest station, at the nodes [N m]; (M, K + 1)."""
     engagement, table = cut.engagement, cut.table
     out = np.zeros((engagement.blocks, table.values.shape[2]))
     fed = np.flatnonzero(engagement.feed)
@@ -194,10 +189,7 @@ def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
 def _chip_bounds(
     cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats, *, by_tool: bool
 ) -> tuple[Floats, Floats]:
-    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each.
-
-    A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
-    """
+    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each."""
     made = [(tool.feed_per_tooth_mm if by_tool else None) or (0.0, np.inf) for tool in cut.tools]
     shares = np.array([1 + limits.margins.chip, 1 - limits.margins.chip])
     least, most = (np.array(made) * MM * shares).T[:, cut.tool]
@@ -235,11 +227,7 @@ def ranges_of(
     cut: Cut, limits: CutLimit, editable: Editable, drive: SpindleDrive | None,
     practice: Practice | None = None, f_z_high: Floats | None = None,
 ) -> Ranges:  # fmt: skip
-    """Ranges of each row.
-
-    ``f_z_high`` (M,): greatest feed for each tooth by all limits [m]: where that is less than the
-    least change from the program, the change gives way, so that a load is never kept for its sake.
-    """
+    """Ranges of F and S of each row; the least change gives way to ``f_z_high`` (M,) [m]."""
     cuts, unknown = cut.tool >= 0, not_computed(cut)
     feed_low, feed_high = _feeds(cut, limits, editable, unknown)
     surface_low, surface_high = _surface(cut, limits, by_tool=practice is None)
@@ -306,10 +294,7 @@ def not_computed(cut: Cut) -> Bools:
 
 
 def _descends_in_air(cut: Cut) -> Bools:
-    """Rows that go down as steeply as a plunge and cut nothing; shape (M,).
-
-    F of these is at most as programmed: a floor may lie a little higher than it should.
-    """
+    """Rows (M,) that go down as steeply as a plunge and cut nothing."""
     moves = cut.plan.path.moves
     fall = moves.start[:, 2] - moves.end[:, 2]
     descends: Bools = (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)

@@ -141,10 +141,9 @@ class Problem:
         return self.chatter.margins(self.cut.plan.spindle_speed)
 
     def staying(self, rows: Bools) -> "Problem":
-        """The same problem, in which some rows (M,) may stay as near to chatter as programmed.
+        """Problem in which some rows (M,) may stay as near to chatter as programmed.
 
-        Where machining practice holds they get no more feed, nor a higher S: the lobes are those of
-        the chip as programmed, and a thinner one is nearer to chatter.
+        They get no more feed, nor a higher S: the lobes are those of the chip as programmed.
         """
         least = np.where(
             rows, np.fmin(self.own_margin, self.least_margin) - NEAR, self.least_margin
@@ -193,10 +192,7 @@ class Problem:
         return speed_changes(self.cut.plan, self.editable, self.cuts)
 
     def evaluate(self, groups: Groups, feeds: ArrayLike, speeds: ArrayLike) -> Evaluation:
-        """Objectives and violation of a population.
-
-        ``feeds`` (P, G): in the units of ``Moves``; ``speeds`` (P, H): [rev/min].
-        """
+        """Objectives and violation of F (P, G) in the units of ``Moves`` and S (P, H) [rev/min]."""
         feed, speed = np.asarray(feeds, float), np.asarray(speeds, float)
         return _evaluation(
             self, len(feed),

@@ -37,11 +37,7 @@ MARGIN_FACTOR, MARGIN_ABOVE = 1.1, 0.05
 
 
 def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
-    """Motor power that may be taken [W] at speeds [rev/min]; 0 above the top speed.
-
-    It is the share of the drive's power, less the margin of torque below the base speed and that of
-    power from there on.
-    """
+    """Allowed motor power [W] at speeds [rev/min], less its margins; 0 above the top speed."""
     n = spindle_speed / 60
     margins = limits.margins
     margin = np.where(n < drive.base_speed, margins.torque, margins.power)
@@ -90,10 +86,7 @@ class SpeedChanges:
         return self.waiting.speed_change_waits and self.waiting.spindle_wait != "none"
 
     def time(self, before: ArrayLike, after: ArrayLike) -> Floats:
-        """Wait for a change of S [s] from one speed to another [rev/min], shapes that broadcast.
-
-        The most that it can be: from a path that runs on, and where no axis moves meanwhile.
-        """
+        """Greatest wait for a change of S [s] between speeds [rev/min] of shapes that broadcast."""
         old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
         if not self.waits:
             return np.zeros(old.shape)
@@ -101,11 +94,7 @@ class SpeedChanges:
         return np.where(new == old, 0.0, most)
 
     def add_waits(self, spindle_speed: Floats, time: Floats, wait: Floats) -> None:
-        """Add to ``wait`` what added S words are waited for; all of shape (P, M).
-
-        As :func:`pipeline.machine.control.commands.waits` does it for words of the program: axes
-        that move on meanwhile shorten the wait.
-        """
+        """Add to ``wait`` the waits for added S words, as for the program's own; all (P, M) [s]."""
         if not self.waits or not len(self.added):
             return
         old, new = spindle_speed[:, self.added - 1], spindle_speed[:, self.added]
@@ -117,11 +106,7 @@ class SpeedChanges:
         np.add.at(wait.T, where, np.where(new == old, 0.0, needed).T)
 
     def ramp(self, before: ArrayLike, after: ArrayLike) -> Floats:
-        """Time that a spindle that is not waited for has another speed than it should [s].
-
-        Cuts within a rise have thicker chips than they should, cuts within a fall are made at
-        speeds outside of the limits.
-        """
+        """Time at another speed than commanded of a spindle that is not waited for [s]."""
         old, new = np.broadcast_arrays(np.asarray(before, float), np.asarray(after, float))
         if self.waits:
             return np.zeros(old.shape)
@@ -165,7 +150,7 @@ class SpeedChanges:
 
 
 def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
-    """Where S can change in a program.  ``cuts`` (M,): rows that cut at feed."""
+    """Places where S can change in a program; ``cuts`` (M,): rows that cut at feed."""
     path, free = plan.path, editable.speed
     moves = path.moves
     turning = moves.direction[1:] * moves.direction[:-1] > 0
@@ -199,10 +184,7 @@ def _pauses(path: Path) -> Floats:
 
 
 def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:
-    """Time from the start of each row to the next cut, in rapids and at rest [s]; shape (M,).
-
-    What moves at a feed that may change counts as no time.
-    """
+    """Time from the start of each row to the next cut, in rapids and at rest [s]; shape (M,)."""
     passed = np.concatenate([[0.0], np.cumsum(np.where(editable.block < 0, plan.time, 0.0))])
     next_cut = np.append(np.flatnonzero(cuts), len(cuts))
     row = np.arange(len(cuts))
@@ -232,17 +214,11 @@ class Chatter:
     table: StabilityTable
 
     def margins(self, spindle_speed: Floats) -> Floats:
-        """Least stability margin of each row [1]; inf in air, NaN without dynamics.
-
-        ``spindle_speed`` (M,): [rev/min]; those outside of the table count as their ends.
-        """
+        """Least stability margin of each row [1] at S (M,) [rev/min]; inf in air."""
         return self.table.margins(np.clip(spindle_speed, *(60 * self.table.nodes[[0, -1]])))
 
     def violation(self, spindle_speed: Floats, least: Floats) -> Floats:
-        """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) speeds.
-
-        ``least`` is the margin that each row has to keep, shape (M,).
-        """
+        """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) S."""
         over = (1.0 + least) / np.maximum(1.0 + self.margins(spindle_speed), NEAR) - 1.0
         total: Floats = np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
         return total
@@ -272,8 +248,8 @@ def chatter_of(
 ) -> Chatter | None:  # fmt: skip
     """Stability over the speeds that rows may have, those of the program where S is kept.
 
-    Margins are told apart a little above ``least``, which is what the part asks for [1].  None
-    where nothing that is milled has known dynamics.
+    Margins are resolved a little above ``least``, that of the part [1].  None where nothing that is
+    milled has known dynamics.
     """
     row = blocks.row
     own, mine = cut.plan.spindle_speed[row], free[row]
@@ -289,10 +265,9 @@ def chatter_of(
 
 
 def speed_nodes(low: float, high: float) -> Floats:
-    """Speeds from ``low`` to ``high`` [rev/min] at which limits are computed, these two among them.
+    """Speeds from ``low`` to ``high`` [rev/min] at which limits are computed.
 
-    Round ones, 0.5 to 1.2 % apart and more below a third of the fastest, so that a speed that is
-    rounded to 50 lies on one, and what one program has computed serves another.
+    Round ones, 0.5 to 1.2 % apart and more below a third of the fastest.
     """
     steps = [unit * 10.0**power for power in range(-3, 7) for unit in (1.0, 2.5, 5.0)]
     parts = [np.array([low, high])]

@@ -140,11 +140,7 @@ class Splits:
 
 
 def splits_of(before: list[bytes], after: list[bytes]) -> Splits:
-    """Which lines of ``after`` were put in: those that are points and do not match.
-
-    The coordinates of a point have a decimal point: without one a control's setting says whether
-    they are millimetres or thousandths.
-    """
+    """Lines of ``after`` that were put in: points, with a decimal point, that do not match."""
     kept: list[bytes] = []
     points: dict[int, bytes] = {}
     line = np.zeros(len(after) + 1, dtype=np.intp)

@@ -86,11 +86,7 @@ def proved(
     before: bytes, after: bytes, name_before: str, name_after: str, setup: Setup, *,
     splits: bool = False,
 ) -> tuple[Proof, tuple[Moves, Moves] | None]:  # fmt: skip
-    """Compare two texts, then what they make a machine do; and the moves of both, where made.
-
-    ``splits``: whether lines may have been put in whose points lie on straight cuts; what is merged
-    again must be the same.
-    """
+    """Proof of two texts and their moves, split lines merged where ``splits`` are allowed."""
     for data, name in ((before, name_before), (after, name_after)):
         if not data.strip():
             raise ValueError(f"{name} is empty: name a part program")
@@ -135,10 +131,7 @@ class _Texts:
     names: tuple[str, str]
 
     def compared(self, setup: Setup) -> tuple[Difference | None, Moves, Moves, Moves]:
-        """The first difference with the switch for ``/`` either way; the moves as it is set.
-
-        Those of the second program without the points that were put in, and as they are.
-        """
+        """First difference with the switch for ``/`` either way, and the moves as it is set."""
         run: Bools = np.zeros(len(self.lines) + 1, dtype=np.bool_)
         made: list[tuple[Moves, Moves, Moves]] = []
         first = None
@@ -228,11 +221,7 @@ def switches(lines: list[bytes], setup: Setup) -> list[Setup]:
 def left_out(
     changes: tuple[WordChange, ...], lines: list[bytes], others: list[bytes], executed: Bools
 ) -> Difference | None:
-    """The first changed word that is in no line that is executed.
-
-    ``lines`` and ``others``: the programs' lines before and after, the same number of each;
-    ``executed`` (L + 1,): which of them are executed.
-    """
+    """First changed word in no executed line; ``executed`` (L + 1,), equally many lines."""
     for change in changes:
         if not executed[change.line]:
             return _difference(change.line, lines, others, LEFT_OUT)

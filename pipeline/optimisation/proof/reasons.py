@@ -53,10 +53,7 @@ def _at_the_end(before: list[bytes], after: list[bytes]) -> Difference:
 
 
 def _difference(before: list[bytes], after: list[bytes], at: int, said: str) -> Difference:
-    """The difference of line ``at``, counting from 0; ``said``: as it is seen in that line alone.
-
-    A line that was deleted or put in shows in one of the texts alone.
-    """
+    """Difference of line ``at``, from 0; ``said``: as it is seen in that line alone."""
     old, new = before[at], after[at]
     if said == LINE_END:
         return Difference(at + 1, shown(old), shown(new), _line_ends(before, after, at))
@@ -87,10 +84,7 @@ def _line_ends(before: list[bytes], after: list[bytes], at: int) -> str:
 
 
 def _shift(longer: list[bytes], shorter: list[bytes], at: int) -> int:
-    """How many lines of one text, from ``at`` on, the other lacks; 0 where that is not what it is.
-
-    The lines that follow have to match.
-    """
+    """Number of lines of one text, from ``at`` on, that the other lacks."""
     for many in range(1, len(longer) - len(shorter) + 1):
         rest, other = longer[at + many :], shorter[at : at + FOLLOWING]
         if other and len(rest) >= len(other) and all(map(same_but_words, rest, other)):

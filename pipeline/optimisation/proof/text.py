@@ -254,11 +254,7 @@ def proof_line(sha256: str, dialect: str) -> bytes:
 
 
 def without_comment(lines: list[bytes]) -> tuple[list[bytes], str | None, int]:
-    """Lines without the comment, the hash that it holds, and its place among them.
-
-    Only blank lines and a closing ``%`` may follow it; what looks like it elsewhere is a line as
-    any other.
-    """
+    """Lines without the proof's comment at the end, the hash that it holds, and its place."""
     for at in range(len(lines) - 1, -1, -1):
         comment = _PROOF_COMMENT.fullmatch(lines[at].rstrip(b"\r\n"))
         if comment is not None:

@@ -97,9 +97,8 @@ def chance_constrained_feeds(
 ) -> ChanceConstrainedFeeds:  # fmt: skip
     """Greatest feeds at which P(any row's load > limit) <= epsilon for the part.
 
-    ``limits_N`` (T,): of the peak across the axis of each tool [N]; infinite where none holds;
-    ``margin``: share of it that is kept free [1]; ``greatest`` (M,): feed for each tooth that other
-    limits allow each row [m]; rows that cannot come near to the load limit with it are not drawn.
+    ``limits_N`` (T,): peak load across the axis of each tool [N], infinite for none; ``margin``:
+    share of it kept free [1]; ``greatest`` (M,): feed for each tooth by other limits [m].
     """
     limits_N = limits_N * (1.0 - margin)
     allowed = np.full(cut.engagement.blocks, np.inf) if greatest is None else greatest
@@ -134,11 +133,7 @@ def chance_constrained_feeds(
 
 
 def _near(cut: Cut, f_z: Floats, loads_N: Floats) -> NDArray[np.intp]:
-    """Rows whose load could come to that of their tool, (T,), at feeds for each tooth (M,).
-
-    Whatever is drawn: where it would with the chips of all teeth on one, and forces and depths
-    ``FAR`` times as great.
-    """
+    """Rows whose load could reach the limit of their tool (T,) [N] in any draw, at f_z (M,) [m]."""
     many = np.array([tool.flutes for tool in cut.tools] or [1])[cut.tool]
     with np.errstate(invalid="ignore"):
         loads = cut.table.peaks(np.minimum(many * f_z, ENDLESS))
@@ -171,9 +166,8 @@ def exceedance(
 ) -> Exceedance:  # fmt: skip
     """Probability that any load of a part passes the limit of its tool, in fresh draws.
 
-    ``f_z`` (M,): feed for each tooth of each row [m]; nothing is cut at 0, and infinite ones count
-    as the last that is tabulated; ``limits_N`` (T,): of each tool [N]; infinite where none holds;
-    ``seed``: another one than that of the feeds.
+    ``f_z`` (M,): feed for each tooth [m], nothing cut at 0; ``limits_N`` (T,): of each tool [N],
+    infinite for none; ``seed``: another one than that of the feeds.
     """
     many, at = FRESH * settings.draws, np.asarray(f_z, dtype=np.float64)
     candidates = critical(cut, _judged(cut, at, limits_N))
@@ -274,10 +268,7 @@ def _at(ordered: Floats, share: float) -> Floats:
 
 
 def share_above(ordered: Floats, limit: float) -> float:
-    """Share of loads, which rise, above a limit; of few it is that of the tail, if that is more.
-
-    The tail is a straight line through the logarithms of the highest loads over Blom's scores.
-    """
+    """Share of rising loads above a limit; of few that of the lognormal tail, if that is more."""
     from scipy.special import ndtri
 
     many = len(ordered)
@@ -307,10 +298,10 @@ def normal_share(level: float) -> float:
 
 
 def aimed_share(share: float, many: int) -> float:
-    """Share to aim at in ``many`` draws, so that a probability is rarely above ``share``.
+    """Share to aim at in ``many`` draws, so that a probability is rarely above ``share`` [1].
 
-    The level z of a normal distribution errs by sqrt((1 + z^2 / 2) / n) when all of n draws tell
-    its mean and spread, and by ``TAIL_ALONE`` times as much when its tail does.
+    The level z of a normal distribution errs by sqrt((1 + z^2 / 2) / n) when all of n draws
+    estimate its mean and spread, and by ``TAIL_ALONE`` times as much when its tail does.
 
     >>> round(aimed_share(0.01, 1024), 4), round(aimed_share(0.01, 65536), 4)
     (0.0065, 0.0095)

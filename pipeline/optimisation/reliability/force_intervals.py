@@ -29,11 +29,7 @@ DIGITS = 6
 
 
 def cut_ranges(cut: Cut) -> dict[int, CutRange]:
-    """Feeds, speeds and depths of each tool's heavier cuts, by its number.
-
-    They are those with ``HEAVY`` of its greatest peak load at least: where a tool leaves the
-    material its depth is next to nothing, and so is its force.
-    """
+    """Feeds, speeds and depths of each tool's heavier cuts, by its number."""
     engagement, found = cut.engagement, {}
     peak = cut.station_loads.peak
     speed = cut.plan.spindle_speed[engagement.block] / 60

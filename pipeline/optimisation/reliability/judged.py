@@ -37,11 +37,7 @@ QUANTITY = {"control": "", "drive": FOLLOWING, "cutting": MAGNITUDE}
 def used_models(
     verdicts: Mapping[str, Verdict | None], settings: ReliabilitySettings
 ) -> tuple[UsedModel, ...]:
-    """Sub-models with their verdicts and spreads, the gravest first.
-
-    ``verdicts`` holds those that were identified, as
-    :class:`~pipeline.optimisation.job.MachineModels` does.
-    """
+    """Sub-models with their verdicts and spreads, the gravest first."""
     found = [
         _used(name, verdicts.get(name), settings) if name in verdicts
         else _without(name, settings)
@@ -76,11 +72,7 @@ def _without(name: str, settings: ReliabilitySettings) -> UsedModel:
 
 
 def judged_errors(name: str, verdict: Verdict | None) -> list[float]:
-    """Errors of a sub-model on recordings that its fit did not see, as shares [1].
-
-    Of the cut those of peak loads, else RMSE over the RMS of what was measured; to two digits of a
-    percent, as they are shown.
-    """
+    """Relative errors of a sub-model on held-out recordings [1]: peak loads, else RMSE over RMS."""
     figure = "peak_percent" if name == "cutting" else "relative_percent"
     errors = [
         getattr(score, figure) for score in (() if verdict is None else verdict.scores)
@@ -94,7 +86,7 @@ def judged_errors(name: str, verdict: Verdict | None) -> list[float]:
 def judged_spread(
     status: UsedStatus, errors: Sequence[float], least: float, settings: ReliabilitySettings
 ) -> tuple[float, str]:
-    """Standard deviation that a verdict leaves [1], and where it comes from.
+    """Standard deviation that a verdict leaves [1], and its source.
 
     It is never less than ``least``, nor than the root mean square of ``errors``.
     """

@@ -12,10 +12,9 @@ LEAST = 1e-9
 def feeds_within(  # type: ignore[no-untyped-def]
     limit, most, curve, scale, exponent, weight, group, nodes, changes, out
 ):
-    """Fill ``out`` of shape (Q,): up to which feed each load and its change stay within ``limit``.
+    """Fill ``out`` (Q,): feed up to which each load and its change stay within ``limit``.
 
-    The first crossing counts.  ``most`` of shape (Q,) bounds it, ``changes`` of shape (C, K) are
-    those of the classes at ``nodes``.
+    ``most`` (Q,) bounds it, ``changes`` (C, K) are those of the classes at ``nodes``.
     """
     for q in range(group.shape[0]):
         c, low, high = group[q], 0.0, most[q]

@@ -262,10 +262,7 @@ def _of_tool(
 
 
 def _sobol(dimensions: int, many: int, seed: int) -> Floats:
-    """Points inside the unit cube; shape (many, dimensions).
-
-    They are kept from run to run: to import the library takes half a second, to read them none.
-    """
+    """Points (many, dimensions) of a Sobol sequence inside the unit cube, cached between runs."""
     power = ceil(log2(many))
     key = f"{dimensions}-{power}-{seed}-scipy-{scipy.__version__}-numpy-{np.__version__}"
     content = kept("sobol", key)
@@ -325,10 +322,7 @@ def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Resp
 
 
 def station_loads(cut: Cut, station: int, drawn: ToolDraws, *, mean: bool = False) -> Floats:
-    """Peak, or mean, of a station's load at the feed of the plan in D draws of its tool [N].
-
-    That of the load table, and by how much the load changes in a draw; shape (D,).
-    """
+    """Peak, or mean, of a station's load in D draws of its tool [N]; shape (D,)."""
     f_z = cut.feed_per_tooth[[cut.engagement.block[station]]]
     expected, values = np.zeros(1), np.zeros((1, len(drawn.depth)))
     _fill(cut, station, f_z, drawn, expected, values, mean=mean)
@@ -368,11 +362,7 @@ def _fill(
 
 
 def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tuple[Floats, Floats]:
-    """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes.
-
-    What lies on the tool's tip stays there, for the material below is as much as before; on its way
-    down a tool's end stays in the material at any depth, and over a hole its ring stays as wide.
-    """
+    """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes."""
     there = upper > lower
     least = SKIN if slope < 0 else 0.0
     raised = np.where(there, np.maximum(upper + depth, least), upper)

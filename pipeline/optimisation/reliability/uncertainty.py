@@ -113,10 +113,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, kw_only=True)
 class CutRange:
-    """Feeds per tooth and axial depths [m], and spindle speeds [rev/s], that a tool cuts with.
-
-    Each is the least and the greatest.
-    """
+    """Least and greatest feed per tooth [m], depth [m] and spindle speed [rev/s] of a tool."""
 
     feeds_m: tuple[float, float]
     speeds: tuple[float, float]
@@ -134,8 +131,8 @@ def uncertainty(
 ) -> Uncertainty:
     """Distribution of the uncertain quantities of a part.
 
-    ``coefficients``: force law of each tool that cuts, by number, and where it is from; ``ranges``:
-    what each tool cuts with; by default what was learnt.
+    ``coefficients``: force law of each tool that cuts, by number, and its source; ``ranges``: cuts
+    of each tool; by default those of the training data.
     """
     sources = tuple(
         sorted({one.source for one in coefficients.values() if one.kind != "identified"})
@@ -212,10 +209,9 @@ def _identified(
 def law_root(
     model: CuttingModel | None, mean: Floats, used: CutRange | None, flutes: int
 ) -> Floats | None:
-    """Root of the covariance of coefficients about ``mean`` by the laws of the chip; (6, 6).
+    """Root of the covariance of coefficients about ``mean`` by the chip's force laws; (6, 6).
 
-    Each law counts by its straight line over the learnt feeds and those of the cut together, since
-    a feed that is chosen anew lies anywhere among them.  None where the model holds no laws.
+    Each law counts by its straight line over the training feeds and those of the cut together.
     """
     spread = None if model is None or model.prediction is None else model.prediction.spread
     if spread is None:
@@ -345,9 +341,9 @@ def model_spread(
 ) -> tuple[float, str]:
     """Standard deviation of the model's peak loads [1], and its source.
 
-    Coefficients of this machine (``own``) count as their verdict says, see
+    Coefficients of this machine (``own``) count by
     :func:`~pipeline.optimisation.reliability.judged.judged_spread`; others' have a spread of their
-    own, beside which the model itself counts with the errors that were measured.
+    own.
     """
     status: UsedStatus = "not judged" if verdict is None else verdict.status
     errors = judged_errors("cutting", verdict)

@@ -36,11 +36,10 @@ def editable_blocks(
     program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = (),
     no_more: Reasons = (),
 ) -> Editable:  # fmt: skip
-    """Blocks of a program whose F and S may change.
+    """Blocks of a program whose F and S may change, in the order of their lines.
 
-    ``kept_feed`` and ``kept_speed``: rows (M,) that are to keep their F, their S, by reason; their
-    lines may be given the words that keep it; ``no_more``: rows (M,) whose F and S may fall and not
-    rise, by reason, to be named. Blocks are in the order of their lines.
+    ``kept_feed``, ``kept_speed`` and ``no_more``: rows (M,) that keep their F, their S, or whose F
+    and S may not rise, by reason.
     """
     places = places_of(program, moves, kept_feed, kept_speed)
     speed = places.speed

@@ -144,10 +144,9 @@ class ModalWords:
         )  # fmt: skip
 
     def handed_on(self, keeps: Bools, may: Bools) -> Bools:
-        """LineRuns that must leave their own value in force, for one that cannot be given it (K,).
+        """Line runs (K,) whose value a run in ``keeps`` (K,) needs and cannot be given.
 
-        ``keeps`` (K,): line runs that keep their value; ``may`` (K,): those whose line may be
-        written into.
+        ``may`` (K,): line runs whose line may be written into.
         """
         bound, needed = np.zeros(len(self.line), dtype=np.bool_), False
         ends = ((self.sets & ~self.may_be_empty) | (may & ~self._depends())).tolist()
@@ -162,10 +161,9 @@ class ModalWords:
         return bound
 
     def written(self, wanted: Floats, may: Bools) -> Mapping[int, float]:
-        """Line -> value of its word, changed or new, so that each run has what is wanted.
+        """Line -> value of its word, so that each run has ``wanted`` (K,).
 
-        ``wanted`` (K,): in the units of ``own``; ``may`` (K,): line runs whose line may be written
-        into.
+        ``may`` (K,): line runs whose line may be written into.
         """
         values: dict[int, float] = {}
         known, value = True, 0.0

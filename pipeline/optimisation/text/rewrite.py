@@ -40,12 +40,7 @@ def rewrite(
     speeds: ArrayLike,
     setup: Setup,
 ) -> Rewritten:
-    """The program that gives each row its F and S.
-
-    ``feeds`` (M,): in the units of ``Moves``; rounded down as :func:`rounded_feeds` does;
-    ``speeds`` (M,): [rev/min]; rounded as :func:`rounded_speeds` does, where they differ from the
-    program's.
-    """
+    """Program that gives each row its F (M,), in the units of ``Moves``, and S (M,) [rev/min]."""
     wanted_f = _wanted_feeds(program, moves, editable, feeds)
     wanted_s = _wanted_speeds(moves, editable, speeds)
     places = places_of(program, moves)
@@ -189,11 +184,7 @@ def only_speed(moves: Moves) -> Bools:
 
 
 def matching_rows(before: Moves, after: Moves) -> Rows:
-    """Row of ``after`` for each row of ``before``.
-
-    ``before`` and ``after``: the same moves, but that ``after`` may have more rows where an S word
-    was added. Shape (M,), ascending.
-    """
+    """Row of ``after`` for each row of ``before``; shape (M,), ascending."""
     spare_before, spare_after = only_speed(before), only_speed(after)
     rows, others = np.flatnonzero(~spare_before), np.flatnonzero(~spare_after)
     if len(rows) != len(others) or not _alike(before, after, rows, others):

@@ -75,15 +75,12 @@ class SplitProgram:
 def split_blocks(
     program: Program, moves: Moves, cut: Cut, grouping: Grouping, rows: Bools, in_air: Bools
 ) -> SplitProgram:
-    """The program with its long straight blocks split where their engagement changes.
+    """Program with its long straight blocks split where their engagement changes.
 
     A part takes at least ``grouping.least_block_s`` at the feed programmed, and is at least as long
-    as the tool is wide: where the tool enters or leaves a step its engagement changes over that
-    length, and the whole of it counts as the heavier side.  Only lines that hold G1, G90, absolute
-    X Y Z and F are split.
-
-    ``rows`` (M,): rows that may be split; ``in_air`` (M,): of these, rows whose stretches in air
-    are parts of their own.
+    as the tool is wide.  Only lines that hold G1, G90, absolute X Y Z and F are split.  ``rows``
+    (M,): rows that may be split; ``in_air`` (M,): rows whose stretches in air are parts of their
+    own.
     """
     length = moves.length
     per_turn = moves.feed_mode == FeedMode.PER_REVOLUTION
@@ -100,11 +97,7 @@ def split_blocks(
 
 
 def splittable(program: Program, moves: Moves) -> Rows:
-    """Rows of straight cuts whose line could be split, ascending.
-
-    None where lines that move begin with ``/``: where such a line is left out at the machine, the
-    next motion begins elsewhere, and a point on it would lie beside it.
-    """
+    """Rows of splittable straight cuts, ascending; none where lines that move begin with ``/``."""
     if any(_may_be_left_out(line) for line in program.lines):
         return np.zeros(0, dtype=np.intp)
     words, line_runs = ProgramWords(program), LineRuns.among(moves)
@@ -129,11 +122,9 @@ def _may_be_left_out(line: Line) -> bool:
 def changes_along(
     engagement: Engagement, row: int, length: float, least: float, *, in_air: bool
 ) -> list[float]:
-    """Where on a straight row its engagement changes enough, as shares of its length.
+    """Places on a straight row where its engagement changes enough, as shares of its length.
 
-    ``row``: A straight row: one piece of the path; ``length`` and ``least``: of the row, and of a
-    part at least [mm]; ``in_air``: whether stretches in air are parts of their own; else they
-    belong to what is beside them.
+    ``length`` of the row and ``least`` of a part [mm]; ``in_air``: air as parts of its own.
     """
     here = np.flatnonzero((engagement.block == row) & engagement.feed)
     if not len(here) or len(np.unique(engagement.piece[here])) > 1:
@@ -151,11 +142,7 @@ def changes_along(
 
 
 def _joined(parts: list[list[float]], least: float, *, in_air: bool) -> list[list[float]]:
-    """End and level of parts along a row, those that are too short with a heavier one beside them.
-
-    A level is the lower, the heavier; a part that is heavier than both beside it goes with the more
-    alike.
-    """
+    """End and level of parts along a row, too short ones joined with a heavier neighbour."""
     parts = [part for last, part in pairwise([[0.0, AIR], *parts]) if part[0] - last[0] > TINY]
     while len(parts) > 1:
         lengths = np.diff([0.0, *(end for end, _ in parts)])
@@ -175,10 +162,7 @@ def _joined(parts: list[list[float]], least: float, *, in_air: bool) -> list[lis
 
 
 def split_at(program: Program, moves: Moves, where: Mapping[int, list[float]]) -> SplitProgram:
-    """A program with points put in before the lines of some rows.
-
-    ``where``: one of :func:`splittable` -> shares of its length, ascending between 0 and 1.
-    """
+    """Program with points put in; ``where``: row -> ascending shares of its length, 0 to 1."""
     words = ProgramWords(program)
     unit, decimals = FeedText.of(words, moves).unit, _decimals(program)
     put: dict[int, list[bytes]] = {}

@@ -160,10 +160,7 @@ class ProgramWords:
         return bool(apart >= together)
 
     def place(self, line: int) -> tuple[int, bytes, bool]:
-        """Where a word is added to a line: the byte, what goes before it, whether in small letters.
-
-        At the end of the line's words; with a blank before it where they are separated by blanks.
-        """
+        """Place of a word added to a line: the byte, the separator, whether in small letters."""
         tokens, letters = self.program.tokens, self._letters
         first, last = tokens.first[line - 1 : line + 1].tolist()
         words = first + np.flatnonzero(letters[first:last])
@@ -184,10 +181,7 @@ def decimals(values: ArrayLike, least: int = 0) -> NDArray[np.intp]:
 
 
 def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
-    """Values as words hold them: the next one below with as many decimals as are needed.
-
-    Each is the float64 nearest to the written number.
-    """
+    """Values as words hold them: rounded down, with as many decimals as are needed."""
     given = np.asarray(values, dtype=np.float64)
     power = 10.0 ** decimals(given, least)
     steps: Floats = np.floor(given * power * (1 + SLACK))
@@ -195,11 +189,9 @@ def rounded_down(values: ArrayLike, least: int = 0) -> Floats:
 
 
 def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] = np.rint) -> Floats:
-    """Values as people write them: whole multiples of a step.
+    """Values as people write them: whole multiples of a step, below ten steps of a tenth of it.
 
-    Below ten steps the step is a tenth, and so on, so that two digits are left.
-
-    ``step``: in their unit, above 0, one for all or for each; one 0 leaves all as they are.
+    ``step``: in their unit, one for all or for each; one 0 leaves all as they are.
 
     >>> stepped([3827.0, 423.0, 42.0], 50.0).tolist(), stepped([1534.0, 87.6], 10.0).tolist()
     ([3850.0, 425.0, 42.0], [1530.0, 88.0])
@@ -257,11 +249,7 @@ def in_place_of(word: bytes, number: bytes) -> bytes:
 
 
 def rounded_feeds(program: Program, moves: Moves, feeds: ArrayLike) -> Floats:
-    """Feeds as the text will hold them: rounded down, by less than 0.1 %.
-
-    ``feeds`` (…, M): in the units of ``Moves`` ([mm/min] or [mm/rev]), positive. Bit for
-    bit what the interpreter will read.
-    """
+    """Feeds (…, M), in the units of ``Moves``, rounded down by less than 0.1 % for the text."""
     return FeedText.of(ProgramWords(program), moves).rounded(feeds)
 
 

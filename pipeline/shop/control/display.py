@@ -204,8 +204,8 @@ def log_lines(
 ) -> list[str]:  # fmt: skip
     """Lines of a log, ``timestamp|item|value``, of a program that was started at ``start`` (UTC).
 
-    With ``torn`` one line in the middle is cut short; ``load`` (T,) is that of the spindle
-    [percent], where the adapter polls it too.
+    ``torn``: one line in the middle is cut short; ``load`` (T,): of the spindle [percent], if
+    polled.
     """
     polls = _polls(run.line.size * control.cycle, control, random)
     cycle = np.floor(polls / control.cycle).astype(int)
@@ -234,10 +234,7 @@ def _polls(end: float, control: ControlParameters, random: np.random.Generator) 
 
 
 def _items(run: Display, cycle: Ints, load: Floats | None) -> dict[str, Floats]:
-    """Polled values (P,) of each item, nan where it is not available.
-
-    Before the start everything stands still.
-    """
+    """Polled values (P,) of each item, nan where it is not available."""
     shown = {
         "exec": (run.execution, np.nan), "ln": (run.line, 0.0), "tool": (run.tool, run.tool_before),
         "fovr": (run.feed_override, np.nan), "rovr": (run.rapid_override, run.rapid_override[0]),

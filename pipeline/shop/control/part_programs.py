@@ -191,10 +191,7 @@ def grid(work: Work, columns: int, rows: int, margin: float) -> Holes:
 def part_programs(
     control: ControlParameters, random: np.random.Generator
 ) -> tuple[list[PartProgram], PartProgram]:
-    """The four programs of a machine, and the third as it was edited at the control.
-
-    Dimensions and feeds are drawn once; the edited program has the finish of one level more.
-    """
+    """Four programs of a machine, and the third as it was edited at the control."""
     lengths = [round(float(random.uniform(85, 165)), 3) for _ in TOOLS]
     pace = [round(float(random.uniform(0.85, 1.15)), 2) for _ in TOOLS]
     tools = {

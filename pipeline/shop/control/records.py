@@ -35,10 +35,7 @@ class Play:
 
 
 def write_control(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
-    """Write ``programs/*.nc`` and ``control/*.txt`` into ``folder``.
-
-    The truth about them: settings of the control, events of each run.
-    """
+    """Write ``programs/*.nc`` and ``control/*.txt``; the truth of control and runs."""
     programs, edited = part_programs(parameters.control, parameters.generator("part programs"))
     for program in programs:
         write_text(folder / "programs" / f"{program.name}.nc", program.text)

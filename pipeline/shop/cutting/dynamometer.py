@@ -142,8 +142,8 @@ def amplified(
 ) -> Floats:  # fmt: skip
     """Output of the amplifier at each row, before the converter, shape (T, 3) [N].
 
-    ``on_tool`` (FINE T + lead, 4) are forces of :mod:`.force`, FINE steps a row, ``mixed`` (3, 3)
-    those of :func:`crosstalk`; in the first ``lead`` steps, which are not shown, the modes settle.
+    ``on_tool`` (FINE T + lead, 4): forces, FINE steps a row; ``mixed`` (3, 3): :func:`crosstalk`;
+    in the first ``lead`` steps the modes settle.
     """
     force = plate_force(on_tool, dynamometer)
     modes = (dynamometer.x, dynamometer.y, dynamometer.z)
@@ -189,9 +189,8 @@ def write_recording(
 ) -> None:
     """Write Fx, Fy, Fz (T, 3) [N] of a recording.
 
-    The first row is at ``start`` since the measurement began, of which the rows are a part and
-    which took ``measured`` [s].  With a decimal comma the separator is a semicolon; with ``breaks``
-    the file breaks off inside its last row.
+    The first row is at ``start`` of a measurement of ``measured`` [s].  With a decimal comma the
+    separator is a semicolon; with ``breaks`` the file breaks off inside its last row.
     """
     separator, name = ";" if decimal == "," else ",", path.stem
     time = start + np.arange(len(forces)) / RATE

@@ -160,10 +160,7 @@ class Edges:
 
 
 def edges(tool: EndMill, depth: float, slice_height: float) -> Edges:
-    """Teeth of ``tool`` down to ``depth`` in slices of at most ``slice_height`` [mm].
-
-    The offset of the axis adds its component along the direction to each edge point.
-    """
+    """Teeth of ``tool``, runout included, down to ``depth`` in slices of ``slice_height`` [mm]."""
     count = int(np.ceil(depth / slice_height))
     up = (np.arange(count) + 0.5) * depth / count
     lag = up * 1e-3 * tan(tool.helix_angle) / tool.radius
@@ -188,8 +185,7 @@ def pass_forces(
 ) -> Floats:  # fmt: skip
     """Forces on the tool and torque at each step, shape (T, 4); columns X, Y, AXIAL, TORQUE.
 
-    Of the conditions only immersion, depth and width count; the flank's land is ``VB`` wide [m],
-    the block ``length`` long, a slice at most ``slice_height`` high [mm].
+    Land ``VB`` [m]; block ``length`` and greatest ``slice_height`` [mm].
     """
     teeth = edges(tool, conditions.depth, slice_height)
     out: Floats = forces(

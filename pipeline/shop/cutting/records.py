@@ -94,10 +94,7 @@ def _mean_rows(conditions: Conditions, cutting: Cutting) -> Floats:
 
 
 def runout(cutting: Cutting, depth: float) -> dict[str, float]:
-    """Offset [um] and angle [deg] of the tool's axis halfway down ``depth`` [mm].
-
-    Of two teeth the part along them: both radii stay as they are with an offset across.
-    """
+    """Offset [um] and angle [deg] of the tool's axis halfway down ``depth`` [mm]."""
     tool = cutting.tool
     to = np.exp(1j * np.deg2rad([tool.runout_angle, tool.tilt_angle]))
     offset = tool.runout * to[0] + tool.tilt * depth / 2 * to[1]
@@ -148,10 +145,9 @@ def _channels(cutting: Cutting) -> dict[str, str]:
 def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``dynamometer/*.csv`` and ``cutting/*`` into ``folder``, when cuts are recorded.
 
-    The truth: ``parameters``, what a linear-edge model should recover; ``spindle``, the same of
-    power without a cut and specific force, with the passes; ``more``, what such a model leaves out,
-    how both are defined, and the truth about each file.  Nothing when cuts are not recorded.
-    Raises ValueError when the machine has no tool of the number that the tests ask for.
+    The truth: ``parameters`` that a linear-edge model should recover; ``spindle``, power without a
+    cut, specific force and passes; ``more``, effects beyond such a model, definitions, and each
+    file. Raises ValueError when the machine has no tool of the number that the tests ask for.
     """
     cutting = parameters.cutting
     if not cutting.recorded:

@@ -47,11 +47,10 @@ class Pass:
 
 
 def sites(cutting: Cutting) -> tuple[list[tuple[Conditions, float]], float]:
-    """Passes with Y of the tool's centre, and the width that the blank must have [mm].
+    """Passes with Y of the tool's centre, and the width of the blank [mm].
 
-    Shoulders eat into the blank from Y 0, the deepest first, so that each finds a fresh face; slots
-    lie side by side behind them.  With a spindle that turns clockwise, material to the left of
-    the path is milled up, material to the right of it down.
+    Shoulders eat into the blank from Y 0, the deepest first; slots lie side by side behind them.
+    Material left of the path is milled up, right of it down (clockwise spindle).
     """
     r, y, placed = cutting.tool.diameter / 2, 0.0, []
     shoulders = [c for c in cutting.spindle.passes if c.immersion != "slot"]
@@ -152,10 +151,7 @@ def run(
     program: PartProgram, passes: list[tuple[Pass, PassPower]], start: np.datetime64,
     parameters: ShopParameters, random: np.random.Generator,
 ) -> tuple[list[str], Floats]:  # fmt: skip
-    """Let the control run ``program`` from ``start`` (UTC) on and an adapter listen.
-
-    Lines of the log; displayed load in each cycle of the control, (T,) [percent].
-    """
+    """Log lines of a run of ``program`` from ``start`` (UTC), and load (T,) [percent]."""
     control, spindle = parameters.control, parameters.spindle
     plan = Control(
         parameters=control, motor=spindle.motor, lengths=program.lengths, random=random,
@@ -188,10 +184,9 @@ def shown_load(
     speed: Floats, cutting: Floats, cycle: float, spindle: SpindleParameters,
     tests: SpindleTests, random: np.random.Generator,
 ) -> Floats:  # fmt: skip
-    """Load that the meter shows in each cycle, shape (T,) [percent].
+    """Load that the meter shows in each cycle [s], shape (T,) [percent].
 
-    ``speed`` (T,) is that of the spindle [rev/min], ``cutting`` (T,) the power of the cut at the
-    tool [W], ``cycle`` in [s].
+    ``speed`` (T,): of the spindle [rev/min]; ``cutting`` (T,): power of the cut at the tool [W].
     """
     acceleration = np.gradient(speed * RPM, cycle) * speed * RPM * spindle.motor.inertia
     steady = no_load_power(speed, spindle, tests.oil_temperature)

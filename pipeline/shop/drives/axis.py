@@ -121,9 +121,8 @@ def followed(
 ) -> np.ndarray:  # fmt: skip
     """Motion of an axis, shape (T, 9), at the ticks of its position loop, from standstill.
 
-    Its columns are the fields of :class:`Followed`.  The commanded position ``reference`` [m], the
-    force ``load`` against positive motion [N] and the mass ``extra`` on the carriage [kg] have
-    shape (T,), the ``noise`` of the current [A] (T velocity_ticks,).
+    Columns are the fields of :class:`Followed`; ``reference`` [m], ``load`` against positive motion
+    [N] and mass ``extra`` [kg] (T,), current ``noise`` [A] (T velocity_ticks,).
     """
     out = np.empty((reference.size, 9))
     x_c = reference[0]

@@ -47,10 +47,7 @@ def travel(moves: Sequence[Move], bounds: Bounds, frequency: int) -> Floats:
 
 
 def smoothed(position: Floats, frequency: int) -> Floats:
-    """Mean over the last moments, twice; before the beginning it stood at ``position[0]``.
-
-    The sums are of distances from the first position, so that large coordinates cost no digits.
-    """
+    """Mean over the last moments, twice; before the beginning it stood at ``position[0]``."""
     result = position - position[0]
     for length in BELL:
         window = max(round(length * frequency), 1)
@@ -64,8 +61,8 @@ def smoothed(position: Floats, frequency: int) -> Floats:
 def reciprocation(speeds: Sequence[float], rapid: float, bounds: Bounds, lead: float) -> list[Move]:
     """Back and forth at each speed and at rapid, from both ends of the range, then reversals.
 
-    Plateaus last 1 s at creep and 0.36 s at least.  The other end is no whole number of revolutions
-    of the screw (``lead`` [mm]) away.  Speeds that are not below ``rapid`` [mm/s] are left out.
+    Plateaus last 1 s at creep and 0.36 s at least.  The other end is no whole number of leads [mm]
+    away; speeds below ``rapid`` [mm/s] count.
     """
     strokes = [(v, _stroke(v, bounds)) for v in (*(v for v in speeds if v < rapid), rapid)]
     moves = [Move(length=sign * s, speed=v) for v, s in strokes for sign in (1, -1)]

@@ -100,11 +100,7 @@ def _stretches(
 
 
 def _begins(position: Floats, rows: int, rate: int, random: np.random.Generator) -> Ints:
-    """First rows of stretches that hold motion, in random order and without overlap.
-
-    The program, positions (T, 3) [mm] at ``rate`` [Hz], is cut from a moment of chance on into
-    stretches of as many ``rows``.
-    """
+    """First rows of stretches of ``rows`` with motion in positions (T, 3) [mm] at ``rate`` [Hz]."""
     moves = np.abs(np.diff(position, axis=0)).max(axis=1) * rate > SLOWEST
     begins = np.arange(int(random.integers(rows)), len(moves) - rows + 1, rows)
     moving = np.array([moves[b : b + rows].mean() for b in begins.tolist()])

@@ -142,9 +142,8 @@ def driven(
 ) -> np.ndarray:
     """Motion of the motor, shape (T, 7): currents and speed at each tick, voltages from it on.
 
-    Voltages are computed one period ahead, as digital loops do; integrals rest while the current or
-    the voltage is at its limit.  Commanded are speed [rad/s] and i_d [A], ``load`` is a torque [N
-    m]; (T,) each.
+    Voltages are computed one period ahead, as digital loops do.  ``speed_ref`` [rad/s],
+    ``current_ref`` (i_d) [A] and ``load`` [N m] have shape (T,).
     """
     out = np.empty((speed_ref.size, 7))
     x = (0.0, 0.0, 0.0, 0.0, 0.0)

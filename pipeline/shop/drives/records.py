@@ -80,11 +80,7 @@ def write_trace(
     path: Path, head: Mapping[str, str], columns: list[Column], rate: int, tool: ServoTool,
     random: np.random.Generator | None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Write one file of T rows at ``rate`` [Hz] of true time; with faults when ``random`` is given.
-
-    Its faults: rows written, gaps (before which row of the full table, rows lost), rows with the
-    stamp of the one before, whether the last row is torn.
-    """
+    """Write one file of T rows at ``rate`` [Hz]; returns its faults, made with ``random``."""
     size = columns[0].values.size
     stamps = np.arange(size) / rate * (1 + tool.clock_error * 1e-6)
     kept: np.ndarray = np.arange(size)
@@ -251,8 +247,8 @@ def axis_columns(
 ) -> list[Column]:  # fmt: skip
     """Reference, position and current of an axis as the tool writes them, and the load cell's.
 
-    ``command`` (T,) is at the ticks of the position loop [mm], of which ``rate`` [Hz] is a divisor;
-    ``load`` (T,) acts against positive motion [N], ``extra`` (T,) lies on the carriage [kg].
+    ``command`` (T,): at the ticks of the position loop [mm], a multiple of ``rate`` [Hz]; ``load``
+    (T,): against positive motion [N]; ``extra`` (T,): on the carriage [kg].
     """
     out = follow(axis, command * 1e-3, random, load, extra)
     rows = slice(None, None, axis.cascade.position_frequency // rate)
@@ -300,9 +296,8 @@ def write_motor(folder: Path, parameters: ShopParameters) -> tuple[dict[str, Any
 def write_drives(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``servo/*.csv`` and ``motor/*.csv`` into ``folder``, when the drives are recorded.
 
-    The truth: ``axes``, what a fit of one mass should recover of each, in SI; ``motor``, the same
-    of the motor of X; ``more``, what such a model leaves out, the tool, the files and their faults.
-    Nothing when the drives are not recorded.
+    The truth: ``axes`` and ``motor``, parameters that a fit of one mass should recover, in SI;
+    ``more``, effects beyond such a model, the tool, the files and their faults.
     """
     drives = parameters.drives
     if not drives.recorded:

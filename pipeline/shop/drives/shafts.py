@@ -42,10 +42,7 @@ GRATING = 20e-6
 
 
 def write_shafts(folder: Path, parameters: ShopParameters) -> list[dict[str, Any]]:
-    """Write ``shaft/<test>-<axis>.csv`` into ``folder``; each file with its faults.
-
-    Nothing when they are not recorded.
-    """
+    """Write ``shaft/<test>-<axis>.csv`` into ``folder``, when recorded; each file's faults."""
     drives = parameters.drives
     if not (drives.recorded and drives.shaft.recorded):
         return []

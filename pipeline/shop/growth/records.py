@@ -191,11 +191,7 @@ def _blanked(
 
 
 def write_growth(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
-    """Write ``growth/*.csv`` into ``folder``, when growth is recorded; the truth about it.
-
-    Where the sensors sit, their offsets and faults; of each record its kind, start, air, faults and
-    true growth.  Nothing when growth is not recorded.
-    """
+    """Write ``growth/*.csv`` into ``folder``, when growth is recorded; the truth about it."""
     growth = parameters.growth
     if not growth.recorded:
         return {}

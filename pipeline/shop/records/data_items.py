@@ -17,11 +17,7 @@ NAMESPACE = "urn:mtconnect.org:MTConnectDevices:2.0"
 
 @dataclass(frozen=True)
 class DataItem:
-    """One data item; ``native = value * factor``, written with ``decimals`` digits after the point.
-
-    ``native_units`` are those of ``units`` unless they are given.  ``supplied`` is False for items
-    that the device model promises and the machine never sends.
-    """
+    """Data item; ``native = value * factor``, written with ``decimals`` digits."""
 
     name: str
     component: str

@@ -152,7 +152,7 @@ def late_polls(
 ) -> list[tuple[int, int]]:
     """``(poll, polls late)`` of lines to be delayed; a younger line stands before each of them.
 
-    ``times`` (P,) [s] of the polls; ``busy`` (P,) number of records of each poll.
+    ``times`` (P,) of the polls [s]; ``busy`` (P,) number of records of each poll.
     """
     late = []
     for place in spread(random.poisson(mean), 2, times.size - 8, random, apart=2 * APART):

@@ -40,9 +40,8 @@ def sweep(
 ) -> None:  # fmt: skip
     """Fill ``first`` (L, rows, columns) and mark in ``new`` (T,) the cycles that sweep any cell.
 
-    ``first`` is infinite where nothing was swept; layers have their ``middles`` (L,), the first
-    cell its ``corner`` (x, y), cells their side [mm].  In each cycle the tool has its ``tip`` (T,
-    3), its ``path`` length (T,) and its ``radius`` (T,) [mm]; a radius of 0 sweeps nothing.
+    ``first`` is infinite where nothing was swept; ``middles`` (L,), ``corner`` (x, y) and ``cell``
+    [mm]; ``tip`` (T, 3), ``path`` (T,) and ``radius`` (T,) of the tool [mm], 0 sweeps nothing.
     """
     layers = middles.size
     was = np.zeros(layers, dtype=np.bool_)  # whether the disc at ``back`` was in the layer

@@ -30,22 +30,15 @@ def corrected_trials(
 ) -> dict[str, Any]:
     """Drive the commands of a table and the corrected ones from standstill, once for each seed.
 
-    The table is CSV with one line of names, N rows of numbers and lines of comment, which begin
-    with ``#``: ``t``, evenly spaced [s], and for each axis that moves, as ``X`` and
-    ``X_corrected``, the commanded and the corrected position in the machine's frame [mm];
-    ``cutting``, 1 where the program cuts, may be there.  The noise of a seed is the same before and
-    after.  Raises ValueError without seeds, when a column is missing or unknown, there are less
-    than two rows, a value is no finite number, or time is not even.
+    The table is CSV: ``t``, evenly spaced [s], commanded and corrected position ``X`` and
+    ``X_corrected`` of each axis in the machine's frame [mm], and ``cutting``, 1 where the program
+    cuts. Comment lines begin with ``#``.  The noise of a seed is the same before and after.
 
-    Returns
-    -------
-    dict
-        ``axes``: by letter and by place (``measured`` by the position loop's sensor, true place of
-        the ``carriage``) the commanded less the reached position: ``rms_um`` and ``max_um``
-        ``before`` and ``after`` the correction, and ``share_left`` of the RMS, None where there was
-        none; the same under ``cutting`` where the table has cuts.  ``path``: the same of the
-        distance from the commanded path, of two axes and more.  Each number with its mean, least
-        and greatest value over the seeds; ``seeds`` is their number.
+    The document has, by axis and place (``measured`` by the position loop's sensor, ``carriage``),
+    ``rms_um`` and ``max_um`` of the error ``before`` and ``after``, and ``share_left`` of the RMS;
+    the same under ``cutting`` and of the distance from the ``path``; each number with mean, least
+    and greatest value over the seeds.  Raises ValueError without seeds, or for a table of another
+    form.
     """
     if not len(seeds):
         raise ValueError("corrected trials need one seed or more; got none")
@@ -186,10 +179,7 @@ class CommandedPath:
         self._tree = cKDTree(self.points)
 
     def distance(self, place: Floats) -> Floats:
-        """Distances of places (T, A) from the path, shape (T,).
-
-        The nearest of its points is sought, then the nearest place on the two pieces there.
-        """
+        """Distances (T,) of places (T, A) from the nearest point's two path pieces."""
         path = self.points
         distance, near = self._tree.query(place)
         for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):

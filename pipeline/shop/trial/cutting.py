@@ -110,9 +110,9 @@ def forces(
 ) -> tuple[np.ndarray, int]:  # fmt: skip
     """Forces on the tool along X, Y and Z [N] from the step ``begin`` on, (N - begin, 3).
 
-    ``sharpness`` (F,) is the factor of each tooth's own edge force.  A turn has ``turn`` steps, a
-    multiple of F; ``begin`` is at least one turn after the first.  With the forces comes in how
-    many steps a tooth cuts in its lowest slice, of all teeth together.
+    ``sharpness`` (F,): factor of each tooth's own edge force; ``turn``: steps of a revolution, a
+    multiple of F.  Also the steps for which a tooth cuts in its lowest slice, of all teeth
+    together.
     """
     flutes, slices = sharpness.size, layers.layer.size
     radii, ahead, behind = np.zeros((flutes, slices)), np.zeros(slices), np.zeros(slices)
@@ -365,9 +365,7 @@ def _piece(
 def _turning(
     track: Track, blank: Swept, turned: Floats, turn: int, begin: int, end: int
 ) -> tuple[Steps | None, Floats, int]:
-    """Steps of ``turn`` a revolution from before ``begin`` to ``end``, their times [s], and the
-    first that counts; None where there is none.
-    """
+    """Steps of ``turn`` a revolution, their times [s] and the first that counts."""
     part_of = 2 * pi / turn
     since = int(np.searchsorted(blank.path, blank.path[begin] - RECENT))
     since = max(since, begin - ceil(BEFORE / track.cycle), 0)

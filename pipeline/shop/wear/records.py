@@ -161,9 +161,8 @@ def _motion(
 def write_wear(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
     """Write ``wear/*.parquet`` and ``wear/lives.csv`` into ``folder``, when wear is recorded.
 
-    The truth: of each tool its runout, rates, gains of its mounting; of each record the land of its
-    teeth, hardness, depth and fault; the slope of the edge forces over the land.  Nothing when wear
-    is not recorded.
+    The truth: runout, rates and gains of each tool; land, hardness, depth and fault of each record;
+    the slope of the edge forces over the land.
     """
     wear = parameters.wear
     if not wear.recorded:

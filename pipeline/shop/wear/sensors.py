@@ -110,10 +110,10 @@ def channels(
     sensors: Sensors, force: Floats, angle: Floats, cutting_speed: float,
     random: np.random.Generator,
 ) -> Floats:  # fmt: skip
-    """What the sensors are exposed to, at each row, shape (T, 7) [N, m/s2, V].
+    """Signals at the sensors at each row, shape (T, 7) [N, m/s2, V].
 
-    ``force`` (FINE T, 5) is that of :func:`pipeline.shop.wear.teeth.cut_forces`, ``angle`` (FINE
-    T,) that of the spindle [rad]; the cutting speed in [m/s].
+    ``force`` (FINE T, 5): of :func:`pipeline.shop.wear.teeth.cut_forces`; ``angle`` (FINE T,): of
+    the spindle [rad]; ``cutting_speed`` [m/s].
     """
     rate = sensors.rate * FINE
     on_plate = np.stack([-force[:, X], -force[:, Y], force[:, AXIAL]], axis=1)
@@ -141,9 +141,7 @@ def _before_converter(values: Floats) -> Floats:
 def recorded(
     sensors: Sensors, true: Floats, mounting: Mounting, life: float, random: np.random.Generator
 ) -> Floats:
-    """What the converter writes of ``true`` (T, 7), in the same units, when a share of the life is
-    over.
-    """
+    """Output of the converter for ``true`` (T, 7), in its units, at a share of the ``life``."""
     gain = mounting.gain.copy()
     gain[EMISSION] *= np.exp(mounting.creep * life)
     time = np.arange(len(true))[:, None] / sensors.rate

@@ -91,8 +91,8 @@ def wear_rate(
 ) -> Floats:  # fmt: skip
     """Rate of the flank wear of each tooth after its break-in, shape (F,) [um/min].
 
-    ``diameter`` is that of the tool [mm], ``load`` (F,) that of :func:`chip_loads` [1], ``land``
-    (F,) the flank wear so far [um], ``hardness`` that of the material against its usual one [1].
+    ``diameter`` [mm]; ``load`` (F,) of :func:`chip_loads` [1]; ``land`` (F,) so far [um]; relative
+    ``hardness`` [1].
     """
     begin, end = engaged(conditions, diameter)
     v = pi * diameter * conditions.speed * 1e-3 / law.cutting_speed
@@ -107,11 +107,9 @@ def wear_rate(
 def flank_wear(
     law: WearRate, tool: WornTool, cuts: Sequence[Conditions], times: Floats, hardness: Floats
 ) -> Floats:
-    """Flank wear of each tooth of a tool, new at time 0, at ``times`` (K,) in the cut [min]; (K, F)
-    [um].
+    """Flank wear (K, F) of each tooth of a tool at ``times`` (K,) in the cut [min] [um].
 
-    The ``cuts`` are made by turns, each for as long as the others; ``hardness`` (K,) is that of the
-    material up to each time against its usual one [1].
+    The ``cuts`` are made by turns; ``hardness`` (K,): of the material up to each time [1].
     """
     land, now, found = np.zeros(tool.mill.flutes), 0.0, []
     loads = [chip_loads(tool.mill, one) for one in cuts]
@@ -183,10 +181,7 @@ def cut_forces(
     conditions: Conditions, mill: EndMill, material: Workpiece, land: Floats, motion: Motion,
     length: float,
 ) -> Floats:  # fmt: skip
-    """Forces on the tool at each step of a cut as it truly is, shape (T, 5).
-
-    ``land`` (F,) is the flank wear of each tooth [um], ``length`` that of the block [mm].
-    """
+    """True forces on the tool at each step, (T, 5); ``land`` (F,) [um], block ``length`` [mm]."""
     teeth = edges(mill, conditions.depth, min(SLICE, conditions.depth / 4))
     per_radian = (motion.x[-1] - motion.x[0]) / (motion.angle[-1] - motion.angle[0])
     out: Floats = worn_forces(

@@ -60,10 +60,7 @@ class CutForce:
 
 
 def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:
-    """Force of a cut of M rows at the T times of a trace of its plan.
-
-    ``delay`` [s] is what filters and servo take: the tool is so far behind the interpolator.
-    """
+    """Force of a cut of M rows at the T times of a trace; ``delay`` of filters and servo [s]."""
     begins = _begins(cut)
     place = begins[trace.row] + np.minimum(trace.distance, np.diff(begins)[trace.row])
     speed = np.gradient(place, trace.time) if len(place) > 1 else np.zeros(len(place))
@@ -93,10 +90,7 @@ def cut_force(cut: Cut, trace: Trace, delay: float = 0.0) -> CutForce:
 
 
 def _begins(cut: Cut) -> Floats:
-    """Path length of the program before each row, and of all of it [m]; shape (M + 1,).
-
-    Rows that stand or turn rotary axes alone have none.
-    """
+    """Path length of the program before each row, and of all of it [m]; shape (M + 1,)."""
     path, moves = cut.plan.path, cut.plan.path.moves
     linear = np.any(moves.start[:, :3] != moves.end[:, :3], axis=1) | (moves.angle != 0)
     lengths = np.where(path.moving & linear, path.length, 0.0)
@@ -156,13 +150,10 @@ def follow_cut(
 ) -> CutFollowing:  # fmt: skip
     """Axes along a program in air and under the force of its cut.
 
-    An axis whose forces are in the unit of its command, its force constant not being listed, is
-    left out: a load in newtons says nothing to it.
-
-    Drives without a servo are left out.  The axes follow the positions ``commanded``, by default
-    those of the plan.  The ``residual`` is learnt beside the drives' model without a load: it is
-    taken in air, and added to the error under the force too.  Raises ValueError when the program is
-    too long to be held, or a drive is unstable.
+    The axes follow the positions ``commanded``, by default those of the plan; the ``residual`` is
+    taken in air, and added to the error under the force too.  Drives without a servo, or whose
+    forces are in the unit of the command, are left out.  Raises ValueError when the program is too
+    long to be held, or a drive is unstable.
     """
     path = commanded_positions(cut.plan) if commanded is None else commanded
     known = {letter: drive for letter, drive in drives.items() if drive.force_unit == NEWTON}
@@ -188,10 +179,7 @@ def _as_in_air(loaded: AxisFollowing, air: AxisFollowing) -> AxisFollowing:
 
 
 def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisInCut, ...]:
-    """Peaks and RMS values of each axis while the tool is in the material; none where it is not.
-
-    ``lines`` (M,) are those of the program's rows.
-    """
+    """Peaks and RMS values of each axis in the material; ``lines`` (M,) of the program's rows."""
     inside = np.flatnonzero(found.load.cutting)
     if not len(inside):
         return ()
@@ -234,10 +222,7 @@ def _figure(value: float) -> float:
 
 
 def _delay(commanded: Trace, air: Mapping[str, AxisFollowing]) -> float:
-    """Time by which the axes are behind the interpolator, by least squares [s].
-
-    The distance between both goes with the speed: e = v T.
-    """
+    """Delay of the axes behind the interpolator by least squares of e = v T [s]."""
     square, product = 0.0, 0.0
     for letter, one in air.items():
         axis = AXES.index(letter)

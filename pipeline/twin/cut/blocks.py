@@ -30,11 +30,7 @@ class StationArcs:
 
 
 def station_arcs(engagement: Engagement, tools: tuple[Tool, ...]) -> StationArcs:
-    """Arcs of the stations of an engagement.
-
-    A plunge cuts all around: 0 to 2 pi, as wide as the tool, and in a hole around the tool's axis
-    as wide as what it takes off a side of the hole.
-    """
+    """Arcs of the stations of an engagement; a plunge cuts all around, 0 to 2 pi."""
     inside = engagement.upper > engagement.lower
     ahead = inside & (np.sin(engagement.angles) > 0)
     entry, leave = engaged_arc(np.where(ahead, engagement.upper - engagement.lower, 0.0))
@@ -82,10 +78,7 @@ def _steepness(engagement: Engagement, tools: tuple[Tool, ...]) -> Floats:
 def _diameter(
     engagement: Engagement, tools: tuple[Tool, ...], ahead: Bools, plunge: Bools
 ) -> Floats:
-    """D less what the corner is drawn in at the highest point that cuts; D in plunges [m].
-
-    Of a ball that cuts a_p deep from its tip on it is 2 sqrt(a_p (D - a_p)).
-    """
+    """Diameter at the highest point that cuts; of a ball 2 sqrt(a_p (D - a_p)) [m]."""
     corner, radius = (
         np.array([getattr(tool, name) for tool in tools])[engagement.tool]
         for name in ("corner_radius", "radius")

@@ -59,10 +59,7 @@ class ToolCoefficients:
 
 @dataclass(frozen=True, kw_only=True)
 class IdentifiedCoefficients:
-    """Force law of an identified cut, with material and tool (keys of :class:`Tool`) of its fit.
-
-    Coefficients in ``open`` are not determined by the records.
-    """
+    """Force law of an identified cut, its material and tool; ``open`` coefficients undetermined."""
 
     law: ForceLaw
     material: str
@@ -71,10 +68,9 @@ class IdentifiedCoefficients:
 
 
 def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficients | None:
-    """The law of an identified cut; None where the tangential coefficient was not determined.
+    """Law of an identified cut; None where the tangential coefficient was not determined.
 
-    One of the others that the records do not determine has the value that the fit took, which
-    serves beside the others better than none; its interval then holds zero.
+    Another undetermined coefficient has the value of the fit; its interval then holds zero.
     """
     found = {} if model is None else model.coefficients
     values = {
@@ -95,10 +91,7 @@ def identified_coefficients(model: CuttingModel | None) -> IdentifiedCoefficient
 
 
 def fitted_coefficients(model: CuttingModel | None) -> Floats:
-    """The six coefficients over the recorded cuts as the predicting fit took them, SI.
-
-    Determined or not; 0 where nothing says.
-    """
+    """The six coefficients of the predicting fit over the recorded cuts, SI; 0 if unknown."""
     if model is None or model.prediction is None:
         return np.zeros(len(COEFFICIENTS))
     taken = model.prediction.line or model.prediction.values[: len(COEFFICIENTS)]
@@ -107,10 +100,7 @@ def fitted_coefficients(model: CuttingModel | None) -> Floats:
 
 
 def identified_no_load(model: CuttingModel | None) -> tuple[float, ...] | None:
-    """Coefficients of the spindle's no-load power P_0(n) of an identified cut [W, W s, W s^2].
-
-    None where one has no value.
-    """
+    """Coefficients of the no-load power P_0(n) of an identified cut [W, W s, W s^2], or None."""
     found = {} if model is None else model.spindle_parameters
     values = [found[name].value if name in found else None for name in NO_LOAD]
     known = [value for value in values if value is not None]
@@ -123,7 +113,7 @@ def tool_coefficients(
     material: Material,
     identified: IdentifiedCoefficients | None,
 ) -> dict[int, ToolCoefficients]:
-    """Force law of each tool in a material, which ``name`` names in conf/material/.
+    """Force law of each tool in a material, ``name`` in conf/material/.
 
     The ``identified`` law of the machine holds for tools of its kind, diameter and flutes in its
     material.

@@ -128,10 +128,7 @@ def coolant_on(cut: Cut) -> Floats:
 
 
 def cost_of(cut: Cut, rates: CostRates, wear: Floats, used: Energy | None) -> PartCost:
-    """Cost of each row; what is not known of tool life is NaN, unknown electricity counts 0.
-
-    ``wear`` [1] has shape (M,), or (2, M) for the ends of its interval.
-    """
+    """Cost of each row, NaN without a tool life, for ``wear`` (M,) or ends of it (2, M) [1]."""
     prices = np.array([life_price(tool) for tool in cut.tools])
     return part_cost(
         rates,

@@ -37,8 +37,7 @@ def cut_limits(
 ) -> CutLimits:  # fmt: skip
     """Blocks of a cut against their limits.
 
-    ``limit_load`` [N] is that of the load in the plane, of tools without their own; ``margin`` (M,)
-    that of stability, by row.
+    ``limit_load`` [N]: load in the plane of tools without their own; ``margin`` (M,): of stability.
     """
     unknown = np.full(len(blocks), np.nan)
     peak = np.where(blocks.load_known, blocks.peak, np.nan)

@@ -108,10 +108,9 @@ class Cut:
     def loads(self, feeds: ArrayLike | None = None, speeds: ArrayLike | None = None) -> BlockLoads:
         """Loads of each row for a population of feeds and speeds.
 
-        The speed along the path counts as what is programmed or, where that is less, what the
-        axes, arcs and tolerances allow: at least what the control reaches, and that wherever a
-        block is long enough to reach it.  F and S are in the units of ``Moves``, by default the
-        program's own; shapes are (M,) or (P, M).
+        The speed along the path is that programmed or, where that is less, allowed by axes, arcs
+        and tolerances.  F and S are in the units of ``Moves``, by default the program's own; shapes
+        are (M,) or (P, M).
         """
         return self.table.loads(self.commanded_feed_per_tooth(feeds, speeds))
 
@@ -179,10 +178,7 @@ def cut_program(plan: Plan, job: CutJob) -> Cut:
 def _check_resolution(
     path: CuttingPath, tools: tuple[Tool, ...], numbers: list[int], resolution: float
 ) -> None:
-    """Refuse cells wider than half of the widest tool that cuts: it would miss what it cuts.
-
-    A tool of an odd size counts as a slip of units, of which there is a warning.
-    """
+    """Refuse cells wider than half of the widest tool that cuts, a likely slip of units."""
     used = np.unique(path.pieces.tool[path.pieces.feed]).tolist()
     widest = max(used, key=lambda index: tools[index].diameter, default=None)
     if widest is None or odd_sizes(tools[widest]):
@@ -204,12 +200,10 @@ def with_force_laws(cut: Cut, force_laws: tuple[ForceLaw, ...]) -> Cut:
 
 
 def recut(cut: Cut, plan: Plan, rows: ArrayLike) -> Cut:
-    """The same path through the same blank under another plan: other feeds, speeds and rows.
+    """Same path through the same blank under another plan: other feeds, speeds and rows.
 
-    Neither the engagement nor the table depends on feeds and speeds.  The plan is of the same moves
-    and of others that do not cut; ``rows`` (M,) says which of its rows each row of ``cut`` has
-    become, rising.  Raises ValueError when a row has no place, or a row with a cut moves otherwise
-    than before.
+    ``rows`` (M,) says which row of the plan each row of ``cut`` has become, rising.  Raises
+    ValueError when a row has no place, or a row with a cut moves otherwise than before.
     """
     place, moves = np.asarray(rows, dtype=np.intp), plan.path.moves
     before = cut.plan.path.moves

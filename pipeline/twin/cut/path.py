@@ -53,10 +53,10 @@ class WorkFrame:
 def work_frame(
     moves: Moves, row: int, offsets: Mapping[str, Vector], name: str | None = None
 ) -> WorkFrame:
-    """The work offset ``name``, by default the one in force in ``row``, the first that cuts.
+    """Work offset ``name``, by default the one in force in ``row``, the first that cuts.
 
-    ``offsets`` are those before the program, as in :class:`pipeline.gcode.setup.Setup`.  Raises
-    ValueError when the program does not use ``name``, or a tool length cannot be told from a shift.
+    ``offsets`` are those before the program.  Raises ValueError when the program does not use
+    ``name``, or a tool length cannot be separated from a shift.
     """
     used = list(dict.fromkeys(offset_of(frame) for frame in moves.frames))
     held = int(moves.frame[row])
@@ -234,10 +234,7 @@ def _not_computed(
 
 
 def _oriented(moves: Moves) -> Bools:
-    """Rapids of a block that stops the spindle before them and turns it after them; shape (M,).
-
-    No block of a program does so but one that runs a boring cycle.
-    """
+    """Rapids (M,) between stop and start of the spindle in one block: a boring cycle."""
     turns = np.flatnonzero(moves.kind == Kind.SPINDLE)
     oriented = np.zeros(len(moves), dtype=bool)
     for stop, start in zip(turns[:-1].tolist(), turns[1:].tolist(), strict=True):

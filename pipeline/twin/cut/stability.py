@@ -50,10 +50,7 @@ class Stability:
 
 
 def stability(cut: Cut, blocks: CutBlocks, dynamics: TipDynamics) -> Stability | None:
-    """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled.
-
-    Limits are those at the very speeds of the program.
-    """
+    """Stability of a cut; None where no tool that cuts has known dynamics, or nothing is milled."""
     table = table_of(cut, blocks, dynamics)
     if table is None:
         return None
@@ -85,9 +82,7 @@ def table_of(
 ) -> tuple[StabilityTable, Immersions] | None:
     """Table of stability of a cut at ``nodes_rpm``, by default the speeds of the program.
 
-    Margins above ``most`` are not told apart.
-
-    None where no tool that cuts has known dynamics.
+    Margins above ``most`` are not resolved; None where no tool that cuts has known dynamics.
     """
     tips = _milling(cut, dynamics)
     turning = blocks.spindle_speed[blocks.spindle_speed > 0]

@@ -188,11 +188,7 @@ COLUMNS = 900
 
 
 def cut_trace(cut: Cut, arcs: StationArcs, columns: int = COLUMNS) -> EngagementTrace:
-    """Lowest and highest load, depths and arc in each column of time.
-
-    A station counts in every column that it lies in, so that neither a short peak nor a long
-    stretch is lost.
-    """
+    """Lowest and highest load, depths and arc of the stations in each column of time."""
     plan, engagement = cut.plan, cut.engagement
     total = plan.total
     # time at which each station begins, by its share of its row's path

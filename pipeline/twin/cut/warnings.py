@@ -28,10 +28,7 @@ def cut_warnings(
     cut: Cut, blocks: CutBlocks, limits: CutLimits, limit_load: float | None, *,
     dynamics: TipDynamics | None, drive: SpindleDrive | None, stock: str,
 ) -> list[CutWarning]:  # fmt: skip
-    """Warnings before the part is cut.
-
-    Chatter is grave only where the tips' ``dynamics`` were measured.
-    """
+    """Warnings before the part is cut; chatter is grave where ``dynamics`` were measured."""
     measured = dynamics is not None and dynamics.measured
     standing = blocks.row[blocks.spindle_speed <= 0]
     warnings = [
@@ -147,11 +144,7 @@ def _unseen(dynamics: TipDynamics | None) -> CutWarning | None:
 def _damped(
     cut: Cut, blocks: CutBlocks, limits: CutLimits, dynamics: TipDynamics | None
 ) -> CutWarning | None:
-    """Blocks said to chatter whose waves are so short that process damping may still hold them.
-
-    A wave is v_c / f long; a flank that is worn to ``WORN`` rubs along a quarter of it where that
-    is no longer than the land.
-    """
+    """Blocks said to chatter where process damping may hold: land over a quarter wave v_c / f."""
     if dynamics is None:
         return None
     tips = dynamics.of(cut.numbers)
@@ -197,10 +190,7 @@ def _below(cut: Cut) -> Rows:
 
 
 def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
-    """What of tools and registers does not fit the program that is cut with them.
-
-    ``table`` is the tool table as it was named.
-    """
+    """Misfits of tools and registers with the program; ``table``: the tool table as named."""
     return (
         *_odd_sizes(cut, table),
         *_backwards(cut),

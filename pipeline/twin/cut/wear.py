@@ -211,10 +211,7 @@ def changed_earlier(wear: ToolWear) -> list[CutWarning]:
 def tool_edges(
     cut: Cut, arcs: StationArcs, coefficients: Mapping[int, ToolCoefficients]
 ) -> tuple[ToolEdge, ...]:
-    """Edges of the tools that cut, with their force sharp and worn, in the order of the program.
-
-    A tool that counts as sharp is compared with itself at the criterion, where one is known.
-    """
+    """Edges of the tools that cut, with their force sharp and worn, in the order of the program."""
     order = list(dict.fromkeys(cut.tool[cut.tool >= 0].tolist()))
     given = [coefficients[number] for number in cut.numbers]
     forces: dict[int, EdgeForces] = {}
