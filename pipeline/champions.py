@@ -70,11 +70,10 @@ def first_serving(newest: Bundle, registered: Sequence[Version]) -> str:
 
 
 def keep_serving(machine: str, names: Sequence[str], root: Path = Path()) -> Champion:
-    """Register what the store lacks of a machine, and fill ``data/champion`` with what serves.
+    """Register missing bundles of a machine, and fill ``data/champion`` with the one that serves.
 
-    That is the bundle that somebody promoted, else the one that serves already, else the newest.
-    Where nothing is new the store is only read.  Raises StoreError when a model is missing or
-    broken; ValueError when the bundle that champions.json names lies nowhere.
+    It is the promoted bundle, else the one that serves already, else the newest.  Raises StoreError
+    when a model is missing or broken; ValueError when the bundle of champions.json lies nowhere.
     """
     models, serves = root / DATA / "models" / machine, root / DATA / "champion" / machine
     newest, champion = bundle_of(models, machine, names), champion_of(machine, root)
@@ -105,10 +104,9 @@ def _refilled(machine: str, names: Sequence[str], root: Path) -> Champion | None
 def fill_champion(
     bundle: str, names: Sequence[str], models: Path, target: Path, *, root: Path = Path()
 ) -> Bundle:
-    """Fill ``target`` with the bundle of a hash, from wherever it is.
+    """Fill ``target`` with the bundle of a hash, from ``models``, itself or the registry.
 
-    It lies in ``models``, or in ``target`` already, or in the registry.  Raises ValueError when it
-    lies nowhere.
+    Raises ValueError when it lies nowhere.
     """
     machine = target.name
     newest = newest_bundle(models, names)
@@ -152,9 +150,9 @@ def promote(
     """Make the newest bundle of a machine its champion, or go back to a version.
 
     ``why`` goes into ``champions.json``; ``by`` is git's user where it is empty; ``anyway`` lets
-    one serve that is not shown to be better; ``to`` is a registered version that serves without a
-    comparison.  Raises ValueError when there is no reason, no challenger or no such version, or
-    something speaks against the challenger.
+    one serve that is not shown to be better; ``to`` is a registered version, without a comparison.
+    Raises ValueError when there is no reason, no challenger or no such version, or the challenger
+    fails.
     """
     if not why.strip():
         raise ValueError(f"a champion of {machine} needs a reason: give it with --why")
@@ -322,12 +320,8 @@ def made_with(machine: str, names: Sequence[str], root: Path) -> dict[str, Any]:
 def status(machine: str, root: Path = Path()) -> list[dict[str, str]]:
     """Rows for ``kerf status``: one for each sub-model of a machine that the fleet builds.
 
-    A store that lacks the champion, deleted or another server, is filled first.
-
-    Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` (verdict of the newest model),
-    ``champion`` (verdict of the one that serves), ``serving`` (version of the champion) and
-    ``challenger`` (version of the newest bundle where it is another).  One row says where a machine
-    has no sub-model.
+    Columns: ``machine``, ``origin``, ``sub-model``, ``latest`` and ``champion`` (verdicts),
+    ``serving`` and ``challenger`` (versions).  A missing champion is filled into the store first.
     """
     names = _names(machine, root)
     if not names:

@@ -21,20 +21,15 @@ KEPT_S = 90 * 24 * 3600.0
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Compile a function that allocates nothing.
-
-    Its references to arrays need not be counted (counting them for each value took half of the
-    time).
-    """
+    """Compile a function that allocates nothing, without counting references to arrays."""
     return compiled_with(nogil=True, _nrt=False)(function)
 
 
 def compiled_with(**options: Any) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """``numba.njit`` whose results are kept in the user's cache by content.
 
-    Numba's own cache stands beside a source and looks at that file alone.  A loop also changes with
-    what it calls in other files, and another copy of the same sources (a clone, a worktree, the
-    code in a bundle) need not compile anew.
+    Numba's own cache looks at one file alone; a loop also changes with what it calls in other
+    files, and another copy of the same sources need not compile anew.
     """
 
     def decorated(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -111,10 +106,7 @@ class _Kept(caching.NullCache):
 
 @cache
 def content(function: Callable[..., Any]) -> str:
-    """Hash of the files of a function and of all that it calls, and of the values they name.
-
-    To be asked for when a function can run: a name that is not bound yet is in no hash.
-    """
+    """Hash of the files of a function and of all that it calls, and of the values they name."""
     parts: set[bytes] = set()
     seen: set[Callable[..., Any]] = set()
     todo = [function]

@@ -40,24 +40,10 @@ def mapped(
 ) -> list[Result]:
     """``function`` of each task, in the order of the tasks.
 
-    Parameters
-    ----------
-    function : callable
-        Of one task; for ``processes`` its result must be one that pickles.
-    tasks : iterable
-        What it is called with, random seeds included.
-    compute : {"serial", "threads", "processes"}
-        Where the tasks run.  A single task or a single core needs no worker and runs here.
-    workers : int or None
-        At most this many at once; None for one a core.
-
-    Raises
-    ------
-    ValueError
-        When ``compute`` is none of the three.
-    Exception
-        The error of the first task, in their order, that raised a ValueError or an OSError, with
-        its type and its sentence; any other error as soon as a task raises it.
+    ``function``: for ``processes`` with a result that pickles; ``tasks``: its arguments, random
+    seeds included; ``compute``: where the tasks run, a single one always here; ``workers``: at most
+    this many at once, None for one a core.  Raises the ValueError or OSError of the first task in
+    their order; any other error as soon as a task raises it.
 
     >>> mapped(abs, [-2, 1], compute="serial")
     [2, 1]

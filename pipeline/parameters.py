@@ -36,14 +36,8 @@ class ParametersError(ValueError):
 def read_params(path: Path = PARAMS, settings: Path | None = None) -> dict[str, Any]:
     """All of params.yaml, with the catalogues and the sections ``machine`` beside it.
 
-    Raises ParametersError when a file is missing or holds no mapping.
-
-    Parameters
-    ----------
-    path : Path
-        Of params.yaml.
-    settings : Path or None
-        Folder of the rest; None for ``data/settings`` beside ``path``.
+    ``settings``: folder of the rest; None for ``data/settings`` beside ``path``.  Raises
+    ParametersError when a file is missing or holds no mapping.
     """
     if not path.exists():
         raise ParametersError(

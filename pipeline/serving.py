@@ -25,10 +25,9 @@ _SWAPPING = threading.RLock()
 
 
 class OwnPackage:
-    """A copy of the package that works apart from the installed package of the same name.
+    """Copy of the package apart from the installed one of the same name, for older versions.
 
-    A version of long ago keeps the modules and fields that it was written with, whatever they are
-    called today.  Where both are the same, the installed one is used, whose kernels are compiled.
+    Where both are the same, the installed one is used, whose kernels are compiled.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -84,10 +83,9 @@ def _sources(folder: Path) -> dict[str, Path]:
 
 
 class Bundle(mlflow.pyfunc.PythonModel):
-    """Predicts with one of the sub-models of a machine's bundle, named by ``params``.
+    """Predictor with one of the sub-models of a machine's bundle, named by ``params``.
 
-    The table and what is predicted are those of the sub-model: see the input example, and the
-    units in the metadata.  Times are UTC, without a time zone where MLflow checks them.
+    Times are UTC, without a time zone where MLflow checks them.
     """
 
     def load_context(self, context: Any) -> None:
@@ -101,9 +99,9 @@ class Bundle(mlflow.pyfunc.PythonModel):
     def predict(
         self, context: Any, model_input: pd.DataFrame, params: dict[str, Any] | None = None
     ) -> pd.DataFrame:
-        """What ``params["submodel"]`` predicts from a table of its inputs.
+        """Predictions of ``params["submodel"]`` from a table of its inputs.
 
-        Raises ValueError when the bundle has no such sub-model, or the table lacks what it needs.
+        Raises ValueError when the bundle has no such sub-model, or the table lacks a column.
         """
         name = (params or {}).get("submodel") or self.submodels[0]
         if name not in self.submodels:

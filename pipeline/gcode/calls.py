@@ -33,7 +33,7 @@ class Label:
 
 
 class Source:
-    """One program with an index of its N words, O programs, labels and loops.
+    """Program with an index of its N words, O programs, labels and loops.
 
     ``keeps`` says whether a line that is carried out again is the same statement.
     """
@@ -216,11 +216,7 @@ class Level:
 
 
 class CallStack:
-    """Stack of call levels.
-
-    A call saves modal state and local variables; ``memory`` is what the reader of a Sinumerik's
-    lines remembers.
-    """
+    """Stack of call levels with modal state, local variables and the reader's ``memory``."""
 
     def __init__(
         self, run: Run, variables: Variables, parse: Parser, program: Program,

@@ -80,10 +80,7 @@ RULES = {
 def close_contour(run: Run) -> None:
     """Replace the moves of the contour that G41 or G42 opened by those of the tool's centre.
 
-    Raises
-    ------
-    GcodeError
-        The tool cannot follow; the error names the line of the move.
+    Raises GcodeError where the tool cannot follow, with the line of the move.
     """
     contour, run.contour = run.contour, None
     run.state.compensation = 0
@@ -107,20 +104,12 @@ def compensate(elements: list[Element], *, side: int, radius: float, dialect: st
     """Path of the tool's centre beside a contour.
 
     The first of ``elements`` is the first move after G41 or G42, which enters from where the tool
-    stands, off the contour; the last is the one before G40; each starts where the one before ends.
-    ``side`` is 1 for G41, left of the contour, -1 for G42; a negative ``radius`` [mm] changes it;
-    ``dialect`` is a key of :data:`RULES`.
+    stands; the last is the one before G40.  ``side`` is 1 for G41, left of the contour, -1 for G42;
+    a negative ``radius`` [mm] changes it; ``dialect`` is a key of :data:`RULES`.
 
-    Returns
-    -------
-    list of Element
-        Each starts where the one before ends; one for each that was given, in their order, and
-        before it those inserted to get there, with its row.
-
-    Raises
-    ------
-    CompensationError
-        The tool is too big for an arc, a corner or a move between two corners, or cannot enter.
+    Each element of the result starts where the one before ends; inserted ones have the row of the
+    element that they lead to.  Raises CompensationError where the tool is too big for an arc, a
+    corner or a move between two corners, or cannot enter.
     """
     if radius == 0:
         return list(elements)
@@ -220,13 +209,8 @@ def own_entry(element: Element, shift: float) -> Element:
     """Move to beside the end of the element itself, as LinuxCNC enters.
 
     A line goes straight to the point at the tool's radius from its end; an arc keeps its tangent
-    there, so that its centre moves along the line from its end to its programmed centre.
-
-    Raises
-    ------
-    CompensationError
-        The tool covers the end point from where it stands, or the arc would have to arrive in the
-        opposite direction.
+    there. Raises CompensationError where the tool covers the end point, or would arrive reversed on
+    an arc.
     """
     length = abs(element.end - element.start)
     if length <= abs(shift):
@@ -256,10 +240,7 @@ def own_entry(element: Element, shift: float) -> Element:
 def next_entry(element: Element, following: Element | None, shift: float) -> Element:
     """Move to beside the start of the following element (Fanuc type A, Siemens NORM).
 
-    Raises
-    ------
-    CompensationError
-        The first move is an arc.
+    Raises CompensationError where the first move is an arc.
     """
     if element.centre is not None:
         raise CompensationError(
@@ -279,10 +260,7 @@ def corner_between(
 ) -> Corner:
     """Corner of two elements, given as programmed and as offset by ``shift`` to the left [mm].
 
-    Raises
-    ------
-    CompensationError
-        An inner corner into which the tool does not fit.
+    Raises CompensationError at an inner corner into which the tool does not fit.
     """
     turn = cmath.phase(programmed[1].first_direction / programmed[0].last_direction)
     end, start = shifted[0].end, shifted[1].start

@@ -76,10 +76,7 @@ class Element:
 def offset(element: Element, shift: float) -> Element:
     """Offset of an element by ``shift`` to its left [mm].
 
-    Raises
-    ------
-    CompensationError
-        The centre of an arc lies within ``shift``.
+    Raises CompensationError where the centre of an arc lies within ``shift``.
     """
     centre = element.centre
     if centre is not None:
@@ -122,7 +119,7 @@ def swept(start: complex, end: complex, centre: complex, like: float) -> float:
 
 
 def meeting(first: Element, second: Element) -> complex | None:
-    """Point common to the line and circle, or circles, of two elements [mm].
+    """Point common to the lines or circles of two elements [mm].
 
     Of two points the one that lies back along the first element and ahead along the second.
     """
@@ -199,8 +196,8 @@ def append_path(
 ) -> None:
     """Append the moves of a path, and between them, in place, the rows that do not move.
 
-    Elements of ``path``, of the tool's centre, bear the number of their row in ``programmed``;
-    ``start`` is where the machine stood before the contour [mm, deg]; ``plane`` is 17, 18 or 19.
+    Elements of ``path`` have rows of ``programmed``; ``start``: machine position before [mm, deg];
+    ``plane``: 17, 18 or 19.
     """
     first, second, normal = IN_PLANE[plane]
     here = list(start)

@@ -39,8 +39,7 @@ def begin_corner(run: Run, block: Block) -> None:
 def finish_corner(run: Run, corner: Corner) -> None:
     """Put in the arc or the line of a corner, before the straight line that is the last row.
 
-    Raises GcodeError where the last row is no such line, the lines do not lie in the plane, are
-    one, or are too short.
+    Raises GcodeError where the lines are not straight, not in the plane, one, or too short.
     """
     run.corner, last = None, run.rows.count - 1
     if last != corner.row + 1 or run.rows.arrays["kind"][last] not in (Kind.RAPID, Kind.FEED):

@@ -69,15 +69,10 @@ def fast_lines_apply(state: State) -> bool:
 def run_fast_lines(
     program: Program, number: int, stop: int, run: Run, variables: Variables | None = None
 ) -> int:
-    """Carry out fast lines from ``number`` on, with the interpreter's results bit for bit.
+    """Carry out fast lines from ``number`` to before ``stop``; the first line that was not one.
 
-    They go up to before line ``stop``; rows and state of ``run`` change. Lines with expressions are
+    Rows and state of ``run`` change, bit for bit as by the interpreter.  Lines with expressions are
     fast ones only with ``variables``.
-
-    Returns
-    -------
-    int
-        The first line that was not carried out: it is not a fast line, wrong, or ``stop``.
     """
     content = program.content[number - 1 : number - 1 + AHEAD]
     if content[0] > 1 or not fast_lines_apply(run.state) or run.pending_length != 0:
@@ -161,12 +156,10 @@ def follow(
 ) -> tuple[int, int]:
     """Carry out fast lines; the first line that is none, and the number of rows.
 
-    ``data`` and ``tokens`` are a program's bytes and its tokens' kind, start and first; ``lines``
-    the first line and the one to stop before; ``floats`` and ``integers``, of
-    :meth:`~pipeline.gcode.modal.State.to_arrays`, and ``columns``, one row a line at least of which
-    ``count`` are written, change in place; ``choices`` (4,) holds ``TOLERANCE``, ``RELATIVE``,
-    ``R_TOLERANCE``, ``INCREMENTS``; no fast line changes a variable of ``table``; ``words``
-    (``WIDTH``,) is to work in.
+    ``tokens``: kind, start and first; ``lines``: first line and the one to stop before; ``floats``
+    and ``integers`` (:meth:`~pipeline.gcode.modal.State.to_arrays`) and ``columns``, of which
+    ``count`` are written, change in place; ``choices`` (4,): ``TOLERANCE``, ``RELATIVE``,
+    ``R_TOLERANCE``, ``INCREMENTS``; ``words`` (``WIDTH``,) is to work in.
     """
     linuxcnc = integers[modal.DIALECT] == modal.LINUXCNC
     increments = choices[INCREMENTS] > 0

@@ -51,7 +51,7 @@ BINARY_SHARE, SAMPLE = 0.3, 4000
 
 
 def refuse_foreign(program: Program, dialect: str) -> None:
-    """Refuse what is no program of a mill, by its name.  Raises GcodeError with what it is."""
+    """Refuse files that are no program of a mill with a GcodeError that names them."""
     head = program.data[:HEAD]
     for name, (pattern, remedy) in FOREIGN.items():
         found = pattern.search(head)

@@ -28,15 +28,10 @@ def distance(u: float, v: float) -> float:
 def sweep(
     u_0: float, v_0: float, u_1: float, v_1: float, u_c: float, v_c: float, turn: int, turns: int
 ) -> float:
-    """Angle from start to end about the centre [rad].
+    """Angle from start to end about the centre, positive anticlockwise [rad].
 
     Start 0, end 1 and centre c [mm]; ``turn`` is 1 anticlockwise (G3), -1 clockwise (G2); ``turns``
-    counts the full circles begun, 1 for an arc of up to one.
-
-    Returns
-    -------
-    float
-        Positive anticlockwise; a full circle where start and end lie in one direction.
+    counts the full circles begun.  A full circle where start and end lie in one direction.
     """
     start = math.atan2(v_0 - v_c, u_0 - u_c)
     end = math.atan2(v_1 - v_c, u_1 - u_c)
@@ -58,15 +53,10 @@ def radii_agree(
     tolerance: float,
     relative: float,
 ) -> int:
-    """Whether start and end lie on one circle about the centre.
+    """Verdict on the radii of start 0 and end 1 about centre c [mm]: OK, NO_RADIUS, UNEQUAL_RADII.
 
-    Start 0, end 1 and centre c [mm]. Radii may differ by ``tolerance`` [mm], and further up to the
-    part ``relative`` [1] of the radius and 100 ``tolerance``.
-
-    Returns
-    -------
-    int
-        ``OK``, ``NO_RADIUS`` or ``UNEQUAL_RADII``.
+    Radii may differ by ``tolerance`` [mm], and further up to the part ``relative`` [1] of the
+    radius and 100 ``tolerance``.
     """
     r_0 = distance(u_0 - u_c, v_0 - v_c)
     r_1 = distance(u_1 - u_c, v_1 - v_c)
@@ -83,15 +73,10 @@ def radii_agree(
 def centre_of_radius(
     u_0: float, v_0: float, u_1: float, v_1: float, radius: float, turn: int, tolerance: float
 ) -> tuple[int, float, float]:
-    """Centre of an arc given by R.
+    """Verdict (``OK``, ``TOO_FAR`` or ``NO_CHORD``) and centre [mm] of an arc given by R.
 
     Start 0 and end 1 [mm]; a negative ``radius`` [mm] is that of more than a semicircle; ``turn``
-    as in :func:`sweep`; half of the chord may be longer than the radius by ``tolerance`` [mm].
-
-    Returns
-    -------
-    (int, float, float)
-        ``OK``, ``TOO_FAR`` or ``NO_CHORD``, and the centre [mm].
+    as in :func:`sweep`; half of the chord may exceed the radius by ``tolerance`` [mm].
     """
     chord_u, chord_v = u_1 - u_0, v_1 - v_0
     half = distance(chord_u, chord_v) / 2

@@ -39,15 +39,10 @@ SPARE_ROWS = 64
 def interpret(
     program: Program, setup: Setup, progress: Callable[[int], None] | None = None
 ) -> Moves:
-    """Moves of a program from its first line to its end.
+    """Moves of a program from its first line to its end, in the machine's frame [mm, deg].
 
-    ``progress`` is called now and then with the number of blocks that were executed.  Raises
-    GcodeError at the first word that cannot be interpreted.
-
-    Returns
-    -------
-    Moves
-        In the machine's frame [mm, deg].
+    ``progress`` gets the number of executed blocks.  Raises GcodeError at the first word that
+    cannot be interpreted.
     """
     refuse_foreign(program, setup.dialect)
     return Interpreter(program, setup, progress).moves()

@@ -223,10 +223,7 @@ NO_CENTRE = (np.nan, np.nan, np.nan)
 
 
 class Rows:
-    """Growing columns; ``count`` rows of ``capacity`` are written.
-
-    Pages that are never written cost no memory, and hold zeros.
-    """
+    """Growing columns of ``count`` rows; unwritten pages cost no memory, and hold zeros."""
 
     def __init__(self, capacity: int) -> None:
         self.count = 0

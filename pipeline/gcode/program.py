@@ -95,10 +95,10 @@ class Piece:
 
 
 class Line:
-    """One line of a program; its words are looked up on demand.
+    """Line of a program; its words are looked up on demand.
 
-    ``start`` is its first byte in the program, counting from 0; ``end`` its line end, empty where
-    the last line has none.
+    ``start`` is its first byte in the program, from 0; ``end`` its line end, empty where there is
+    none.
     """
 
     __slots__ = ("_first", "_last", "_tokens", "end", "number", "start", "text")
@@ -123,10 +123,7 @@ class Line:
 
     @property
     def words(self) -> tuple[Word, ...]:
-        """Letters with numbers or expressions; what assignments and control hold is not among them.
-
-        Those are in the :class:`~pipeline.gcode.statements.Statement` of the line.
-        """
+        """Letters with numbers or expressions, but for those of assignments and control."""
         return tuple(
             self._word(piece)
             for piece in self.pieces
@@ -243,30 +240,21 @@ class Program:
         return found
 
     def text(self, changes: Mapping[Word, bytes] | None = None) -> bytes:
-        """The program put together from its pieces, with other bytes for some words.
-
-        All bytes stay but those of the words in ``changes``.
-        """
+        """Program put together from its pieces, with other bytes for the words in ``changes``."""
         instead = {word.start: text for word, text in (changes or {}).items()}
         bounds = self.tokens.start.tolist()
         return b"".join(instead.get(begin, self.data[begin:end]) for begin, end in pairwise(bounds))
 
     @cached_property
     def content(self) -> np.ndarray:
-        """Class of each line (L,): 0 for numbers and comments only, 1 with expressions, 2 with
-        more.
-        """
+        """Class of each line (L,): 0 numbers and comments only, 1 with expressions, 2 with more."""
         first = self.tokens.first[:-1]
         classes = _CONTENT[self.tokens.kind]
         return np.maximum.reduceat(classes, first) if len(first) else classes
 
     @property
     def body(self) -> range:
-        """Numbers of the lines that are executed.
-
-        A line of ``%`` with nothing but comments before it opens the program; the next one closes
-        it.
-        """
+        """Numbers of the lines that are executed, between the two lines of ``%`` if any."""
         percents = self._line_of(np.flatnonzero(self.tokens.kind == TokenKind.PERCENT))
         first, last = 1, len(self) + 1
         if len(percents) and self._silent[: self.tokens.first[percents[0] - 1]].all():

@@ -31,10 +31,7 @@ class Restart:
 
 
 def restart_of(run: Run, line: int, *, inside: bool, modal: str = "") -> Restart:
-    """What is in force at a run that stands before a line.
-
-    ``inside`` a subprogram or not; ``modal`` names the cycle that MCALL put in force.
-    """
+    """State in force before a line, ``inside`` a subprogram or not; ``modal``: cycle of MCALL."""
     state = run.state
     return Restart(
         line=line,

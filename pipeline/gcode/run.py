@@ -31,10 +31,7 @@ class Jump:
 
 
 class Block:
-    """Evaluated words of a line.
-
-    Codes take the words that they use; a word left over is an error.
-    """
+    """Evaluated words of a line; a word that no code uses is an error."""
 
     __slots__ = (
         "actions", "comments", "feed_given", "file", "flow", "items", "line", "m_codes",
@@ -111,10 +108,7 @@ class Cycle:
 
 @dataclass(slots=True)
 class Register:
-    """A number of the tool table while the program runs [mm].
-
-    ``across`` holds the offsets that LinuxCNC knows in other axes than Z, by axis [mm, deg].
-    """
+    """Register of the tool table while the program runs [mm], offsets ``across`` Z [mm, deg]."""
 
     length: float = 0.0
     length_wear: float = 0.0
@@ -285,10 +279,7 @@ class Run:
         return self.registers.setdefault(number, Register())
 
     def listed_tool(self, number: int, block: Block, item: WordItem) -> Register:
-        """Entry of LinuxCNC's tool table, where tool 0 is none.
-
-        Raises GcodeError if the tool is not in the table.
-        """
+        """Entry of LinuxCNC's tool table, where tool 0 is none; GcodeError if not in the table."""
         if number <= 0:
             return Register()
         if number not in self.registers:

@@ -120,10 +120,7 @@ POWERS: npt.NDArray[np.float64] = np.array([float(10**n) for n in range(MOST_DEC
 
 @compiled
 def number(data: Bytes, at: int) -> tuple[int, float]:
-    """End of the number at ``at`` (``at`` itself if there is none) and its value.
-
-    One sign, digits with at most one point, blanks between them.
-    """
+    """End of the number at ``at`` (``at`` itself if there is none) and its value."""
     n = len(data)
     start = at
     negative = data[at] == MINUS

@@ -68,11 +68,7 @@ Expression = Number | Parameter | Unary | Binary | Call
 
 @dataclass(frozen=True, slots=True)
 class WordItem:
-    """A letter and its value, ``column`` counting from 1.
-
-    ``absolute`` says whether a coordinate counts from the origin or from where the axis stands;
-    None is as G90 and G91 say.
-    """
+    """Letter and value at ``column`` (from 1); ``absolute`` None: as G90 and G91 say."""
 
     letter: str
     value: Expression
@@ -114,7 +110,7 @@ class Control:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """One parsed line: number in the file, N word, words and control in the order written.
+    """Parsed line: number in the file, N word, words and control in their order.
 
     ``rest`` holds further blocks of the line, which are carried out after it.
     """
@@ -161,16 +157,9 @@ def constant(value: Expression) -> float | None:
 def evaluate(expression: Expression, parameters: ParameterStore) -> float | None:
     """Value of an expression; None where it is Fanuc's <vacant>.
 
-    Returns
-    -------
-    float or None
-        A vacant variable alone is vacant; in arithmetic it counts 0; it equals (EQ) nothing but
-        another vacant one.
-
-    Raises
-    ------
-    ExpressionError
-        Division by zero, a root of a negative number and the like, in one sentence.
+    A vacant variable alone is vacant; in arithmetic it counts 0; it equals (EQ) nothing but another
+    vacant one.  Raises ExpressionError for a division by zero, a root of a negative number and
+    such.
     """
     if isinstance(expression, Number):
         return expression.value

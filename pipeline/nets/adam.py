@@ -21,12 +21,11 @@ def flat(weights: Sequence[nn.Parameter]) -> Tensor:
 
 
 class Adam:
-    """Steps down the gradient of a loss.
+    """Adam optimiser: steps down the gradient of a loss.
 
-    ``rate`` may be set anew before any step; ``betas`` are the shares of the mean gradient and of
-    its mean square that a step keeps [1]; ``l2`` is the penalty on the squares of each of the
-    weights [1], ``decay`` the share of the weights, times the rate, that each step takes off: AdamW
-    (Loshchilov and Hutter 2019). The rest of the graph gets no gradient.
+    ``rate`` may change before any step; ``betas``: shares of the mean gradient and of its mean
+    square kept by a step [1]; ``l2``: penalty on the squares of each weight [1]; ``decay``: share
+    of the weights, times the rate, taken off by a step: AdamW (Loshchilov and Hutter 2019).
     """
 
     def __init__(

@@ -13,10 +13,7 @@ class Diverged(ValueError):  # noqa: N818
 
 
 class BestState:
-    """Errors so far, and the state of a network with the least validation error.
-
-    ``diverged`` is what is said of a training whose first errors are not finite.
-    """
+    """Errors so far, and the state of a network with the least validation error."""
 
     def __init__(self, built: nn.Module, diverged: str) -> None:
         self.built, self.diverged = built, diverged

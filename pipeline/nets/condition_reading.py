@@ -47,11 +47,10 @@ def window_features(x: Tensor) -> Tensor:
 
 
 class Readers(nn.Module):
-    """Fixed networks that read a number of the conditions from windows and the other conditions.
+    """Fixed networks that read column ``read`` of the conditions' numbers from windows.
 
-    x (N, C, L) are recorded windows, scaled to -1..1, ``numbers`` (N, K) and ``words`` (N, D) their
-    conditions, encoded, where word 0 is one that is not known. They read column ``read`` of the
-    numbers; a share ``unknown`` of the words is hidden in training [1].
+    x (N, C, L) are recorded windows, scaled to -1..1, ``numbers`` (N, K) and ``words`` (N, D)
+    encoded conditions, word 0 unknown; a share ``unknown`` of the words is hidden in training [1].
     """
 
     def __init__(

@@ -23,10 +23,10 @@ TINY = 1e-12
 
 
 def features(windows: ArrayLike) -> Floats:
-    """Features of windows (N, C, L), shape (N, C (4 + bands)); one column each.
+    """Features of windows (N, C, L), shape (N, C (4 + bands)).
 
-    Of each channel its mean, the logarithm of its standard deviation and of its largest distance
-    from the mean, the skewness, and the logarithm of its power in bands.
+    Mean, logarithms of standard deviation and of the largest distance from the mean, skewness, and
+    logarithm of the power in bands of each channel.
     """
     x = np.asarray(windows, dtype=np.float64)
     mean = x.mean(axis=2, keepdims=True)
@@ -121,9 +121,8 @@ def collapse(
 ) -> Collapse:  # fmt: skip
     """Spread of samples against that of recorded windows, pair by pair.
 
-    ``sampled`` has a window for each of ``recorded``, (N, C, L), at its ``conditions`` (N, K),
-    numbers of about the same scale; ``losses`` (H,) are those of the discriminator over the
-    training [1]. ``most`` windows are looked at, at random by ``seed``.
+    ``sampled`` and ``recorded`` (N, C, L) at ``conditions`` (N, K) of one scale; ``losses`` (H,) of
+    the discriminator [1]; ``most`` windows count, at random by ``seed``.
     """
     rng = np.random.default_rng(seed)
     many = len(np.asarray(recorded))

@@ -34,8 +34,7 @@ ROWS = 4096
 class FilteredNetwork(nn.Module, ABC):
     """Bands over the channels, and rules that are linear in the consequent inputs.
 
-    ``bounds`` are least and greatest value of each of the F parameters of a band; training starts
-    from the bands ``start`` (J, F).
+    ``bounds``: of the F parameters of a band; ``start`` (J, F): first bands.
     """
 
     channels: Tensor
@@ -58,10 +57,7 @@ class FilteredNetwork(nn.Module, ABC):
 
     @property
     def bands(self) -> Tensor:
-        """Parameters of the bands, shape (J, F); ``places`` has them as shares of their bounds.
-
-        So one step width suits all of them.
-        """
+        """Parameters of the bands, shape (J, F); ``places`` are shares of their bounds."""
         return self.low + self.places * (self.high - self.low)
 
     @torch.no_grad()
@@ -127,21 +123,16 @@ class FilteredNetwork(nn.Module, ABC):
 
 
 def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
-    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M).
-
-    The ridge bounds the condition, so that normal equations lose no more than the ridge hides.
-    """
+    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M)."""
     diagonal = ridge * torch.eye(gram.shape[-1], dtype=gram.dtype)
     return torch.cholesky_solve(moment, torch.linalg.cholesky(gram + diagonal))
 
 
 class Whitened:
-    """A filtered network with consequents b = b0 + L^-T z, where L L' = A'A / T + ridge 1.
+    """Filtered network with consequents b = b0 + L^-T z, where L L' = A'A / T + ridge 1.
 
-    Rules that hardly differ make the columns of the design A nearly the same, and gradient descent
-    on b crawl; in z they are orthogonal where it starts.
-
-    b0 is the solution of the least squares of samples x (T, N), c (T, K), y (T,).
+    In z the columns of the design A are orthogonal at the start, for gradient descent.  b0 is the
+    solution of the least squares of samples x (T, N), c (T, K), y (T,).
     """
 
     def __init__(
@@ -172,11 +163,10 @@ class Whitened:
 
 
 class FuzzyFilteredNetwork(FilteredNetwork):
-    """The improved network: Gaussian bands (centre, width [channels]), shares O_j / sum_k O_k.
+    """Improved network: Gaussian bands (centre, width [channels]), shares O_j / sum_k O_k.
 
-    Shares need temperatures of one sign, or their sum could vanish.  So the bands take the scaled
-    rise, 0 to 1 over what was learnt, plus an offset; what lies so far below everything learnt that
-    less than a twentieth of the offset is left counts as that twentieth.
+    The bands take the scaled rise, 0 to 1 over the training data, plus an offset, so that shares
+    cannot vanish; a sum below a twentieth of the offset counts as that twentieth.
     """
 
     def __init__(self, settings: FuzzyFilteredSettings, sensors: int, inputs: int) -> None:

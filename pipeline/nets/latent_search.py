@@ -71,10 +71,9 @@ def explain(
 ) -> Explained:  # fmt: skip
     """Noise and value of ``condition`` that explain a recorded window best.
 
-    ``window`` (C, L) in the units of the channels; ``given`` holds one value of each other
-    condition; discrete ones may be left out.  Raises ValueError when the window has another shape,
-    the condition is none of the continuous ones, or another condition is missing or lies outside of
-    what was learnt.
+    ``window`` (C, L) in the units of the channels; ``given``: one value of each other condition, if
+    not discrete.  Raises ValueError for another shape, or a condition that is missing or not
+    learnt.
     """
     settings = settings or LatentSearch()
     x = samples("window", window, 2)

@@ -58,20 +58,14 @@ class CausalConvolution(nn.Module):
         return over_rows(functional.pad(x, (0, 0, self.before, 0)), self.convolution)
 
     def in_time(self, x: Tensor) -> Tensor:
-        """Rows of shape (T, B, C) become (T, B, filters), without dilation.
-
-        As one product, which for few channels takes a fraction of the time of a convolution.
-        """
+        """Rows of shape (T, B, C) become (T, B, filters), without dilation, as one product."""
         weight, bias = self.convolution.weight, self.convolution.bias
         rows = functional.pad(x, (0, 0, 0, 0, self.before, 0)).unfold(0, self.before + 1, 1)
         return functional.linear(rows.flatten(2), weight.flatten(1), bias)
 
 
 def over_rows(x: Tensor, convolution: nn.Conv1d) -> Tensor:
-    """A convolution over time of rows (B, T, C), shape (B, T', filters).
-
-    In two dimensions, one row high and channels last, it takes half of the time.
-    """
+    """Convolution over time of rows (B, T, C), shape (B, T', filters), one row high."""
     found = functional.conv2d(
         x.transpose(1, 2).unsqueeze(2), convolution.weight.unsqueeze(2), convolution.bias,
         stride=(1, *convolution.stride), padding=(0, int(convolution.padding[0])),
@@ -103,10 +97,7 @@ class CnnLstm(SequenceNetwork):
         self.lstm = nn.LSTM(settings.filters, settings.units)
 
     def states(self, x: Tensor) -> Tensor:
-        """States of the LSTM, shape (T // pool, B, units); the oldest rows left over are dropped.
-
-        A window shorter than the pool is one row.
-        """
+        """States of the LSTM, shape (T // pool, B, units); the oldest left over are dropped."""
         found = torch.relu(self.convolution.in_time(x.transpose(0, 1)))
         if self.pool > 1:
             pool = min(self.pool, len(found))
@@ -255,11 +246,11 @@ NETWORKS: dict[type[SequenceSettings], Callable[[Any, int, int], SequenceNetwork
 def sequence_network(
     settings: SequenceSettings, length: int, channels: int, generator: torch.Generator
 ) -> SequenceNetwork:
-    """The network of a kind's settings for windows of T rows and C channels, not yet trained.
+    """Network of a kind's settings for windows of T rows and C channels, not yet trained.
 
     Initial weights are uniform within 1 / sqrt(inputs of the node), in an LSTM within 1 /
-    sqrt(units) with 1 added for its forget gates; torch's global random numbers are not used.
-    Raises ValueError when windows are empty, or the settings are of no network.
+    sqrt(units) with 1 added for its forget gates.  Raises ValueError when windows are empty, or the
+    settings are of no network.
     """
     if length < 1 or channels < 1:
         raise ValueError(

@@ -101,10 +101,7 @@ class ResNetSettings(SequenceSettings, section="resnet"):
 
 @dataclass(frozen=True, kw_only=True)
 class ArxSettings(SequenceSettings, section="arx"):
-    """Settings of the linear model with lagged inputs, solved by ridge least squares.
-
-    A measurement among the inputs, older than the horizon, is its autoregressive part.
-    """
+    """Settings of the linear model with lagged inputs, solved by ridge least squares."""
 
     kind: ClassVar[str] = "arx"
     lags: Count | None = None

@@ -140,11 +140,7 @@ def tune(
 
 
 def thinned(windows: Windows, most: int) -> Windows:
-    """Some windows of each recording, spread evenly in their order.
-
-    ``most`` in all, where there are no more recordings than that; at least one of each stays, so
-    that the choice of recordings by a seed stays the same.
-    """
+    """Some windows of each recording, spread evenly in their order, ``most`` in all."""
     if len(windows.y) <= most:
         return windows
     rows = []

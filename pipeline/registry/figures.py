@@ -19,10 +19,7 @@ SIDE, MARGIN = 420, 60
 
 
 def scatter(folder: Path) -> str:
-    """Measured against predicted of what a sub-model's verdict judges first, as an SVG file.
-
-    Empty where nothing was compared, or where the predictions are not kept.
-    """
+    """Measured against predicted by the first decisive score, as an SVG file; or empty."""
     if not (folder / PREDICTIONS).exists():
         return ""
     verdict = read_json(folder / VERDICT, Verdict)

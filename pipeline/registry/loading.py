@@ -36,11 +36,9 @@ class Predictor:
 
 
 def load(machine: str, alias: str = "champion", root: Path = Path()) -> Predictor:
-    """The predictor of a machine's registered bundle, with the code that it was registered with.
+    """Predictor of a machine's registered bundle, with the code that it was registered with.
 
-    MLflow stores absolute paths; a project that was moved finds its bundle where it is now.  Raises
-    ValueError when no version has that alias, or its bundle is gone or no longer what was
-    registered.
+    Raises ValueError when no version has that alias, or its bundle is gone or changed.
     """
     found = [v for v in versions(machine, root) if alias in v.aliases]
     if not found:

@@ -22,10 +22,7 @@ PACKAGE = Path(__file__).parents[1]
 
 
 def requirements(submodels: Iterable[str], root: Path = Path()) -> list[str]:
-    """Distributions that the code of some sub-models imports, pinned as in requirements.lock.
-
-    One that the lock does not name is pinned to what is installed.
-    """
+    """Distributions that sub-models import, pinned by requirements.lock, else as installed."""
     entries = [f"{PACKAGE.name}.submodels.{name}.submodel" for name in submodels]
     own, whose = _known()
     needed = {whose[one][0].lower() for one in libraries(own, entries)}
@@ -146,10 +143,7 @@ def git(*words: str, root: Path = Path()) -> str | None:
 
 
 def dirty(root: Path) -> str:
-    """Whether the tree differs from the commit: ``"true"``, ``"false"``, ``""`` without git.
-
-    What a run itself writes does not count: data, reports, params.yaml, dvc.lock, champions.json.
-    """
+    """Whether the tree, outputs aside, differs from the commit: ``"true"``, ``"false"``, ``""``."""
     written = [f":(exclude){name}" for name in
                ("data", "reports", "params.yaml", "dvc.lock", CHAMPIONS.name)]  # fmt: skip
     said = git("status", "--porcelain", "--", ".", *written, root=root)

@@ -38,11 +38,10 @@ MadeWith = Callable[[], Mapping[str, Any]]
 def register(
     bundle: Bundle, folder: Path, root: Path = Path(), *, made_with: MadeWith = dict
 ) -> Version:
-    """The version of a bundle; it is logged and registered unless its content is there already.
+    """Version of a bundle; logged and registered unless its content is there already.
 
-    ``bundle`` lies in ``folder``, ``data/models/<machine>`` or ``data/champion/<machine>``; the
-    settings that ``made_with`` gives are logged with the run.  Raises ValueError when the registry
-    cannot be opened.
+    ``folder``: ``data/models/<machine>`` or ``data/champion/<machine>``; ``made_with`` settings are
+    logged with the run.  Raises ValueError when the registry cannot be opened.
     """
     there = [v for v in versions(bundle.machine, root) if v.bundle == bundle.sha256]
     if there:
@@ -93,11 +92,7 @@ def _log_pyfunc(
     units: Mapping[str, Mapping[str, str]],
     run: Any,
 ) -> str:
-    """Log the bundle as a pyfunc of a run; the id of the logged model.
-
-    ``mlflow.pyfunc.log_model`` would also load it, predict its example, and copy the run's
-    parameters and metrics to it: several times the work.
-    """
+    """Log the bundle as a pyfunc of a run, without ``mlflow.pyfunc.log_model``'s extras; its id."""
     import mlflow
     from mlflow.entities import LoggedModelOutput, LoggedModelStatus
 
@@ -175,11 +170,7 @@ def _log_curves(bundle: Bundle, folder: Path, root: Path) -> None:
 
 
 def _described(bundle: Bundle, folder: Path) -> tuple[Any, dict[str, dict[str, str]]]:
-    """Signature of a bundle's pyfunc, and the unit of each column by sub-model.
-
-    The sub-models read different tables, so that each column is optional: what a sub-model lacks is
-    said by itself.
-    """
+    """Signature of a bundle's pyfunc, all columns optional, and their units by sub-model."""
     from mlflow.models import ModelSignature
     from mlflow.types import ColSpec, ParamSchema, ParamSpec, Schema
 

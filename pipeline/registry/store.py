@@ -43,10 +43,7 @@ def exists(root: Path) -> bool:
 
 
 def versions(machine: str, root: Path = Path()) -> list[Version]:
-    """Registered versions of a machine's model, oldest first; none when there is no registry.
-
-    Raises ValueError when the registry cannot be opened.
-    """
+    """Registered versions of a machine's model, oldest first; ValueError if not readable."""
     if not exists(root):
         return []
     server = bool(os.environ.get("MLFLOW_TRACKING_URI"))
@@ -144,10 +141,7 @@ def client_of(root: Path) -> "MlflowClient":
 
 
 def experiment_of(client: "MlflowClient", root: Path) -> str:
-    """Name of the experiment whose artifacts stand where the project stands now; made if missing.
-
-    MLflow keeps an experiment's place for ever: a project that was moved gets another experiment.
-    """
+    """Name of the experiment of the project's present place; made if missing."""
     if client.tracking_uri.startswith(("http://", "https://")):
         name, place = EXPERIMENT, None
     else:
@@ -165,8 +159,8 @@ def experiment_of(client: "MlflowClient", root: Path) -> str:
 def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
     """Give each alias to the version with a bundle's hash; None takes the alias away.
 
-    MLflow is asked only where an alias differs.  A hash that the store does not have is left out.
-    Raises ValueError when the store cannot be opened or written.
+    A hash that the store does not have is left out.  Raises ValueError when the store cannot be
+    opened or written.
     """
     known = versions(machine, root)
     numbers = {v.bundle: v.version for v in reversed(known)}
@@ -190,10 +184,9 @@ def name_versions(machine: str, root: Path, **wanted: str | None) -> None:
 
 
 def note_promotion(machine: str, root: Path, champion: Champion) -> None:
-    """Say at the version that serves since when, by whom and why; its card is the model's.
+    """Note since when, by whom and why a version serves; its card becomes the model's.
 
-    The registered model's description becomes that of the version.  MLflow is asked only where a
-    tag differs.  Raises ValueError when the store cannot be opened or written.
+    Raises ValueError when the store cannot be opened or written.
     """
     found = [v for v in versions(machine, root) if v.bundle == champion.bundle]
     wanted = {"promoted_at": champion.since, "promoted_by": champion.by,

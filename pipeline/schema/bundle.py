@@ -149,10 +149,7 @@ def model_hash(folder: Path) -> str:
 
 
 def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
-    """The bundle of a machine's sub-models that lie in ``data/models`` or ``data/champion``.
-
-    A model or a verdict that is missing, broken or of another machine is a :class:`StoreError`.
-    """
+    """Bundle of a machine's sub-models in ``data/models`` or ``data/champion``, or StoreError."""
     submodels, origins = {}, set()
     digest = hashlib.sha256(machine.encode())
     for name in sorted(names):
@@ -172,10 +169,7 @@ def bundle_of(folder: Path, machine: str, names: Iterable[str]) -> Bundle:
 
 
 def stored_bundle(folder: Path, machine: str) -> Bundle | None:
-    """The bundle that a folder with ``bundle.json`` really holds; None where it is none, or broken.
-
-    What ``bundle.json`` says of the hashes is not believed: they are taken anew.
-    """
+    """Bundle that a folder with ``bundle.json`` holds, by hashes taken anew; None if broken."""
     try:
         said = parsed(content(folder / BUNDLE), Bundle, str(folder / BUNDLE))
         return bundle_of(folder, machine, said.submodels)
@@ -184,11 +178,7 @@ def stored_bundle(folder: Path, machine: str) -> Bundle | None:
 
 
 def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
-    """Fill the folder ``target`` with a bundle: models, verdicts and ``bundle.json``, no more.
-
-    It is filled beside and put in its place at once.  Predictions are left behind: they can be
-    made anew, and many are large.
-    """
+    """Fill the folder ``target`` with a bundle at once: models, verdicts and ``bundle.json``."""
     beside = target.with_name(f".{target.name}.new")
     shutil.rmtree(beside, ignore_errors=True)
     for name in bundle.submodels:

@@ -24,7 +24,7 @@ def content_key(files: Iterable[Path], *words: str) -> str:
 
 
 def code_hash(source: ast.Module) -> str:
-    """Hash of what a module does: of its syntax tree, without docstrings and texts below constants.
+    """Hash of a module's syntax tree, without docstrings and texts below constants.
 
     >>> plain, explained = ast.parse("x = 1"), ast.parse("x = 1; 'Radius of a circle [m].'")
     >>> code_hash(plain) == code_hash(explained)

@@ -218,10 +218,10 @@ class ResidualConditions:
 
 @dataclass(frozen=True, kw_only=True)
 class CutRecording:
-    """One recording of a dynamometer; numbers are None where they are not known.
+    """Recording of a dynamometer; numbers are None where they are not known.
 
-    ``role`` is ``"training"``, ``"judged"`` or ``"left out"``, the last with the reason.
-    ``fault`` is what would explain that it differs from the others.
+    ``role``: ``"training"``, ``"judged"`` or ``"left out"``, with the reason; ``fault``: cause of
+    its difference.
     """
 
     recording: str

@@ -44,12 +44,11 @@ def cache_folder() -> Path:
 
 @contextmanager
 def replacing(path: Path, *, follow: bool = True) -> Iterator[Path]:
-    """A name to write to; the file is moved to ``path`` when all went well, else removed.
+    """Name to write to; the file is moved to ``path`` when all went well, else removed.
 
-    Inside :func:`together` it is moved at the end of that.  A folder that is missing is made, a
-    file that is there keeps its permissions, and what is no ordinary file, a pipe, is written to
-    directly.  With ``follow`` a symbolic link stays and its target is replaced.  What the system
-    refuses is a :class:`NotWrittenError`.
+    Inside :func:`together` it is moved at its end.  A missing folder is made, permissions are kept,
+    and a pipe is written to directly.  With ``follow`` a symbolic link stays and its target is
+    replaced. Raises NotWrittenError for a refusal of the system.
     """
     target, part = path, path
     try:
@@ -122,12 +121,11 @@ def beside(path: Path) -> Path:
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """SIGTERM and SIGHUP end what runs inside with exit status 128 + number, as an error would.
+    """SIGTERM and SIGHUP end the context with exit status 128 + number, as an error would.
 
-    Files that are not whole are removed on the way out, at the latest when Python ends: a signal
-    may come between two steps of a ``with``.  Whatever a library makes of it on its way, the exit
-    status holds; one that comes in a callback, where Python raises nothing, ends the run there.  A
-    signal that is ignored stays so.  An interrupt from the keyboard in a callback does the same.
+    Files that are not whole are removed, at the latest when Python ends.  A signal in a callback,
+    where Python raises nothing, ends the run there, as does an interrupt from the keyboard.  An
+    ignored signal stays ignored.
     """
     atexit.register(_remove_begun)
     sys.unraisablehook = _end_there

@@ -62,10 +62,7 @@ def libraries(known: dict[str, Module], entries: Iterable[str]) -> set[str]:
 
 
 def modules(package: Path) -> dict[str, Module]:
-    """Every module of a package by its dotted name.
-
-    What a source holds is kept by its content: to parse a whole package takes seconds.
-    """
+    """Modules of a package by their dotted names, cached by content."""
     before = _remembered()
     found, new = {}, {}
     for path in sorted(package.rglob("*.py")):

@@ -36,11 +36,7 @@ Margin = Annotated[float, Range(least=0.0, below=1.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class Margins(Ranged, section="margins"):
-    """Shares of the limits that are kept free [1].
-
-    A limit L counts as L (1 - margin) where values must stay below it, and as L (1 + margin) where
-    they must stay above it.
-    """
+    """Shares of the limits that are kept free [1]: L (1 - margin) above, L (1 + margin) below."""
 
     load: Margin = 0.0
     power: Margin = 0.05

@@ -86,10 +86,7 @@ class Nominal:
 
 @dataclass(frozen=True, kw_only=True)
 class Price:
-    """Extra time [s, %] and cost [currency, %] of keeping the load limit with its probability.
-
-    The difference between the two rows of the blockwise optimum in ``methods``.
-    """
+    """Extra time [s, %] and cost [currency, %] of keeping the load limit with its probability."""
 
     time_s: float | None
     time_percent: float | None
@@ -140,11 +137,10 @@ class Reliability:
 
 @dataclass(frozen=True, kw_only=True)
 class MethodResult:
-    """Objectives that one method reaches under one kind of limits, and the evaluations it takes.
+    """Objectives of one method under one kind of limits, and its evaluations.
 
-    Units as in :class:`Totals`.  ``limits`` says whether the load limit was kept at nominal values
-    alone or with its probability, ``feasible`` whether all those limits are kept with their
-    margins, as the answer has to keep them.
+    Units as in :class:`Totals`.  ``limits``: load limit at nominal values or with its probability;
+    ``feasible``: all those limits kept with their margins.
     """
 
     method: str
@@ -159,10 +155,9 @@ class MethodResult:
 
 @dataclass(frozen=True, kw_only=True)
 class FrontMember:
-    """A program than which no other is better in all objectives; units as in :class:`Totals`.
+    """Member of the Pareto front; units as in :class:`Totals`.
 
-    ``knee`` marks the one that gives most for what it takes, ``no_worse`` those that are in nothing
-    worse than the program as it was.
+    ``knee``: best trade-off; ``no_worse``: in nothing worse than the program as it was.
     """
 
     time_s: float | None
@@ -205,10 +200,7 @@ class BlockGroup:
 
 @dataclass(frozen=True, kw_only=True)
 class Binding:
-    """Blocks that one limit holds back, and their time [s]; ``limit`` None: no limit does.
-
-    ``kept`` says why, where the blocks are kept as programmed.
-    """
+    """Blocks of one limit (None: of no limit, or ``kept`` for a reason), and their time [s]."""
 
     limit: str | None
     blocks: int
@@ -275,7 +267,7 @@ class LoadTrace:
 
 @dataclass(frozen=True, kw_only=True)
 class Traces:
-    """Load along the path before and after; columns of both belong to the same places.
+    """Load along the path before and after, by equal columns of the path.
 
     ``tools`` holds number, begin and end of each stretch of one tool, as shares of the path.
     """

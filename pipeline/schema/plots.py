@@ -15,10 +15,7 @@ SCORES = ("quantity", "unit", "group", "mae", "rmse", "max", "coverage_90")
 
 
 def first_judged(verdict: Verdict) -> Score | None:
-    """The score over all groups that a verdict rests on first; None where nothing was judged.
-
-    Of a model that was not judged it is the first of those on training cases.
-    """
+    """First decisive score over all groups, of training cases if not judged; None without."""
     role = verdict.judged_role or "training"
     overall = [score for score in verdict.scores if (score.group, score.role) == ("all", role)]
     judged = [score for score in overall if score.status != "not judged"]

@@ -40,11 +40,7 @@ def write_bytes(data: bytes, path: Path) -> None:
 
 
 def read_json(path: Path, wanted: type[T], remedy: str = "run `dvc repro`") -> T:
-    """The document in ``path`` as ``wanted``, the dataclass that was written.
-
-    A file that is missing, is no JSON or does not fit the type is a :class:`StoreError` that names
-    file, key and ``remedy``.
-    """
+    """Document in ``path`` as ``wanted``; StoreError with file, key and ``remedy`` if unfit."""
     return parsed(content(path, remedy), wanted, str(path), remedy)
 
 
@@ -81,11 +77,7 @@ def write_table(table: "pa.Table", path: Path) -> None:
 def read_table(
     path: Path, columns: Mapping[str, "pa.DataType"], remedy: str = "run `dvc repro`"
 ) -> "pa.Table":
-    """A stored table, its ``columns`` of the types that they name; further columns are kept.
-
-    A file that is missing, is no Parquet, or lacks a column or has one of another type is a
-    :class:`StoreError`.
-    """
+    """Stored table with ``columns`` of given types, further ones kept; else StoreError."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 

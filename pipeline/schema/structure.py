@@ -19,8 +19,7 @@ T = TypeVar("T")
 
 
 def structured(value: Any, wanted: type[T], path: str) -> T:
-    """A plain value of JSON or YAML as ``wanted``: a frozen dataclass, or a tuple or mapping of
-    such.
+    """Plain value of JSON or YAML as ``wanted``: a frozen dataclass, or a tuple or mapping of such.
 
     Unknown and missing keys, values of another kind and those out of range are a ValueError that
     names each key with its path below ``path``.
@@ -35,10 +34,7 @@ def structured(value: Any, wanted: type[T], path: str) -> T:
 
 
 def unstructured(value: Any) -> Any:
-    """A dataclass as mappings, lists, numbers and words, in the order of its fields.
-
-    A limit that is infinite is left out: JSON has no number for it, and it is so by default.
-    """
+    """Dataclass as mappings, lists, numbers and words, in field order, without infinite limits."""
     return _finite(_converter().unstructure(value))
 
 

@@ -82,10 +82,7 @@ class Score(Figures):
 
     @property
     def half_width_over_rmse(self) -> float | None:
-        """How wide the interval is for what the prediction errs by [1]: holding is not enough.
-
-        Inside of the learnt conditions where they are parted: beyond them it has to be wide.
-        """
+        """Half-width of the interval over the RMSE [1], inside of the learnt conditions."""
         if self.inside_ratio is not None:
             return self.inside_ratio
         return self.half_width / self.rmse if self.half_width and self.rmse else None
@@ -102,7 +99,7 @@ class Score(Figures):
 
 @dataclass(frozen=True, kw_only=True)
 class Skill:
-    """Share of a baseline's error that the model saves: 1 - error / error of the baseline [1].
+    """Share of a baseline's error saved, 1 - error / error of the baseline [1].
 
     The 95 % intervals are of a bootstrap that draws whole groups; None with fewer than three.
     """
@@ -240,7 +237,7 @@ def _times_missed(score: Score, reason: str) -> float:
 
 
 def significant(value: SupportsFloat, digits: int = 6) -> float:
-    """A number to so many significant digits.
+    """Number rounded to so many significant digits.
 
     >>> significant(0.123456789), significant(1234.5, 2)
     (0.123457, 1200.0)
@@ -249,7 +246,7 @@ def significant(value: SupportsFloat, digits: int = 6) -> float:
 
 
 def sized(value: float, unit: str, digits: int = 4) -> str:
-    """A size with its unit for a sentence; beyond :data:`MOST_PERCENT` no more than that.
+    """Size with its unit for a sentence; beyond :data:`MOST_PERCENT` no more than that.
 
     >>> sized(123.4, "N", 2), sized(6.69e8, "%")
     ('120 N', 'more than 1000 % of nearly 0')
@@ -287,11 +284,7 @@ class UsedModel:
 
     @property
     def sentence(self) -> str:
-        """Status, the worst limit missed, and the error or spread of the figures, no full stop.
-
-        It is an error of past recordings, or the standard deviation that an optimisation counts
-        with; the interval of a program's own figure stands with that figure.
-        """
+        """Status, the worst limit missed, and the error or spread of the figures, no full stop."""
         more = f" and {self.missed - 1} more" if self.missed > 1 else ""
         why = f": {self.reason}{more}" if self.reason else ""
         spread = self.spread_percent

@@ -145,11 +145,7 @@ class Box:
         return np.clip(unit, 0.0, 1.0)
 
     def at_bounds(self, x: Floats) -> Sides:
-        """-1 where ``x`` is at a lower bound, 1 at an upper one, else 0; all of shape (D,).
-
-        A continuous parameter is at a bound within :data:`NEAR` of its axis, a whole number when it
-        is the bound.  One that is held is in the middle, or at both, and counts as at none.
-        """
+        """Sides (D,): -1 where ``x`` is at a lower bound (within :data:`NEAR`), 1 upper, else 0."""
         unit = self.unit(x)[0]
         near = np.where(self.integer, 0.0, NEAR)
         low = np.where(self.integer, x == self.low, unit <= near)

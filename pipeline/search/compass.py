@@ -31,15 +31,9 @@ def compass(
     """Least cost near ``start`` within a number of evaluations; never above the start's.
 
     ``cost`` gives costs (P,) of individuals (P, D); one that is not finite counts as the worst.
-    ``evaluations`` count the start's own; axes for which a round has none left have their turn in
-    the next.  ``step`` is that of the first round, as a share of the box, above 0 to 1; ``log`` as
-    in :meth:`Box.of`; ``callback`` sees each round and may end it.  Raises ValueError when bounds,
-    start, counts or the cost's answer do not fit together.
-
-    Returns
-    -------
-    SearchResult
-        Its generations are rounds; it stopped by ``limit`` when the evaluations were used up.
+    ``step`` is that of the first round, as a share of the box, above 0 to 1; ``log`` as in
+    :meth:`Box.of`; ``callback`` sees each round and may end it.  Generations of the result are
+    rounds. Raises ValueError when bounds, start, counts or the cost's answer do not fit together.
 
     >>> def cost(x):
     ...     return ((x - [0.2, 0.7]) ** 2).sum(axis=1)

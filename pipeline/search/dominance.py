@@ -15,11 +15,7 @@ Ranks = NDArray[np.intp]
 
 
 def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools:
-    """Whether individuals dominate others; the leading axes broadcast.
-
-    Objectives ``one`` and ``other`` (..., O), none NaN; ``mine`` and ``theirs`` (...) by how much
-    each passes its limits, 0 inside all of them.
-    """
+    """Domination of (..., O) objectives with excess (...) over limits; leading axes broadcast."""
     shape = np.broadcast_shapes(one.shape, other.shape)[:-1]
     nowhere_worse, somewhere_better = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
     # one objective at a time: the widest array has no axis of objectives
@@ -33,9 +29,6 @@ def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools
 
 def ranks(objectives: Floats, violation: Floats) -> Ranks:
     """Front of each individual, 0 for those that none dominates; shape (P,).
-
-    Front k + 1 is what none dominates once fronts 0 to k are taken away.  Those of one front keep
-    all limits, or pass them by the same.
 
     Objectives (P, O), none NaN; ``violation`` (P,) is 0 inside all limits.
     """
@@ -54,9 +47,7 @@ def ranks(objectives: Floats, violation: Floats) -> Ranks:
 def crowding(objectives: Floats) -> Floats:
     """Crowding distance of the members of one front, shape (F,); infinite at the extremes.
 
-    Sum over the objectives of the distance between both neighbours as a share of the front's range.
-
-    Objectives (F, O) of the front's members, none NaN.
+    Sum over the objectives (F, O) of the distance between both neighbours over the front's range.
     """
     many = len(objectives)
     distance = np.zeros(many)
@@ -72,12 +63,7 @@ def crowding(objectives: Floats) -> Floats:
 
 
 def survivors(objectives: Floats, violation: Floats, many: int) -> tuple[Ranks, Floats]:
-    """The ``many`` best from the best on, shape (many,), and the crowding distance of each.
-
-    The lower front comes first; within one, the greater crowding distance (:func:`crowding`).
-
-    Objectives and violation as in :func:`ranks`; ``many`` up to P.
-    """
+    """The ``many`` best, shape (many,), by front, then crowding distance, and that distance."""
     front = ranks(objectives, violation)
     distance = np.empty(len(front))
     for rank in range(int(front.max(initial=-1)) + 1):
@@ -92,12 +78,7 @@ def crowded_tournament(
 ) -> Ranks:
     """Winners of ``draws`` pairs: who dominates, else who has the greater distance; shape (draws,).
 
-    Everyone meets another as often as others do, but for one.  The front itself is not compared,
-    as in Deb's own program: what stands alone on a worse front, and is not dominated by
-    whom it meets, keeps its chance, and a front that begins in a corner still spreads.
-
-    Objectives and violation as in :func:`ranks`; ``distance`` (P,) is the crowding distance of
-    each.
+    The rank of the front itself is not compared, as in Deb's own program.
     """
     rounds = -(-2 * draws // len(distance))
     drawn = np.concatenate([rng.permutation(len(distance)) for _ in range(rounds)])[: 2 * draws]
@@ -112,16 +93,13 @@ _SAME = 1e-12  # of scaled objectives
 
 
 def knee(objectives: ArrayLike) -> int:
-    """The member of a front where giving up a little of one objective costs most of another.
+    """Knee of a front, where a small gain in one objective costs most of another.
 
-    Objectives are scaled to 0 and 1 over the front; the knee is the member that lies farthest from
-    the plane through the least of each objective, on the side of the ideal (Das 1999; Branke, Deb,
-    Dierolf and Osswald 2004).  Where fewer points than objectives make the plane, the side of the
-    ideal is what of -(1, ..., 1) is at right angles to them.  A front that bulges away from the
-    ideal has its knee at one of its ends; of equal ones it is the first.
-
-    Objectives (F, O) of the front's members, at least one.  Raises ValueError when the front is
-    empty or an objective is not finite.
+    Objectives (F, O) are scaled to 0 and 1 over the front; the knee lies farthest from the plane
+    through the least of each objective, on the side of the ideal (Das 1999; Branke, Deb, Dierolf
+    and Osswald 2004).  Where fewer points than objectives make the plane, the side of the ideal is
+    the part of -(1, ..., 1) at right angles to them.  Raises ValueError when the front is empty or
+    an objective is not finite.
 
     >>> knee([[0.0, 4.0], [1.0, 1.0], [4.0, 0.0]])
     1

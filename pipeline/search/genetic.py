@@ -118,10 +118,7 @@ def _best(unit: Floats, costs: Floats, many: int) -> tuple[Floats, Floats]:
 def offspring(
     unit: Floats, costs: Floats, settings: GeneticSettings, rng: np.random.Generator
 ) -> Floats:
-    """Children of a generation, shape (settings.children, D), in the unit cube.
-
-    ``unit`` (P, D) are the parents in the unit cube, best first, ``costs`` (P,) theirs.
-    """
+    """Children (settings.children, D) of ``unit`` (P, D), best first, in the unit cube."""
     pairs = (settings.children + 1) // 2
     parents, crossing, mutating = _selected(
         costs, pairs, mutation_rate(unit.shape[1], settings), settings, rng
@@ -139,10 +136,9 @@ def bred(
     parents: Floats, crossing: float | Floats, mutating: float | Floats,
     settings: GeneticSettings, rng: np.random.Generator,
 ) -> Floats:  # fmt: skip
-    """Children of pairs of parents, shape (2 N, D), in the unit cube.
+    """Children of pairs of ``parents`` (2 N, D), shape (2 N, D), in the unit cube.
 
-    ``parents`` (2 N, D) in the unit cube, the first N cross with the others; ``crossing`` is the
-    probability that a pair crosses, one or (N, 1), ``mutating`` that a gene mutates, one or (2 N,
+    ``crossing`` and ``mutating``: probabilities of a pair and of a gene [1], one or (N, 1), (2 N,
     1).
     """
     pairs = len(parents) // 2

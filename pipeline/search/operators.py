@@ -11,11 +11,9 @@ from pipeline.schema.arrays import Bools, Floats, Rows
 
 
 def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Rows:
-    """The best of ``size`` individuals drawn with replacement, ``draws`` times; shape (draws,).
+    """Best of ``size`` individuals drawn with replacement, ``draws`` times; shape (draws,).
 
     The one at place i of P (best is 0) wins with probability ((P - i)^s - (P - i - 1)^s) / P^s.
-
-    ``many`` individuals P stand best first, so that the lowest place wins; s is ``size``.
     """
     # the least of s even draws in 0..1 is 1 - (1 - u)^(1/s) of one
     least = 1.0 - (1.0 - rng.random(draws)) ** (1.0 / size)
@@ -24,12 +22,10 @@ def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Ro
 
 
 def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) -> Rows:
-    """Places in proportion to fitness, from one spin of a wheel with evenly spaced pointers.
+    """Places in proportion to fitness (P,), from one spin of a wheel of evenly spaced pointers.
 
     Each individual is drawn its expectation draws f_i / sum f times, rounded up or down (Baker
-    1987); the order is shuffled.
-
-    ``fitness`` (P,) is at least 0, not all 0.
+    1987).
     """
     edges = fitness.cumsum()
     pointers = (np.arange(draws) + rng.random()) * (edges[-1] / draws)
@@ -49,10 +45,7 @@ def ranked(many: int, pressure: float = 2.0) -> Floats:
 
 
 def windowed(costs: Floats) -> Floats:
-    """How much better than the worst finite cost, shape (P,); ones when all are the same.
-
-    ``costs`` (P,) stand best first.
-    """
+    """Advantage over the worst finite cost (P,), best first; ones when all are the same."""
     finite = costs[: costs.searchsorted(np.inf)]
     if len(finite) == 0:
         return np.ones(len(costs))

@@ -185,25 +185,12 @@ def minimise(
 ) -> SearchResult:  # fmt: skip
     """Least cost within the bounds by the method of the settings.
 
-    Raises ValueError when bounds, start or the cost's answer do not fit together.
-
-    Parameters
-    ----------
-    cost : callable
-        Costs, shape (P,), of individuals, shape (P, D); one that is not finite counts as the worst.
-    low, high : array_like, shape (D,)
-        Bounds, in the parameters' units; no individual leaves them.
-    settings : SearchSettings
-        Of the method, which is theirs.
-    log : array_like of bool, optional
-        Which parameters are searched on a logarithmic scale, shape (D,), or one answer for all.
-    integer : array_like of bool, optional
-        Which parameters are whole numbers, shape (D,), or one answer for all.
-    start : array_like, shape (K, D), optional
-        Individuals of the first population; the others fill the box evenly (Latin hypercube).
-    callback : callable, optional
-        Called after each generation with its number, the best individual and its cost; True ends
-        the search.
+    ``cost`` gives costs (P,) of individuals (P, D), one that is not finite counting as the worst;
+    ``low`` and ``high`` (D,) are bounds in the parameters' units; ``log`` and ``integer``:
+    parameters on a logarithmic scale, in whole numbers, (D,) or one for all; ``start`` (K, D):
+    individuals of the first population, the others by Latin hypercube; ``callback`` gets the
+    generation's number, the best individual and its cost, and ends the search by True.  Raises
+    ValueError when bounds, start or the cost's answer do not fit together.
     """
     box = Box.of(low, high, log, integer)
     progress = Progress(

@@ -68,10 +68,7 @@ def accelerated(
     velocity: Floats, to_own: Floats, to_all: Floats, settings: SwarmSettings,
     rng: np.random.Generator,
 ) -> Floats:  # fmt: skip
-    """Velocities of the next generation, shape (P, D), of the unit cube.
-
-    Velocities, and distances to each particle's own best and to the best of all, are (P, D).
-    """
+    """Velocities (P, D) of the next generation, by distances (P, D) to own and common best."""
     chance = rng.random((2, *velocity.shape))
     chi, most = settings.constriction, settings.fastest
     faster = chi * velocity

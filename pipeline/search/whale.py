@@ -62,10 +62,9 @@ class WhaleSettings(SearchSettings, section="whale"):
 def moved(
     unit: Floats, best: Floats, reach: float, settings: WhaleSettings, rng: np.random.Generator
 ) -> Floats:
-    """Whales a generation later, shape (P, D), in the unit cube.
+    """Whales ``unit`` (P, D) a generation later, in the unit cube.
 
-    Whales ``unit`` (P, D); ``best`` (D,) is Z*, the best so far; ``reach`` a of this generation
-    [1].
+    ``best`` (D,) is Z*, the best so far; ``reach`` a of this generation [1].
     """
     many, genes = unit.shape
     chance = rng.random((3, many, 1))

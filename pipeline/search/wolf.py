@@ -53,10 +53,10 @@ def _best_of(leaders: Floats, theirs: Floats, unit: Floats, costs: Floats) -> tu
 def moved(
     unit: Floats, leaders: Floats, reach: float, origin: float, rng: np.random.Generator
 ) -> Floats:
-    """Wolves a generation later, shape (P, D), in the unit cube.
+    """Wolves ``unit`` (P, D) a generation later, in the unit cube.
 
-    Wolves ``unit`` (P, D); ``leaders`` (L, D) are the best so far, L up to 3; ``reach`` is a of
-    this generation [1]; ``origin`` the place on every axis that the formulas take for zero [1].
+    ``leaders`` (L, D) are the best so far, L up to 3; ``reach`` is a of this generation [1];
+    ``origin`` the place on every axis that the formulas take for zero [1].
     """
     shape = (len(leaders), *unit.shape)
     step = rng.random(shape)

@@ -98,7 +98,10 @@ class Profile:
 
 
 def profile(nodes: Floats, lengths: Floats, caps: Floats, a: float, j: float) -> Profile:
-    """Profile through stretches ``lengths`` (N,), speeds ``nodes`` (N + 1,) and ``caps`` (N,)."""
+    """Profile through stretches of ``lengths`` (N,) with speeds ``nodes`` (N + 1,) between them.
+
+    No faster than ``caps`` (N,); each stretch must be long enough for the change between its nodes.
+    """
     v_0, v_1 = nodes[:-1], nodes[1:]
     peak = peak_speed(v_0, v_1, lengths, caps, a, j)
     rise, fall = (_ramp(peak - v, a, j) for v in (v_0, v_1))

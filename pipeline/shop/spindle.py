@@ -69,7 +69,10 @@ def flux(speed: float, base_speed: float) -> float:
 
 @compiled_with()
 def copper_share(phi: float, current: float, magnetising: float) -> float:
-    """Stator copper loss [1] of the rated one at flux ``phi``; both currents in quadrature."""
+    """Stator copper loss over the rated one [1] at flux ``phi`` and torque current ``current``.
+
+    Magnetising and torque currents stand at right angles, so their squares add.
+    """
     return (magnetising * phi) ** 2 + (1.0 - magnetising**2) * current**2
 
 

@@ -38,10 +38,7 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class ConditionSources:
-    """Where the conditions of recordings stand: for all of them, by pattern, in their names.
-
-    Columns of ``runs.parquet`` beyond those of every recording are conditions too.
-    """
+    """Conditions of recordings: for all, by pattern, in names, and columns of ``runs.parquet``."""
 
     everywhere: Mapping[str, float | str] = field(default_factory=dict)
     """Conditions of all recordings."""

@@ -42,11 +42,9 @@ class Rejection:
 
 @dataclass(frozen=True, kw_only=True)
 class Batch:
-    """Observations of one part of a file.
+    """Observations of one part of a file; ``read == kept + len(rejected)`` records.
 
-    ``read == kept + len(rejected)`` holds for every batch.  A record is what the format counts by:
-    a ``key|value`` pair of a log, an observation element of a document, a row of a table.  One
-    record may give several rows (a position gives X, Y and Z).
+    One record (a ``key|value`` pair, an element, a row) may give several rows.
     """
 
     observations: pa.Table
@@ -57,7 +55,7 @@ class Batch:
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """One recording in wide form: ``table`` has ``time`` [ns UTC] or ``t`` [s] and channels.
+    """Recording in wide form: ``table`` has ``time`` [ns UTC] or ``t`` [s] and channels.
 
     Each channel's field carries its unit as metadata.  ``read == kept + len(rejected)`` in rows.
     """
@@ -70,10 +68,7 @@ class Trace:
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnSource:
-    """Where a signal is found in a table: the file's own name of the column, and its unit there.
-
-    ``full_scale`` is the value of a WAV channel at full scale, in its unit (negative: reversed).
-    """
+    """Column of a signal in a file, its unit, and ``full_scale`` of a WAV (negative: reversed)."""
 
     column: str
     unit: str | None = None
@@ -173,11 +168,7 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 
 def gunzip(raw: Iterator[bytes], chunk: int, damaged: Callable[[str], None]) -> Iterator[bytes]:
-    """Unpack a gzip stream of any number of members, in pieces of at most ``chunk`` bytes.
-
-    Where the stream ends early, ``damaged`` is called with the reason; what came before was
-    yielded.
-    """
+    """Unpack a gzip stream in pieces of ``chunk`` bytes; ``damaged`` gets the reason of an end."""
     unpack, inside = zlib.decompressobj(31), False
     for packed in raw:
         while packed := packed if inside else packed.lstrip(b"\0"):
@@ -219,11 +210,7 @@ _HEAD = 1 << 16
 
 
 def format_of(path: Path) -> Format:
-    """The format of the file ``path``.
-
-    Logs and text tables cannot be distinguished by their bytes: a name that ends in ``.csv`` or
-    ``.tsv`` is a table, all other text a log.
-    """
+    """Format of a file by its bytes; text is a table if named ``.csv`` or ``.tsv``, else a log."""
     try:
         with path.open("rb") as file:
             head = _unpacked(file.read(_HEAD))
@@ -304,12 +291,7 @@ def looks_like(head: bytes) -> str:
 
 
 def source_of(path: Path, sources: Sequence[RecordSource]) -> RecordSource | None:
-    """How to read ``path``: as the machine's source of its format, best the one that names it.
-
-    What its bytes say counts; a log and a text table look alike, and there the machine's names for
-    its files count.  None for a table of which the machine's file gives no layout, and for a file
-    that cannot be opened.
-    """
+    """Source of the machine for a file by its bytes, then its name; None without a layout."""
     try:
         form = format_of(path)
     except UnreadableFile:

@@ -46,10 +46,7 @@ class RawFile:
 
 
 def raw_files(raw: Path, sources: Sequence[RecordSource]) -> Iterator[RawFile]:
-    """Every raw file in order of its name.
-
-    Devices documents are read as such; hidden files are no records.
-    """
+    """Raw files in order of name, Devices documents as such, without hidden ones."""
     claims = _claims(raw, sources)
     code = _code()
     devices = {s.devices: raw / s.devices for s in sources if s.devices}
@@ -190,9 +187,8 @@ def ingest(
 ) -> Ingested:
     """Read every file of a machine in ``raw`` that changed since the last time into ``out``.
 
-    A file that none of ``sources`` names is rejected with that reason; ``progress`` is called with
-    each file's name before it is read.  A source that is not laid out as its files are is a
-    ValueError.
+    A file that none of ``sources`` names is rejected; ``progress`` gets each file's name.  A source
+    that contradicts its files is a ValueError.
     """
     if not raw.is_dir():
         raise ValueError(f"{raw} does not exist: put the machine's files there")

@@ -35,7 +35,7 @@ class TablePart:
 
 
 def selection(name: str) -> tuple[str, dict[str, str]]:
-    """Raw file of a recording or of a part of one, and the values of columns that it holds.
+    """Raw file of a recording or of a part of one, and the column values that select the part.
 
     >>> selection("cuts.csv#tool=T3,cut=1 (part 2)")
     ('cuts.csv', {'tool': 'T3', 'cut': '1'})
@@ -56,10 +56,7 @@ def share_rows(one: str, other: str) -> bool:
 
 
 def parts_of(path: Path, columns: Sequence[str], section: str) -> list[TablePart]:
-    """Parts of an ingested table by the values of ``columns``, in the order of their first rows.
-
-    ``section`` is the key of the machine's file that names the columns, for the message.
-    """
+    """Parts of an ingested table by the values of ``columns``, in the order of their first rows."""
     names = pq.read_schema(path).names
     for name in columns:
         if name not in names:

@@ -200,10 +200,9 @@ def read_recordings(
 ) -> list[Recording]:
     """Recordings of a machine whose names fit ``patterns``, in the order of their names.
 
-    No channel is read before :meth:`Recording.load`. Of several files with the same bytes the one
-    is kept whose name is ``preferred``, say for training, as a copy in another role would be a
-    leak; the others are there with the reason, and without their file.  ``section`` is the key of
-    the machine's file that names the patterns, for the ValueError where none of the files fits.
+    No channel is read before :meth:`Recording.load`.  Of several files with the same bytes the one
+    is kept whose name is ``preferred``; the others have that reason and no file.  ``section`` is
+    the key of the patterns, for the ValueError where no file fits.
     """
     try:
         files = json.loads((signals / "manifest.json").read_text())["files"]

@@ -63,13 +63,11 @@ def sampling_period(t: Floats) -> float:
 def uniform_segments(t: Floats) -> list[UniformSegment]:
     """Segments of a recording on uniform grids, from the time stamps [s] of its N rows.
 
-    A row whose stamp repeats that of the row before belongs in the gap behind it, if there is one,
-    and is a copy otherwise.  Up to ``LONGEST_BRIDGE`` missing rows are interpolated and marked as
-    filled; a longer gap, or a clock that jumps back, ends the segment.  Stamps that deviate from
-    the grid by less than ``ROUNDING_JITTER`` are rounded: their rows count as evenly spaced.  Where
-    they deviate more, the samples themselves were taken unevenly and are interpolated.
-
-    Fewer than ``SHORTEST_SEGMENT`` rows, or stamps without a period, are a ValueError.
+    A repeated stamp belongs in the gap behind it, if there is one, and is a copy otherwise.  Up to
+    ``LONGEST_BRIDGE`` missing rows are interpolated and marked as filled; a longer gap, or a clock
+    that jumps back, ends the segment.  Stamps within ``ROUNDING_JITTER`` of the grid are rounded;
+    samples farther off are interpolated.  Fewer than ``SHORTEST_SEGMENT`` rows, or stamps without a
+    period, are a ValueError.
     """
     if len(t) < SHORTEST_SEGMENT:
         raise ValueError(f"it has {len(t)} rows, {SHORTEST_SEGMENT} are the least that can be used")

@@ -29,10 +29,7 @@ _WORDS = ["data_item", "text", "kind", "key", "attributes"]
 
 @dataclass(frozen=True, kw_only=True)
 class Written:
-    """What was written from one raw file.  ``read == kept + rejected``, in records.
-
-    ``first`` and ``last`` are the earliest and latest time (ISO 8601, UTC), None without rows.
-    """
+    """Counts of one raw file's records, ``read == kept + rejected``, with ISO times (UTC)."""
 
     read: int
     kept: int
@@ -44,10 +41,9 @@ class Written:
 
 
 def write_observations(batches: Iterable[Batch], path: Path) -> Written:
-    """Write the batches of a reader to one Parquet file, as they come.
+    """Write the batches of a reader to one Parquet file, which appears when it is whole.
 
-    The file appears under its name when it is whole; what a reader raises leaves no file behind.  A
-    batch whose counts do not add up is a ValueError.
+    A batch whose counts do not add up is a ValueError.
     """
     rows = 0
     counts = [0, 0]
@@ -208,10 +204,7 @@ def write_runs(out: Path, entries: dict[str, Entry]) -> None:
 def write_data_items(
     raw: Path, sources: Sequence[RecordSource], out: Path
 ) -> dict[str, dict[str, Any]]:
-    """Write the data items of every Devices document that a source names; say what was found.
-
-    One that cannot be read takes the files that need it with it, not the machine's other files.
-    """
+    """Write the data items of every Devices document that a source names; report by document."""
     from pipeline.signals.mtconnect.devices import read_devices
     from pipeline.signals.mtconnect.model import data_items_table
 
@@ -235,10 +228,7 @@ def write_data_items(
 
 
 def strangers_said(out: Path) -> str | None:
-    """A sentence on items with values that the Devices documents do not describe; None without.
-
-    Nothing is said of records without a Devices document.
-    """
+    """Sentence on items with values that the Devices documents do not describe, or None."""
     described = out / "data_items.parquet"
     if not described.exists():
         return None

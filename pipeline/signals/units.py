@@ -147,10 +147,7 @@ def conversion(from_unit: str, to_unit: str) -> tuple[float, float]:
 
 
 def mtconnect_factor(native: str, units: str, scale: float = 1.0) -> tuple[float, float]:
-    """Factor and offset from an adapter's ``nativeUnits`` to the document's ``units``.
-
-    ``scale`` is ``nativeScale``: the number in the log is the measured value times this.
-    """
+    """Factor and offset from ``nativeUnits`` to ``units``, with ``scale`` of the logged number."""
     if not (0 < abs(scale) < float("inf")):
         raise ValueError(f"nativeScale {scale} of {native!r} divides nothing: give a finite number")
     factor, offset = conversion(native, units)
@@ -158,10 +155,7 @@ def mtconnect_factor(native: str, units: str, scale: float = 1.0) -> tuple[float
 
 
 def mtconnect_unit(unit: str) -> str:
-    """MTConnect's unit for the quantity that ``unit`` measures; ``unit`` itself when it has none.
-
-    A unit that is not known, or is a letter that stands for several quantities, is a ValueError.
-    """
+    """MTConnect's unit for the quantity of ``unit``, or itself; ValueError if not known."""
     text = _normalised(unit)
     if text in MTCONNECT_UNITS or not text:
         return text

@@ -43,11 +43,11 @@ def read_lives(
 ) -> Lives:  # fmt: skip
     """Lives of all tools in a machine's signals.
 
-    Of raw files with the same bytes one is kept for which ``is_training``. Where wear and
-    conditions need not be ``known``, what is missing of them is NaN or ``""`` in the windows and
-    nothing is interpolated: of a recording whose wear is to be estimated.  Of tools ``in_use`` the
-    recordings before the first and after the last measurement are kept, with NaN for their wear.
-    Conditions ``given`` by the name of a recording go before those that were recorded.
+    Of raw files with the same bytes one is kept for which ``is_training``.  Where wear and
+    conditions need not be ``known``, missing ones are NaN or ``""`` and nothing is interpolated.
+    Of tools ``in_use`` the recordings before the first and after the last measurement are kept,
+    with NaN for their wear.  Conditions ``given`` by the name of a recording precede the recorded
+    ones.
     """
     left_out: dict[str, str] = {}
     by_tool: dict[str, list[_Cut]] = {}

@@ -42,8 +42,8 @@ class ChannelScaling:
     def of(values: Singles) -> "ChannelScaling":
         """Median and normal-consistent interquartile range of windows, shape (N, C, L).
 
-        A channel that rests for most of the time takes the range that holds 90 % instead, or its
-        standard deviation where it rests for longer still; a constant one takes 1.
+        A channel at rest for most of the time takes its 90 % range instead, or its standard
+        deviation; a constant one takes 1.
         """
         flat = np.asarray(values, np.float64).transpose(1, 0, 2).reshape(values.shape[1], -1)
         least, low, shift, high, most = np.quantile(flat, [0.05, 0.25, 0.5, 0.75, 0.95], axis=1)
@@ -136,10 +136,7 @@ class WearWindows:
 
 @dataclass(frozen=True, kw_only=True)
 class LifeFile:
-    """A recording of a life: its name, its raw file, and the hash of its bytes.
-
-    The hash is one of the samples where the recording is a part of a table.
-    """
+    """Recording of a life: its name, its raw file, and the hash of its bytes or samples."""
 
     name: str
     file: str

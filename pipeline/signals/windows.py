@@ -30,10 +30,7 @@ def state_days(clean: Path, start: str | None = None, end: str | None = None) ->
 
 
 def absent_items(clean: Path) -> dict[str, list[str]]:
-    """Data items that the machine's file names and no record has, each with those called like it.
-
-    As cleaning noted them in ``summary.json``; empty where it left none.
-    """
+    """Data items of the machine's file without records, each with similar names."""
     try:
         summary = json.loads((clean / "summary.json").read_text(encoding="utf-8"))
         return {item: summary["near"].get(item, []) for item in summary["absent"]}
@@ -61,12 +58,11 @@ def state_segments(
     bridge_s: float,
     shortest_s: float,
 ) -> Iterator[StateSegment]:
-    """Average a day over steps and cut it into segments in which every input is known.
+    """Segments of a day, averaged over steps, in which every input is known.
 
-    Unknown inputs are held for up to ``bridge_s`` seconds, so that a burst of UNAVAILABLE does not
-    end a segment; a longer gap does.  With ``bridge_s = inf`` nothing does.  A segment begins with
-    a measured target and lasts at least ``shortest_s`` seconds.  An input or a target that is no
-    column of numbers is a ValueError.
+    Unknown inputs are held for up to ``bridge_s`` seconds; a longer gap ends a segment.  A segment
+    begins with a measured target and lasts at least ``shortest_s`` seconds.  An input or a target
+    that is no column of numbers is a ValueError.
     """
     numbers = frame.select_dtypes("number")
     missing = [name for name in (*inputs, target) if name not in numbers.columns]

@@ -17,10 +17,7 @@ SHOWN_AFTER_S = 10.0
 
 
 def place(name: str, root: Path = Path()) -> str:
-    """Where a stage stands among those of the fleet that is built, ``(7 of 31)``.
-
-    Empty in a folder without dvc.yaml, and for a stage that it does not have.
-    """
+    """Place of a stage in the fleet's build, ``(7 of 31)``; empty without dvc.yaml or stage."""
     try:
         stages = read_yaml((root / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
         fleet = read_yaml((root / "conf/fleet/active.yaml").read_text(encoding="utf-8"))
@@ -64,11 +61,7 @@ def running(name: str, stream: TextIO) -> Iterator[None]:
 
 
 def line(name: str, paths: Sequence[Path], began: float) -> str:
-    """One line on a stage.
-
-    ``paths``: that it was called with; those that changed since it began were written; ``began``:
-    when, as :func:`time.time` says it [s].
-    """
+    """Line on a stage with the ``paths`` changed since ``began`` (:func:`time.time`) [s]."""
     files = {path: _files(path) for path in paths}
     written = [path for path, found in files.items() if _changed(found, began)]
     read = [path for path in paths if path not in written]

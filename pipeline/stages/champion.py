@@ -9,14 +9,9 @@ from pipeline.schema.store import write_json
 
 
 def champion(models: Path, champions: Path, champion: Path, *, fleet: Fleet) -> None:
-    """Register what the store lacks; fill ``data/champion/<machine>`` with what serves.
+    """Register missing bundles; fill ``data/champion/<machine>`` with the one that serves.
 
-    Of a machine without a sub-model that is nothing.
-
-    A store that is lost later, or another server, is filled by ``kerf status`` or ``promote``.
-
-    ``champion``: ``data/champion/<machine>``; where nobody promoted one, the bundle in it serves
-    on.
+    Without a sub-model that is nothing; where nobody promoted one, the bundle in it serves on.
     """
     names = fleet.submodels_of(models.name)
     if names:

@@ -30,11 +30,7 @@ def fingerprints(package: Path) -> dict[str, str]:
 
 
 def stages(known: dict[str, Module], package: str) -> dict[str, list[str]]:
-    """Stage -> modules that it starts from.
-
-    ``identify_<sub-model>`` and ``judge_<sub-model>`` share theirs; what goes over all sub-models
-    starts from each of them.
-    """
+    """Stage -> modules that it starts from, one for all sub-models together."""
     rooms = sorted(n.split(".")[2] for n in known if n.count(".") == 3 and n.endswith(".submodel"))
     own = {f"{verb}_{room}": [f"{package}.stages.identify", f"{package}.submodels.{room}.submodel"]
            for room in rooms for verb in VERBS}  # fmt: skip

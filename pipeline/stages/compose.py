@@ -37,9 +37,8 @@ GONE = object()
 def compose(conf: Path, params: Path, settings: Path) -> None:
     """Compose ``conf``, its catalogues and every machine of its fleet.
 
-    Under ``dvc exp run`` DVC has written each ``-S`` into its file already: where it differs from
-    the file of the commit that the experiment starts from, the difference is put on top of a fresh
-    composition, so that an edit of ``conf`` and ``-S`` both hold.
+    Under ``dvc exp run`` a file differs from its commit by each ``-S``: the difference is put on
+    top of a fresh composition, so that an edit of ``conf`` and ``-S`` both hold.
     """
     changes = _set_for_experiment(params, settings)
     chosen = _chosen(changes, conf)
@@ -169,11 +168,7 @@ def _said(value: Any) -> str:
 
 
 def composed(conf: Path, overrides: tuple[str, ...] = ()) -> str:
-    """The composition of ``conf`` as YAML, at the budget of its fleet unless overrides choose one.
-
-    Each file of ``conf/material/`` and ``conf/tool/`` is a section of its name, the cutting data of
-    ``conf/catalogue/`` are one.
-    """
+    """Composition of ``conf`` as YAML, at the budget of its fleet unless overrides choose one."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_dir
     from hydra.errors import HydraException

@@ -34,10 +34,7 @@ def correct_programs(
     control_records: ControlRecords,
     correction: CorrectionSettings,
 ) -> None:
-    """Write a corrected command, ``<program>.csv``, for each program that the report shows.
-
-    ``written``: folder of the files; of a program without a corrected command the file says why.
-    """
+    """Write a corrected command, ``<program>.csv``, for each program that the report shows."""
     written.mkdir(parents=True, exist_ok=True)
     control = control_of_unit(
         read_controls(champion / "control/model.json"), control_records.default_unit

@@ -23,12 +23,9 @@ def identify(
     *,
     settings: Any,
 ) -> None:
-    """Fit the sub-model on its training cases; write ``model.json`` into ``folder``.
+    """Fit the sub-model on its training cases, nothing frozen; write ``model.json``.
 
-    Nothing that is frozen in the machine's golden or sealed set is among these.
-
-    ``reads``: folders of the machine's records that it reads; ``golden``: folder of the frozen
-    sets, one file a machine; without it nothing is frozen.
+    ``reads``: folders of the machine's records; ``golden``: folder of the frozen sets.
     """
     sets = _frozen(golden, settings)
     cases = held_back(submodel.cases(Records(**reads), settings, sets), sets)

@@ -25,10 +25,8 @@ TIMED, FROZEN = "timed", "frozen"
 def index(manifest: Path, settings: Path, golden: Path, index: Path, machine: Path) -> None:
     """Write a hash for each section of a machine, of the recordings that its texts name.
 
-    ``manifest``: of the ingest: raw files with the hashes of their bytes and of what reads them;
-    ``index``: JSON: section -> hash; ``timed`` of the files whose records have a clock, ``frozen``
-    of the machine's frozen sets and whatever the records disagree with them in; ``machine``: beside
-    the machine's models, with its name: a machine without a sub-model has that folder.
+    ``index``: JSON of section -> hash, ``timed`` of files with a clock, and ``frozen``;
+    ``machine``: file beside the machine's models with its name.
     """
     files = Records(manifest=manifest).files
     sections = json.loads(settings.read_text())

@@ -45,10 +45,7 @@ def optimise(
     catalogue: CuttingCatalogue,
     optimisation: OptimisationSettings,
 ) -> None:
-    """Optimise the parts of a machine with its ``models``; programs and documents, and metrics.
-
-    None where the bundle that serves has no control.
-    """
+    """Optimise the parts of a machine with its ``models``; programs, documents and metrics."""
     written.mkdir(parents=True, exist_ok=True)
     if not (models / "control" / MODEL).exists():
         write_json({}, metrics)

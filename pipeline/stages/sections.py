@@ -35,10 +35,7 @@ def section_types() -> dict[str, Any]:
 
 
 def check(values: dict[str, Any]) -> None:
-    """Hold every section of every machine, and those for all, against their types.
-
-    A machine of the fleet's lists needs each section that its sub-models read; others may have it.
-    """
+    """Check every section of every machine, and those for all, against their types."""
     types = section_types()
     for name in values:
         if name != "machine":

@@ -19,11 +19,7 @@ def simulate_programs(
     setup: Setup,
     control_records: ControlRecords,
 ) -> None:
-    """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each.
-
-    None where the bundle that serves has no control; times stand without an interval where its
-    verdict says that it is not known.
-    """
+    """Simulate programs of ``raw`` with the control in ``model``; a JSON and a Parquet each."""
     programs.mkdir(parents=True, exist_ok=True)
     if not model.exists():
         return

@@ -10,10 +10,7 @@ from pipeline.shop.trial.trials import trials
 
 
 def trial(written: Path, cut: Path, *, shop: ShopParameters) -> None:
-    """Cut the parts whose programs are in ``written``, before and after; one JSON for all.
-
-    Each seed is a part of its own: batch of material, mounting and edge of the tool.
-    """
+    """Cut the parts of ``written``, before and after, a part for each seed; one JSON for all."""
     known, found = shop_part(shop), {}
     for path in sorted(written.glob("*.json")):
         if path.stem != known.program.name:

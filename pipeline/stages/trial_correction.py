@@ -9,10 +9,7 @@ from pipeline.shop.trial.corrected import corrected_trials
 
 
 def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:
-    """Drive every ``*.csv`` of the folder ``corrected``; one JSON for all.
-
-    Each seed is a noise of its own of the drives' currents.
-    """
+    """Drive every ``*.csv`` of ``corrected``, each seed a noise of its own; one JSON for all."""
     tables = sorted(corrected.glob("*.csv"))
     if not tables:
         raise ValueError(f"{corrected} holds no *.csv: correct the commands of a program first")

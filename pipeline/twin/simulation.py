@@ -62,9 +62,7 @@ def limit_words(plan: Plan) -> NDArray[np.str_]:
 def block_table(plan: Plan) -> "pd.DataFrame":
     """One row a move: where it ends [mm], programmed and reached feed [mm/min], time [s].
 
-    Columns
-    ``line kind x y z cx cy cz angle plane programmed_feed reached_feed time length tool speed limit``;
-    ``programmed_feed`` is NaN where no feed holds.
+    ``programmed_feed`` is NaN where no feed holds; the centre, angle and plane are those of arcs.
     """
     import pandas as pd
 

@@ -323,9 +323,9 @@ def _synchronised(run: Run, line: int, end: list[float], lead: float) -> None:
 def thread_cycle(run: Run, block: Block, code: int, item: WordItem | None) -> None:
     """G76 of LinuxCNC: passes along Z (plane ZX) to the full depth of a thread.
 
-    Each pass begins where the one before did, deeper by J / passes^R and set off by the compound
-    slide's angle Q; E cuts tapers at the begin (L1), the end (L2) or both (L3), where the feed goes
-    with the length of the slope.  Source: LinuxCNC 2.9, "G76 Threading Cycle".
+    Each pass is deeper by J / passes^R and set off by the compound slide's angle Q; E cuts tapers
+    at the begin (L1), the end (L2) or both (L3), where the feed goes with the length of the slope.
+    Source: LinuxCNC 2.9, "G76 Threading Cycle".
     """
     _need_spindle(run, block, item)
     word = item or block.any_item()

@@ -26,11 +26,10 @@ SYSTEMS = (53.0, 54.0, 55.0, 56.0, 57.0, 500.0)
 
 
 class SiemensReader:
-    """Reads the lines of one program, in the order in which they are carried out.
+    """Reader of a program's lines in the order of execution, with its memory of modal data.
 
-    Tool names get the numbers of ``setup``, others the next free ones in the order in which they
-    are called; lines of a level of ``/`` that is switched on are not read. Without a ``store`` of
-    variables only numbers are known; ``note`` takes a line and what is to be said of it.
+    Tool names get the numbers of ``setup``, others the next free ones; lines of a ``/`` level that
+    is switched on are not read.  ``note`` takes a line and a remark on it.
     """
 
     def __init__(
@@ -51,13 +50,7 @@ class SiemensReader:
         )
 
     def statement(self, line: Line, file: str = "") -> Statement:
-        """Statement of the next line, of another ``file`` in a subprogram.
-
-        Raises
-        ------
-        GcodeError
-            A word that is not supported.
-        """
+        """Statement of the next line, of another ``file`` in a subprogram; may raise GcodeError."""
         if line.skip is not None and line.skip in self.skipped:
             return Statement(line.number, line.skip, None, (), (), None, ())
         stream = TokenStream(

@@ -101,12 +101,9 @@ class CycleCall:
 def cycle_call(
     name: str, values: Sequence[float | None], *, unit: float, feed: float, speed: float
 ) -> CycleCall:
-    """The call of a cycle with its ``values`` as given, None where one is not known.
+    """Call of a cycle with its ``values`` as given, None where one is not known.
 
-    Raises
-    ------
-    CycleError
-        An argument that is missing, or that is not followed.
+    Raises CycleError for an argument that is missing, or that is not supported.
     """
     names, least = ARGUMENTS[name], LEAST.get(name, 4)
     if not least <= len(values) <= len(names):
@@ -129,25 +126,15 @@ def cycle_call(
 
 
 def hole(name: str, call: CycleCall) -> list[Words]:
-    """Blocks of one hole by a drilling cycle.
-
-    Raises
-    ------
-    CycleError
-        An argument that is not followed.
-    """
+    """Blocks of one hole by a drilling cycle; CycleError for an unsupported argument."""
     return [rapid_to(call.above), *_HOLES[name](call), rapid_to(call.given["RTP"])]
 
 
 def places(call: CycleCall, here: tuple[float | None, float | None]) -> list[tuple[float, float]]:
     """X and Y of each hole of a pattern, in the order in which they are drilled.
 
-    A row of holes begins at its end that is nearer to ``here``, where the tool stands.
-
-    Raises
-    ------
-    CycleError
-        A number of holes that is none, a row whose begin is not known.
+    A row of holes begins at its end that is nearer to ``here``, where the tool stands.  Raises
+    CycleError for a number of holes that is none, or a row without a known begin.
     """
     x, y, third, fourth, step, number = call.given.values()
     count = round(number)
@@ -208,8 +195,8 @@ def _pecked(call: CycleCall) -> Iterator[Words]:
 def strokes(top: float, bottom: float, first: float, less: float, least: float) -> list[float]:
     """Depths that CYCLE83 reaches one after the other, the bottom last.
 
-    Each stroke is the one before less DAM; strokes of DAM follow, of which the last two halve what
-    is left.  A negative DAM is a factor, with strokes of ``least`` at least.
+    Each stroke is the one before less DAM; strokes of DAM follow, of which the last two halve the
+    rest. A negative DAM is a factor, with strokes of ``least`` at least.
     """
     stroke, depths = top - first, []
     if not stroke > 0 or bottom >= top:

@@ -153,9 +153,9 @@ def _times(token: Token, stream: TokenStream, *, alone: bool = True) -> Expressi
 def call_of(token: Token, stream: TokenStream, *, alone: bool = True) -> Control:
     """Call of a subprogram; the stream is behind its word and, where it has one, the bracket.
 
-    ``NAME``, ``NAME(1, 2)``, ``L10``, ``CALL "NAME"``, ``EXTCALL("NAME.SPF")``,
-    ``PCALL /FOLDER/NAME(1)`` and ``CALL "NAME" BLOCK FIRST TO LAST``, each with ``P`` times.
-    Raises GcodeError when it names no program, or the line holds more.
+    ``NAME``, ``NAME(1, 2)``, ``L10``, ``CALL "NAME"``, ``EXTCALL("NAME.SPF")``, PCALL with a path
+    and ``CALL "NAME" BLOCK FIRST TO LAST``, each with ``P`` times.  Raises GcodeError when it names
+    no program, or the line holds more.
     """
     last, part = token, ("", "")
     if token.head in CALLING:

@@ -138,10 +138,7 @@ class TokenStream:
         return GcodeError(self.file, self.line, column, word, reason)
 
     def arguments(self, *, texts: bool = False) -> tuple[Expression, ...]:
-        """Arguments up to the closing bracket of a call; one that is left out counts 0.
-
-        So do ``texts`` in quotes where a cycle has them.
-        """
+        """Arguments up to the closing bracket of a call; left out ones, and ``texts``, count 0."""
         given: list[Expression] = []
         if self.skips(")"):
             return ()
@@ -157,8 +154,7 @@ class TokenStream:
     def condition(self, depth: int = 0) -> Expression:
         """Comparisons joined by AND, and these by OR.
 
-        On the control comparisons bind last, so that they are refused beside AND, OR and NOT unless
-        they stand in brackets.
+        Beside AND, OR and NOT the control binds comparisons last, so that they need brackets.
         """
         return self._joined("OR", depth, lambda: self._joined("AND", depth, self._compared(depth)))
 

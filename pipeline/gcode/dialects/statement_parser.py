@@ -277,10 +277,7 @@ _SIGNS = frozenset("+-")
 
 
 def statement_from_tokens(program: Program, line: int) -> Statement | None:
-    """Statement of a line of letters and numbers only, straight from its tokens; else None.
-
-    The parser gives the same statement, more slowly.
-    """
+    """Statement of a line of letters and numbers only, straight from its tokens; else None."""
     tokens = program.tokens
     first, last = tokens.first[line - 1 : line + 1].tolist()
     kinds = tokens.kind[first:last].tolist()

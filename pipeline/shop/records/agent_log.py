@@ -21,7 +21,12 @@ AGENT_UP = -3.7 * DAY
 
 @dataclass(kw_only=True)
 class LogLines:
-    """Records with their order in the file: ``keys`` is the poll's number plus the item's rank."""
+    """Records with their order in the file.
+
+    ``keys`` orders the file: the number of the poll plus the rank of the item; a whole number and a
+    bit for what stands between polls.  An adapter writes all pairs of one time on one line, an
+    agent each on its own.
+    """
 
     native: bool
     times: list[str] = field(default_factory=list)  # stamps of the polls

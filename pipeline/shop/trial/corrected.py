@@ -179,7 +179,10 @@ class CommandedPath:
         self._tree = cKDTree(self.points)
 
     def distance(self, place: Floats) -> Floats:
-        """Distances (T,) of places (T, A) from the nearest point's two path pieces."""
+        """Distances of places (T, A) from the path, shape (T,).
+
+        The nearest of its points is sought, then the nearest place on the two pieces there.
+        """
         path = self.points
         distance, near = self._tree.query(place)
         for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):

@@ -96,10 +96,10 @@ class _OpenCycle:
 
 
 def cycles(found: Intervals, settings: CleanSettings) -> pd.DataFrame:
-    """The cycles in a machine's intervals, with columns ``COLUMNS`` and times in UTC.
+    """Cycles in a machine's intervals, with columns ``COLUMNS`` and times in UTC.
 
     Losses of data longer than ``off_after_s`` end a cycle.  ``complete``: ended by READY in
-    AUTOMATIC, with nothing known that cut it short.
+    AUTOMATIC.
     """
     run = _CycleBuilder(longest_loss=round(settings.off_after_s * NS))
     names = list(found.state)
@@ -180,10 +180,7 @@ ENOUGH_S = 30
 
 @dataclass(frozen=True, kw_only=True)
 class NoLoadLevel:
-    """No-load level and limit of a spindle.
-
-    ``limit`` [PERCENT] for each class of speed, shape (K,), and for speeds hardly seen.
-    """
+    """No-load level and ``limit`` [PERCENT] by class of speed, shape (K,), and for rare speeds."""
 
     limit: Floats
     elsewhere: float
@@ -201,14 +198,10 @@ def _speed_class(speed: Floats) -> np.ndarray:
 
 
 def no_load(speed: Floats, load: Floats, settings: CleanSettings) -> NoLoadLevel:
-    """No-load limit of a spindle, estimated from the machine's own records.
+    """No-load limit of a spindle from its own records: lower fifth of the loads at a speed.
 
-    At one speed the load of a spindle that cuts nothing is the lowest that it ever shows (friction
-    and iron losses), so the lower fifth of the loads at a speed is its no-load level, and the
-    scatter below that level is its noise.
-
-    ``speed`` [REVOLUTION/MINUTE] is that of the seconds in which it was steady, ``load`` [PERCENT];
-    shape (T,) each, and rows with NaN are left out.
+    The scatter below that level is its noise.  ``speed`` [REVOLUTION/MINUTE] of steady seconds and
+    ``load`` [PERCENT] have shape (T,); rows with NaN are left out.
     """
     good = (np.abs(speed) > settings.turning_rpm) & ~np.isnan(load)
     classes, loads = _speed_class(speed[good]), np.abs(load[good])
@@ -247,10 +240,7 @@ _SETTLE_S = 2
 def segments(
     state: pd.DataFrame, settings: CleanSettings, warm_up_programs: tuple[str, ...] = ()
 ) -> pd.DataFrame:
-    """Start, end (UTC) and kind of the segments of a state table, ascending in time.
-
-    Of its columns ``time`` and those of ``USED`` count that the machine has.
-    """
+    """Start, end (UTC) and kind of the segments of a state table, ascending in time."""
     if state.empty:
         return _segment_table(np.array([], dtype=np.int64), np.array([], dtype=np.int64), [])
     time: Ints = np.array(state["time"].astype("datetime64[ns, UTC]").astype("int64"), np.int64)
@@ -321,10 +311,7 @@ def _words(state: pd.DataFrame, name: str) -> np.ndarray:
 def _warm_up(
     kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
 ) -> None:
-    """Mark turning without load, from a cold start to the first cut, as warm_up; in place.
-
-    Where no cut is seen, the first run of the spindle alone counts.
-    """
+    """Mark turning without load, from a cold start to the first cut, as warm_up; in place."""
     cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
     for n, first in enumerate(starts):

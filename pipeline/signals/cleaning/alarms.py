@@ -25,10 +25,7 @@ _READ = ["time", "sequence", "data_item", "text", "kind", "key", "attributes"]
 
 
 class Said(NamedTuple):
-    """A condition as reported.
-
-    ``level`` is NORMAL, WARNING, FAULT or empty where the agent said UNAVAILABLE; ``time`` in ns.
-    """
+    """Condition as reported at ``time`` [ns]; ``level`` is empty for UNAVAILABLE."""
 
     time: int
     data_item: str
@@ -70,11 +67,7 @@ def _words(attributes: str | None) -> str:
 
 
 def alarms(said: Iterable[Said], state: pd.DataFrame) -> pd.DataFrame:
-    """Warnings and faults of all files, one row each, in the order of ``start``.
-
-    ``state`` has ``time`` and those of :data:`AT` that the machine records, at the alarms' times or
-    about.  ``end`` is missing of an alarm that no record ends.
-    """
+    """Warnings and faults of all files in the order of ``start``; ``end`` missing if unknown."""
     found: list[dict[str, Any]] = []
     active: dict[tuple[str, str], dict[str, Any]] = {}
     for one in sorted(said, key=lambda s: s.time):

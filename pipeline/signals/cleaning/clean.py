@@ -47,11 +47,10 @@ Summary = dict[str, Any]
 def clean(
     signals: Path, out: Path, *, machine: CleanMachine, settings: CleanSettings | None = None
 ) -> Summary:
-    """Clean one machine's ``data/signals`` into its ``data/clean``.
+    """Clean one machine's ``data/signals`` into its ``data/clean``, changed days only.
 
-    Days that are there and still true are left alone.  Returns what ``summary.json`` holds, and
-    ``written``, the days that were written now.  A data item whose unit cannot become its signal's
-    is a ValueError.
+    Returns the content of ``summary.json`` and ``written``, the days.  A data item whose unit
+    cannot become its signal's is a ValueError.
     """
     return _Build(signals, out, machine, settings or CleanSettings()).run()
 

@@ -148,11 +148,7 @@ def _words(part: pd.DataFrame) -> np.ndarray:
 
 @dataclass(frozen=True, kw_only=True)
 class Day:
-    """A clean day.
-
-    ``state`` has ``time`` [int64 ns] and the machine's columns; ``series`` are the clean series
-    with their "not known" rows, by data item.
-    """
+    """Clean day: ``state`` with ``time`` [int64 ns], and clean ``series`` by data item."""
 
     state: pd.DataFrame
     audit: list[Audit]
@@ -174,9 +170,9 @@ def clean_day(
 ) -> Day:
     """Clean the rows from ``start`` to ``end`` [ns] of one machine.
 
-    ``rows`` are those of ``recorded.rows_of`` and of the lookahead after the day, with ``apart``:
-    reported by a logger that may run while the machine is off.  ``carry`` is what the day before
-    left, empty for the first; ``reporting`` goes by data item, ``"*"`` for the machine as a whole.
+    ``rows`` are those of the day and the lookahead, with ``apart`` (a logger that may run while the
+    machine is off); ``carry`` is the state of the day before; ``reporting`` goes by data item,
+    ``"*"`` for the machine as a whole.
     """
     rows = rows.sort_values(["time", "sequence"], kind="stable", ignore_index=True)
     twice = rows.duplicated(["time", "data_item", "key", "number", "text"])

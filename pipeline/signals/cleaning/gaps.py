@@ -61,11 +61,7 @@ class ReportingInterval:
 
 
 def counted_intervals(time: Ints, longest_s: float) -> Ints:
-    """How many of the intervals between ascending times [ns] fall in each bin, shape (N_BINS,).
-
-    Intervals of zero are several values at one time; longer ones than ``longest_s`` are a machine
-    that is off.
-    """
+    """Counts (N_BINS,) of intervals between ascending times [ns] up to ``longest_s``."""
     interval = np.diff(time) / NS
     interval = interval[(interval > 0) & (interval <= longest_s)]
     place = np.floor((np.log2(interval) - _LOWEST) * BINS_PER_OCTAVE).astype(int)
@@ -93,10 +89,7 @@ SUBSET_SHARE = 0.1
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Gap:
-    """One gap: from ``start`` until before ``end`` [ns]; ``data_item`` None: the whole machine.
-
-    ``end`` is None while nothing has ended it.
-    """
+    """Gap from ``start`` to before ``end`` [ns] (None: open), of an item or (None) the machine."""
 
     start: int
     end: int | None
@@ -106,11 +99,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineGaps:
-    """Gaps of the machine as a whole.
-
-    ``cuts`` [ns], shape (K,): from then on an item is unknown until it reports; ``pauses`` [ns],
-    shape (L, 2): unknown from the first until before the second time.
-    """
+    """Gaps of the machine: ``cuts`` (K,) and ``pauses`` (L, 2) [ns] in which items are unknown."""
 
     gaps: list[Gap]
     cuts: Ints
@@ -118,10 +107,7 @@ class MachineGaps:
 
 
 def machine_gaps(gaps: list[Gap], torn: list[Gap]) -> MachineGaps:
-    """What gaps leave unknown; ``torn`` are those in which something can have been lost.
-
-    What was reported last before a gap was still known at that time.
-    """
+    """Unknown times by gaps; ``torn`` are those in which something can have been lost."""
     cuts = np.array(sorted({g.start + 1 for g in torn}), dtype=np.int64)
     pauses = sorted((g.start + 1, g.end) for g in gaps if g.end is not None and g not in torn)
     return MachineGaps(gaps=gaps, cuts=cuts, pauses=np.array(pauses, dtype=np.int64).reshape(-1, 2))
@@ -187,10 +173,7 @@ def instances(time: Ints, instance: np.ndarray) -> list[Gap]:
 
 
 def missing_sequences(time: Ints, sequence: np.ndarray, instance: np.ndarray) -> list[Gap]:
-    """Where sequence numbers of one instance of the agent are missing.
-
-    A record that was made of some of the agent's items lacks numbers everywhere and shows no gap.
-    """
+    """Gaps in the sequence numbers of one instance of the agent; none for partial records."""
     gaps: list[Gap] = []
     for one in np.unique(instance):
         at = np.flatnonzero(instance == one)

@@ -36,10 +36,7 @@ class Audit:
 
 @dataclass(frozen=True, kw_only=True)
 class Cleaned:
-    """A series without its glitches.
-
-    ``removed`` marks the rows of the input that were removed, ``rule`` by which rule, shape (T,).
-    """
+    """Series without its glitches; ``removed`` rows by ``rule``, shape (T,) each."""
 
     series: Series
     removed: Bools
@@ -74,11 +71,7 @@ def possible_change(signal: Column, settings: CleanSettings) -> Possible | None:
 def without_glitches(
     series: Series, signal: Column, settings: CleanSettings, cuts: Ints = NO_CUTS
 ) -> Cleaned:
-    """Remove the values of a series that cannot be true; a second time it removes nothing more.
-
-    ``cuts`` are the times [ns], shape (K,), at which the machine as a whole was lost.  Rows with
-    ``fresh`` False are good by earlier judgement.
-    """
+    """Remove the glitches of a series, idempotently; ``cuts`` (K,): losses of the machine [ns]."""
     n = len(series.time)
     removed, rule = np.zeros(n, dtype=bool), np.full(n, "", dtype=object)
     if series.text or n == 0:

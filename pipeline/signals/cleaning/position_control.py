@@ -34,10 +34,9 @@ def position_control(
 ) -> Series:
     """Position control (0 released, 1 engaged, NaN not known) when angle or speed is reported.
 
-    ``angle`` [DEGREE], ``speed`` [REVOLUTION/MINUTE], the angular velocity ``rate`` [DEGREE/SECOND]
-    and ``tool_speed`` of the spindle that carries driven tools are clean and hold their "not known"
-    rows; ``mode`` says SPINDLE, INDEX or CONTOUR. ``initial`` is the state before the first row;
-    after more than ``off_after_s`` without data the state is not known.
+    ``angle`` [DEGREE], ``speed`` [REVOLUTION/MINUTE], ``rate`` [DEGREE/SECOND] and ``tool_speed``
+    of the driven tools' spindle are clean; ``mode`` says SPINDLE, INDEX or CONTOUR.  ``initial`` is
+    the state before the first row, unknown again after ``off_after_s`` without data.
     """
     rate = empty(text=False) if rate is None else rate
     tool_speed = empty(text=False) if tool_speed is None else tool_speed
@@ -69,11 +68,7 @@ def _speeds(speed: Series, time: Ints, turning_rpm: float) -> tuple[Bools, Bools
 
 
 def _moves(angle: Series) -> Bools:
-    """Rows at which the angle moved to one other than zero, shape (T,).
-
-    A jump to zero without the steps between is the control clearing its display, and after data
-    was lost the first value is no motion.
-    """
+    """Rows at which the angle moved to one other than zero, shape (T,); a jump to zero is none."""
     value = angle.value.astype(float)
     before = np.r_[np.nan, value[:-1]]
     changed = np.abs(value - before) > ANGLE_STEP

@@ -92,10 +92,9 @@ def _sparse(counts: Ints) -> dict[str, int]:
 
 
 def rows_of(path: Path, machine: CleanMachine, settings: CleanSettings) -> pd.DataFrame:
-    """The rows of one file in the order of time.
+    """Rows of one file in the order of time [int64 ns].
 
-    Columns: time [int64 ns], data_item, number, text, key, sequence, instance, spoken (has a
-    value), wanted (is one of the machine's items), restated, trace (of a recording).
+    Also ``spoken`` (has a value), ``wanted`` (an item of the machine), ``restated``, ``trace``.
     """
     if path.parent.name == "traces":
         return _trace_rows(path, machine, settings)
@@ -203,11 +202,7 @@ def near(absent: list[str], logged: list[str]) -> dict[str, list[str]]:
 
 
 def conversions(signals: Path, machine: CleanMachine) -> dict[str, tuple[float, float]]:
-    """Factor and offset of the items whose unit is not their signal's.
-
-    Items without a unit are taken to be in their signal's; a unit that cannot become it is a
-    ValueError with the item and both units.
-    """
+    """Factor and offset of the items whose unit is not their signal's, else ValueError."""
     units = _units(signals)
     found = {}
     for item, name in machine.signal_of.items():

@@ -76,7 +76,7 @@ Span = tuple[int, int]
 
 
 def on_spans(spoken: Ints, settings: CleanSettings) -> list[Span]:
-    """Times in operation: the machine reported something known at least every ``off_after_s``.
+    """Times in operation: something was reported at least every ``off_after_s``.
 
     ``spoken`` are the ascending times [ns] at which any item had a value, shape (T,).
     """
@@ -112,10 +112,7 @@ def held(series: Series, at: Ints) -> Values:
 
 
 def linear(series: Series, at: Ints, longest_s: float) -> Floats:
-    """Values on the lines between neighbours at most ``longest_s`` apart; held elsewhere.
-
-    Times are subtracted as integers: nanoseconds since 1970 do not fit a float.
-    """
+    """Values on the lines between neighbours at most ``longest_s`` apart; held elsewhere."""
     value = held(series, at).astype(float)
     if len(series.time) < 2:
         return value
@@ -133,11 +130,9 @@ def linear(series: Series, at: Ints, longest_s: float) -> Floats:
 def resampled(
     series: Series, between: str, at: Ints, *, typical_s: float, settings: CleanSettings
 ) -> Values:
-    """A series, with its "not known from here on" rows, on a grid [ns]; shape (T,).
+    """Series with its "not known" rows on a grid [ns], shape (T,), ``"hold"`` or ``"linear"``.
 
-    ``between`` is ``"hold"`` or ``"linear"``; ``typical_s`` the median interval between reports of
-    the item [s], NaN where it is not known: a value that is reported on change stands still over
-    long intervals.
+    ``typical_s``: median interval between reports of the item [s], NaN where it is not known.
     """
     if series.text or between == "hold":
         return held(series, at)

@@ -167,10 +167,7 @@ def clipped(found: Intervals, start: int, end: int) -> Intervals:
 
 
 def changes(series: Mapping[str, Series], start: int, end: int) -> dict[str, list[list[Any]]]:
-    """The controller's words of one day as JSON: ``[time [ns], word or null]`` where one changes.
-
-    A loss that began before ``start`` and shows only now is among them.
-    """
+    """Controller's words of one day as JSON, ``[time [ns], word or null]`` at changes."""
     found: dict[str, list[list[Any]]] = {}
     for name, one in series.items():
         lost = ~one.known

@@ -84,10 +84,9 @@ class _Reader(XmlEvents):
 
 
 def read_devices(path: Path, device: str | None) -> DeviceModel:
-    """The device model in a Devices document (XML or JSON) or a bare ``<Device>`` at ``path``.
+    """Device model in a Devices document (XML or JSON) or a bare ``<Device>`` at ``path``.
 
-    ``device`` is name, uuid or id of the one to keep; None keeps all.  A file that is no such
-    document, breaks off, or has no such device is an :class:`UnreadableFile`.
+    ``device`` is name, uuid or id of the one to keep; None keeps all.  Raises UnreadableFile.
     """
     whole = content(path)
     if whole.head(64).lstrip()[:1] in (b"{", b"["):
@@ -144,10 +143,7 @@ def part(node: Any, *names: str) -> Any:
 
 
 def named(node: Any) -> Iterator[tuple[str, Any]]:
-    """Element name and body of each member in any form; the name is ``""`` where none stands.
-
-    A member that is no object is handed over as it is, for the caller to reject.
-    """
+    """Element name and body of each member in any form; the name is ``""`` where none stands."""
     if node == {}:
         return
     for group in node if isinstance(node, list) else [node]:

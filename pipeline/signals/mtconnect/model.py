@@ -53,11 +53,10 @@ def is_name(kind: str | None) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class DataItem:
-    """One data item as its device declares it; None where the document is silent.
+    """Data item as its device declares it; None where the document is silent.
 
-    ``component`` is the element's name of the component that has the item (``Linear``),
-    ``component_name`` what that component is called (``X``), ``source`` the name under which the
-    adapter sends it, ``device`` the device that it belongs to, ``sample_rate`` in HERTZ.
+    ``component``: element's name (``Linear``), ``component_name``: its own (``X``), ``source``:
+    name by the adapter, ``sample_rate`` in HERTZ.
     """
 
     id: str
@@ -78,9 +77,9 @@ class DataItem:
 
 @dataclass(frozen=True, kw_only=True)
 class Device:
-    """How a device is called; ``label`` is the first of the others that no other device has.
+    """Names of a device; ``label`` is the first that no other device has.
 
-    ``is_agent`` tells an agent's own device, which is no machine (MTConnect 1.7 on).
+    ``is_agent`` marks an agent's own device, which is no machine (MTConnect 1.7 on).
     """
 
     label: str
@@ -107,9 +106,7 @@ class DeviceModel:
         return len(self.devices) > 1
 
     def item_name(self, item: DataItem) -> str:
-        """What ``data_item`` is in the observations: ``own_name``, with several devices after
-        ``device:``, as the name alone may then stand for two items.
-        """
+        """Name of a data item in the observations, with several devices after ``device:``."""
         name = self.own_name(item)
         return f"{item.device}:{name}" if self.several else name
 

@@ -42,11 +42,10 @@ class MalformedError(ValueError):
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Shape:
-    """An observation without its time, its sequence and its value.
+    """Observation without its time, its sequence and its value.
 
-    ``manner`` is how its value is read: ``number`` (a sample), ``value`` (an event: a number or a
-    text), ``text`` (a message, a name), ``condition``, ``series`` or ``set`` (also a table).
-    ``rest`` are the attributes that have no column of their own, ``attributes`` the same as JSON.
+    ``manner``: ``number`` (a sample), ``value`` (an event), ``text`` (a message, a name),
+    ``condition``, ``series`` or ``set`` (also a table); ``rest``: attributes without a column.
     """
 
     data_item: str
@@ -62,10 +61,7 @@ class Shape:
 
 @dataclass(frozen=True, kw_only=True)
 class Naming:
-    """How items are named: by the device model where it knows them, else by their own words.
-
-    ``seen`` holds the id that each name of a device had first, of items that no model knows.
-    """
+    """Names of items by the device model, else by their own words, each with its first id."""
 
     model: DeviceModel | None
     several: bool
@@ -93,11 +89,7 @@ class Naming:
 def shape_of(
     section: str, tag: str, attributes: dict[str, Any], device: str, naming: Naming
 ) -> Shape:
-    """The shape of an observation with the element ``tag`` and its attributes.
-
-    ``section`` is SAMPLE, EVENT, CONDITION, or UNKNOWN for a lone one.  One that names no item, and
-    a condition without a level, is a :class:`MalformedError`.
-    """
+    """Shape of an observation by ``section``, ``tag`` and attributes; else MalformedError."""
     item_id = _word(attributes.get("dataItemId") or attributes.get("itemId")) or None
     name = _word(attributes.get("name")) or item_id
     if not name:
@@ -270,10 +262,7 @@ Value = tuple[str | None, float | None, str | None, bool]
 
 
 def values_of(shape: Shape, time: int, value: Any) -> list[tuple[int, Value]]:
-    """Time [ns since 1970] and value of each row that an observation gives.
-
-    A value that does not fit the shape is a :class:`MalformedError`.
-    """
+    """Time [ns since 1970] and value of each row of an observation; MalformedError if unfit."""
     if shape.manner == "condition":
         if isinstance(value, list):
             raise MalformedError("the condition has entries, a condition has a text")

@@ -119,8 +119,8 @@ class Rows:
     def add(self, shape: Shape, time: int, sequence: int, instance: int | None, value: Any) -> None:
         """Keep one record: all its rows, or none where the value does not fit the shape.
 
-        ``time`` is in nanoseconds since 1970, ``value`` the text of the observation or a list of
-        the entries inside it.
+        ``time`` is in nanoseconds since 1970, ``value`` the text or a list of the entries inside
+        it.
         """
         for at, (key, number, text, removed) in values_of(shape, time, value):
             attributes = shape.attributes

@@ -17,11 +17,11 @@ _NAME = re.compile(rb"""\b(name|uuid)\s*=\s*["']([^"'<]*)""")
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
-    """What the documents in the file at ``path`` say, in batches of about 200 000 records.
+    """Batches of about 200 000 records of the documents in an XML file.
 
-    A record is an observation, an asset, a data item of a device document, an error that the agent
-    answered, or bytes that cannot be read.  Times of a time series are spread backwards from its
-    timestamp, which is that of its last sample.  A document type declaration is refused.
+    A record is an observation, an asset, a data item, an error, or bytes that cannot be read.
+    Times of a time series are spread backwards from its timestamp.  A document type declaration is
+    refused.
     """
     whole = content(path)
     chosen = selection(source, device_model(source, root), lambda: _several_devices(whole))

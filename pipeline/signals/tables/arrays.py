@@ -50,10 +50,9 @@ def raw_table(
     rate: float | None = None,
     start: str | None = None,
 ) -> RawTable:
-    """Raw table of the arrays of a file's group that belong together.
+    """Raw table of the arrays of a file's group that belong together, or UnreadableFile.
 
-    ``rate`` [Hz] and ``start`` are the sampling rate and first instant that the file itself states.
-    Columns that the layout names are there and of one length, or the file is unreadable.
+    ``rate`` [Hz] and ``start``: sampling rate and first instant that the file itself states.
     """
     columns = {}
     for block in named_arrays:

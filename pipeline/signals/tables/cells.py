@@ -140,10 +140,7 @@ _LONGEST = 9_223_000_000  # seconds that int64 nanoseconds hold, less a day for 
 
 
 def instants(cells: Cells, layout: TableLayout) -> Instants:
-    """Instants [ns since 1970 UTC] of a time column, and where a cell names none; shape (T,) each.
-
-    Cells are timestamps, text, or numbers since 1970 or since ``layout.start``.
-    """
+    """Instants [ns since 1970 UTC] of a time column, and rows without one; shape (T,) each."""
     cells = one_array(cells)
     if pa.types.is_timestamp(cells.type):
         return _timestamps(cells, layout.time_zone)
@@ -204,10 +201,7 @@ def _timestamps(cells: pa.Array, zone: str) -> Instants:
 
 
 def _iso(cells: pa.Array, zone: str) -> Instants:
-    """Dates and times as in ISO 8601, with ``/`` or ``.`` allowed in the date; and American ones.
-
-    ``12/2/2009 2:42:25 PM`` is the second of December, unless one of the column says otherwise.
-    """
+    """Dates and times as in ISO 8601, with ``/`` or ``.`` in the date, or American, month first."""
     cells = _from_american(pc.utf8_trim_whitespace(cells))
     parts = pc.extract_regex(cells, _ISO)
     bad = parts.is_null().to_numpy(zero_copy_only=False).copy()
@@ -283,11 +277,7 @@ def _formatted(cells: pa.Array, layout: TableLayout) -> Instants:
 
 
 def _localised(time: Ints, bad: Bools, zone: str) -> Instants:
-    """UTC of wall-clock times in the order of the file.
-
-    Times that a change of clocks skips are bad, and those that it repeats where the order does not
-    tell the first hour from the second.
-    """
+    """UTC of wall-clock times in the order of the file; skipped or ambiguous ones are bad."""
     bad = bad | (np.abs(time) > _LONGEST * 10**9)
     time = np.where(bad, 0, time)
     if zone == "UTC":

@@ -35,10 +35,7 @@ from pipeline.signals.tables.table import (
 
 
 def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
-    """Trace of a Parquet file; a row's line is its number, from 1.
-
-    A field's metadata ``unit`` counts as stated by the file.
-    """
+    """Trace of a Parquet file; a row's line is its number from 1, its unit in the metadata."""
     import pyarrow.parquet as pq
 
     layout = layout_of(source)
@@ -74,8 +71,7 @@ def _first(error: Exception) -> str:
 def read_hdf5(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of an HDF5 file; a row's line is its number, from 1.
 
-    The layout's ``group`` is the path of a group or of a compound dataset, columns are paths below
-    it.  An attribute ``unit`` or ``units`` counts as stated by the file.
+    The layout's ``group`` is a group or a compound dataset, columns are paths below it.
     """
     import h5py
 
@@ -138,8 +134,7 @@ def _dataset_values(data: Any, part: Any) -> Array:
 def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a WAV file; a row's line is the number of its sample, from 1.
 
-    Channels are ``#1``, ``#2``. Counts are shares of full scale, and become a quantity by
-    ``full_scale`` of their column.  The file states the rate.
+    Channels are ``#1``, ``#2``; shares of full scale become a quantity by ``full_scale``.
     """
     import warnings
 
@@ -204,10 +199,8 @@ _SINCE_1904 = 2_082_844_800  # seconds from the format's zero, which stands for 
 def read_tdms(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a TDMS file; a row's line is its number, from 1.
 
-    The layout's ``group`` is the group of the channels, else columns are ``group/channel``. Without
-    ``time`` and ``rate`` the channels' own ``wf_increment`` and ``wf_start_time`` count, and
-    channels that begin later than others stand as much lower; ``unit_string`` counts as the unit
-    stated by the file.
+    The layout's ``group`` is the group of the channels, else columns are ``group/channel``.
+    Without ``time`` and ``rate`` the channels' own ``wf_increment`` and ``wf_start_time`` count.
     """
     layout = layout_of(source)
     try:
@@ -302,10 +295,7 @@ _DATED = -_SINCE_1904 * 10**9 // 2
 
 
 def _start(facts: Any) -> int | None:
-    """Time of a channel's first sample [ns since 1970], by its start and offset; None without.
-
-    Without a date the offset counts from the format's zero, in 1904.
-    """
+    """Time of a channel's first sample [ns since 1970], from 1904 without a date; None without."""
     start, offset = facts.get("wf_start_time"), facts.get("wf_start_offset")
     if start is None and not offset:
         return None
@@ -320,10 +310,7 @@ def _start(facts: Any) -> int | None:
 def _side_by_side(
     values: dict[str, Array], starts: dict[str, int | None], layout: TableLayout, rate: float | None
 ) -> dict[str, Array]:
-    """Channels from the earliest start to the latest end, with nothing where one has no sample.
-
-    A start between two samples of the earliest channel counts as at the nearer one.
-    """
+    """Channels from the earliest start to the latest end, with nothing where one has no sample."""
     rate = layout.rate or rate
     known = {label: at for label, at in starts.items() if at is not None}
     first, last = (f(known, key=known.__getitem__, default="") for f in (min, max))

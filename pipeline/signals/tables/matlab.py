@@ -174,8 +174,7 @@ _HDF5 = b"\x89HDF\r\n\x1a\n"
 def read(path: Path, source: RecordSource, root: Path) -> Trace:
     """Trace of a MAT file; a row's line is its number, from 1.
 
-    The layout's ``group`` is the name of a struct, or of one in another (``run.axes``). Variables
-    of one number become ``constants`` in the trace's notes.
+    The layout's ``group`` is a struct, or one in another (``run.axes``); single numbers are notes.
     """
     layout = layout_of(source)
     with path.open("rb") as file:

@@ -70,10 +70,7 @@ class TraceChannel:
 
 
 def known_signal(name: str) -> Column | None:
-    """The signal of the table of signals that ``name`` is, or ends with; None for a free name.
-
-    ``_ref``, ``_meas`` and ``_hat`` at the end distinguish commanded, measured and estimated.
-    """
+    """Signal of the table of signals that ``name`` is, or ends with; None for a free name."""
     stem = _KIND.sub("", name)
     parts = stem.split("_")
     for first in range(len(parts)):
@@ -86,8 +83,7 @@ def known_signal(name: str) -> Column | None:
 def named_channels(layout: TableLayout, units: dict[str, str]) -> list[TraceChannel]:
     """Channels that the layout names; ``units`` are those that the file states, by raw name.
 
-    A unit of the layout that does not fit, and a free name without one, is a ValueError; one of the
-    file that contradicts the layout, or is not known, makes the file unreadable.
+    A wrong unit of the layout is a ValueError; one of the file makes the file unreadable.
     """
     channels = []
     for name, source in layout.columns.items():
@@ -115,8 +111,7 @@ def rest_channels(
 ) -> list[TraceChannel]:
     """Channels for the columns that the layout does not name, under the file's own names.
 
-    A name that is taken, or that would claim to be a signal of the table of signals, gets ``raw_``
-    before it.  A unit that is not known stays as the file has it.
+    A taken name, or one of the table of signals, gets ``raw_`` before it.
     """
     if not layout.rest:
         return []
@@ -280,10 +275,7 @@ def missing_columns(missing: Sequence[str], available: Iterable[str]) -> Unreada
 
 
 def assemble(raw: RawTable, layout: TableLayout) -> Trace:
-    """The trace of a raw table, with ``read == kept + len(rejected)``.
-
-    ``time`` [ns UTC] or ``t`` [s] first, then the signals in the layout's order, then the rest.
-    """
+    """Trace of a raw table: ``time`` [ns UTC] or ``t`` [s], the layout's signals, then the rest."""
     layout = replace(layout, rate=layout.rate or raw.rate, start=layout.start or raw.start)
     reasons: dict[int, str] = {}
     time_field, time = _time(raw, layout, reasons)
