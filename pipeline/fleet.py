@@ -20,16 +20,16 @@ class Fleet:
     machines: tuple[str, ...]
     """Every machine."""
     simulated: tuple[str, ...] = ()
-    """Those whose records the simulated shop floor writes."""
+    """Machines whose records the simulated shop floor writes."""
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Sub-model -> machines with records for it, in the order in which pages show them."""
     drives_under: Mapping[str, str] = field(default_factory=dict)
     """Machine of ``submodels.compensation`` -> folder of the drives' model whose errors are learnt;
     one without ``model.json`` where the machine has no such model."""
     optimised: tuple[str, ...] = ()
-    """Those with part programs that are made faster or cheaper inside their limits."""
+    """Machines with part programs that are made faster or cheaper inside their limits."""
     trials: tuple[str, ...] = ()
-    """Those of them where the simulated shop floor cuts these programs before and after."""
+    """Machines where the simulated shop floor cuts these programs before and after."""
     chosen_budget: str = "default"
     """File of ``conf/budget/`` that it is built with."""
 
@@ -65,13 +65,13 @@ class Fleet:
 
 
 NEEDS = (("optimised", "submodels.control"), ("trials", "optimised"), ("trials", "simulated"))
-"""What a machine of one list has to be in too."""
+"""Lists that a machine of one list has to be in too."""
 PARTS = (
     "part programs that are faster or cheaper inside their limits",
     "the part programs, with blank, tool table, material and limits of each in section parts of "
     "the machine’s file",
 )
-"""What a machine without part programs lacks, and what to record for it."""
+"""Lack of a machine without part programs, and the record for it."""
 
 
 def missing(fleet: Fleet, machine: str) -> list[tuple[str, str]]:

@@ -21,12 +21,12 @@ PARAMS = Path("params.yaml")
 SETTINGS = Path("data/settings")
 """Folder of the composed settings that are not in params.yaml, beside it."""
 CATALOGUE, MACHINES, HASHES = "catalogue.json", "machine", "sections"
-"""Inside it the file with the sections of :data:`CATALOGUES`, the folder with a file for each
-machine, and the one with the hashes of its sections."""
+"""Files of ``data/settings``: sections of :data:`CATALOGUES`, folder with a file for each machine,
+and hashes of its sections."""
 CATALOGUES = ("material", "tool", "catalogue")
 """Sections with what a workshop has in stock and what its handbooks say."""
 NotYaml = yaml.YAMLError
-"""What reading YAML raises."""
+"""Error of reading YAML."""
 
 
 class ParametersError(ValueError):

@@ -42,7 +42,7 @@ FOR_ALL = ("fleet", "budget", "pages")
 INTERPOLATED = r"^\$\{"
 """A value that Hydra takes from elsewhere."""
 NUMBER = r"^(\$\{.*|[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?)$"
-"""The same, or a number that YAML 1.1 reads as a word."""
+"""Number, or an interpolation or a word that YAML 1.1 makes of one."""
 DEFAULTS: Schema = {
     "description": "Hydra's defaults list: files of conf/ that this one begins from.",
     "type": "array",

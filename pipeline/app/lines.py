@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 NONE = "-"
-"""In the place of a value that there is none of."""
+"""Text in the place of a missing value."""
 
 
 def rounded(value: float | None, factor: float = 1, digits: int = 3) -> str:

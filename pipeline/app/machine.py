@@ -44,13 +44,13 @@ class Proposal:
     """Model of the one device that the records describe."""
     devices: str | None
     device: str | None
-    """Its Devices document below the machine's folder, and how the device is called there."""
+    """Devices document below the machine's folder, and the device's name in it."""
     groups: tuple[tuple[str, str], ...]
     """Format and pattern of its logs."""
     series: dict[str, ItemSeries]
-    """What the logs said."""
+    """Reports of the logs, by data item."""
     found: Found
-    """Which item is which signal."""
+    """Data items of the signals."""
     time_zone: str = UTC
     """Time zone of the plant's days."""
     tables: tuple[str, ...] = ()

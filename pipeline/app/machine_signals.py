@@ -17,7 +17,7 @@ from pipeline.signals.mtconnect.model import DataItem
 GRID = 20_000
 """Points of time at which series are compared, as many reports of the log apart."""
 TURNS_RPM = 5.0
-"""A spindle turns above this speed [rev/min]."""
+"""Least speed of a turning spindle [rev/min]."""
 STANDING_SHARE = 0.95
 """Share of the C axis' motions during which its spindle stands [1]."""
 APART = 0.1
@@ -53,7 +53,7 @@ _NOT_ACTUAL = ("COMMANDED", "PROGRAMMED", "TARGET", "JOG", "RAPID", "x:SUB", "x:
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """A signal, the data item that it is found in, and why; ``item`` None where it is open."""
+    """Signal, its data item (None while open), and the reason."""
 
     signal: str
     item: str | None

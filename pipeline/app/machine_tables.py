@@ -34,7 +34,7 @@ _KINDS = (
     ("spindle speed", "rev/min", "rpm|speed|drehzahl"),
     ("acceleration", "m/s^2", "acc|vib"),
 )
-"""What a column could be: unit that it then has, and words of its name; the first that fits."""
+"""Candidates of a column: unit of the quantity, and words of its name; the first that fits."""
 
 
 def table_lines(path: Path, form: str, files: str) -> list[str]:

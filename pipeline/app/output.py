@@ -28,7 +28,7 @@ class Outputs:
     """Files of a command; what one named ``-`` holds goes to standard output in the end."""
 
     folder: Path
-    """For the file that is ``-``."""
+    """Folder of the file that stands for ``-``."""
     taken: Path | None = None
     """File that is written to, None where no output is ``-``."""
 

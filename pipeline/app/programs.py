@@ -36,7 +36,7 @@ Share = Callable[[float], None]
 
 
 CHAMPION, LATEST = "champion", "latest"
-"""Whose sub-models a command uses."""
+"""Sub-models that a command uses: the champion's, or the latest."""
 PACKED: dict[str, Literal["gzip", "bz2", "xz", "zstd"]] = {
     ".gz": "gzip", ".bz2": "bz2", ".xz": "xz", ".zst": "zstd",
 }  # fmt: skip
@@ -49,15 +49,15 @@ VERDICT_WORDS = {
     "passed": "passed", "failed": "failed", "not decided": "was not decided",
     "not judged": "was not judged",
 }  # fmt: skip
-"""What a sentence about a model says of its verdict."""
+"""Words for a model's verdict in a sentence."""
 NOTHING = "{} holds no block that the control carries out: name a part program"
 ASKED_SHARE = 0.02
-"""Share of a program's time by which units of a machine differ where it is asked which one [1]."""
+"""Share of a program's time by which units of a machine differ where a choice is required [1]."""
 WITHOUT_TIME = {
     "tool_change": "{} tool change(s) are done",
     "spindle_acceleration": "the spindle starts or stops {} time(s)",
 }
-"""What takes no time, by the parameter of the control that would give it one."""
+"""Actions without a time, by the parameter of the control that would give it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,13 +65,13 @@ class Controlled:
     """A machine with its control: identified, or as in conf/machine/."""
 
     machine: str
-    """Its name."""
+    """Name of the machine."""
     control: ControlParameters
     """Control of the unit."""
     identified: bool
     """Whether it was identified."""
     unit: str = ""
-    """Which of several machines of a kind; empty where there is one."""
+    """Unit among several machines of a kind; empty where there is one."""
     chosen: bool = False
     """Whether the user named it."""
     units: tuple[str, ...] = ()

@@ -17,7 +17,7 @@ CODE = "kerf-version"
 """File of the version and hash of the code: what the stage ``code`` depends on in place of it."""
 SHARE = "share/kerf-twin"
 HELD = ("code.json", "golden/", "index/", "locks/", "metrics/", "settings/")
-"""What of data/ git holds."""
+"""Parts of data/ that git holds."""
 IGNORED = (
     "mlflow.db",
     "mlartifacts/",

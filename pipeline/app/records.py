@@ -16,7 +16,7 @@ BARS = "▁▂▃▄▅▆▇█"
 BINS = 24
 """Characters of a sparkline, equal parts of the time that the records span."""
 HOLE = 24 * 3600 * 10**9
-"""Without a value of any item for longer than this [ns], the machine's log was not kept."""
+"""Time without a value of any item from which the machine's log was not kept [ns]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -60,8 +60,8 @@ class ItemRecord:
     described: bool = True
     """False where the machine has a Devices document and it does not describe the item."""
     sparkline: str = ""
-    """Its mean in equal parts of the time that all records span, without those days; blank where it
-    said nothing."""
+    """Sparkline of its mean in equal parts of the time that all records span, without those days;
+    blank where nothing was reported."""
 
 
 def item_series(signals: Path) -> dict[str, ItemSeries]:

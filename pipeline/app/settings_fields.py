@@ -31,13 +31,13 @@ class Setting:
     hint: Any
     """Hint of its value, with what annotates it."""
     default: Any
-    """What holds where the key is left out; ``NOTHING`` where it has to be given."""
+    """Value where the key is left out; ``NOTHING`` where it has to be given."""
     meaning: str
-    """For people."""
+    """Meaning, for people."""
     unit: str
     """``""`` where none is known."""
     allowed: Range | None
-    """In which its numbers lie."""
+    """Range of its numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)

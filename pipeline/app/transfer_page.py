@@ -19,7 +19,7 @@ from pipeline.schema.store import write_text
 from pipeline.submodels.spindle.transfer import Transfer, TransferPoint
 
 TOP, HEIGHT = 26.0, 250.0
-"""Where the curves stand below the figure's upper edge, and how high they are [px]."""
+"""Place of the curves below the figure's upper edge, and their height [px]."""
 MOST_DAYS = 7
 """Days judged that are named one by one [1]."""
 NONE_LEADS = "None of the three"

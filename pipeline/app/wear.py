@@ -32,15 +32,15 @@ class Reading:
     """Wear at one place of a recording."""
 
     recording: str
-    """Its name, and that of the part of a table."""
+    """Name of the recording, and that of the part of a table."""
     time_s: float
-    """Since the recording began [s]."""
+    """Time since the recording began [s]."""
     use: float | None
     """Use of the tool, in the unit of the model; None where it is not known."""
     wear: float
     low: float | None
     high: float | None
-    """In the unit of the model, and the ends of the 90 % interval; None for a class."""
+    """Wear in the unit of the model, and the ends of the 90 % interval; None for a class."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +49,7 @@ class WearTold:
 
     machine: str
     origin: str
-    """Whose; where the records come from that were learnt from."""
+    """Machine, and origin of the records of the training."""
     model: str
     """``champion`` or ``latest``."""
     status: str
@@ -57,13 +57,13 @@ class WearTold:
     quantity: str
     unit: str
     use_unit: str
-    """What is told; unit of the tool's use."""
+    """Quantity that is estimated, and the unit of the tool's use."""
     method: str
     """Method that serves, by its name for a person."""
     readings: tuple[Reading, ...]
-    """In the order of recordings and time."""
+    """Readings in the order of recordings and time."""
     notes: tuple[str, ...] = ()
-    """What limits them."""
+    """Limits of the readings, a sentence each."""
 
     @property
     def simulated(self) -> str:

@@ -208,11 +208,11 @@ class Level:
     stop: int | None = None
     """The line behind the last of lines between labels; None elsewhere."""
     arguments: dict[int, float] | None = None
-    """What a Sinumerik's call gives, by number; None where no program of one begins."""
+    """Arguments of a Sinumerik's call, by number; None where no program of one begins."""
     modal: bool = False
     """Whether MCALL made the call."""
     before: ModalMemory | None = None
-    """What the reader remembered before the call."""
+    """Memory of the reader before the call."""
 
 
 class CallStack:

@@ -33,7 +33,7 @@ from pipeline.gcode.run import Run
 NEARLY_TANGENT = math.radians(1)
 """Turn up to which a corner with an arc may stem from rounding in the program [rad]."""
 SMALLEST_GAP = 1e-3
-"""Between nearly tangent elements; a smaller one is not closed by a move of its own [mm]."""
+"""Gap between nearly tangent elements below which no move closes it [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,14 +41,14 @@ class Rules:
     """Rules of a dialect for entering a contour and for its corners."""
 
     entry: Literal["own", "next"]
-    """Where the first move ends, perpendicular to its end point: beside its ``own`` line or arc
+    """End of the first move, perpendicular to its end point: beside its ``own`` line or arc
     (LinuxCNC) or beside the ``next`` element (Fanuc type A, Siemens NORM)."""
     outer: Literal["arc", "lines"]
     """Around outer corners: an ``arc`` about the corner, or ``lines``: the two offset lines
     (tangents of arcs) are lengthened until they meet, in corners sharper than 90° by the tool's
     radius only."""
     tangent: float
-    """Up to this turn no corner is made: the second element starts where the first ends [rad]."""
+    """Turn up to which no corner is made: the second element starts where the first ends [rad]."""
     back: float
     """A turn that is so near to 180° is a turn back, outside or inside as an arc bends [rad]."""
     recount: bool

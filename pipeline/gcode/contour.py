@@ -36,7 +36,7 @@ class Element:
 
     start: complex
     end: complex
-    """In the plane, u + iv [mm]."""
+    """End in the plane, u + iv [mm]."""
     normal: float
     """Coordinate along the plane's normal at the end [mm]."""
     row: int

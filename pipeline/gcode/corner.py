@@ -14,7 +14,7 @@ from pipeline.gcode.run import Block, Corner, Run
 
 LETTERS = (",R", ",C")
 LEAST_TURN = 1e-9
-"""Between directions that are one line [rad]."""
+"""Angle between directions that are one line [rad]."""
 SAME = 1e-9
 """Lengths that are equal [mm] or [deg]."""
 

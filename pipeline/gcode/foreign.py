@@ -44,7 +44,7 @@ FOREIGN: dict[str, tuple[re.Pattern[bytes], str]] = {
         ("a Fagor", rb"\A\s*%[\w .-]{1,24},\s*[MX]{1,2}-?\s*,", ""),
     )
 }  # fmt: skip
-"""What a file is -> how it begins, and the remedy; a control -> lines of its programs, and none."""
+"""Kind of file -> its head, and the remedy; control -> lines of its programs, and no remedy."""
 TEXT = re.compile(rb"[^\x00\t\n\v\f\r\x11-\x14\x1a\x1b -~\x7f-\xff]|[\x80-\x9f\xa0-\xff]")
 """Bytes that text of a program seldom holds."""
 BINARY_SHARE, SAMPLE = 0.3, 4000
@@ -99,7 +99,7 @@ TURNING = {
     ),
     "linuxcnc": _words(rb"(?!)"),
 }
-"""What only a lathe's program has, by dialect."""
+"""Signs of a lathe's program alone, by dialect."""
 SIGNS = {
     "a limit of speed (G50 S or G92 S)": _words(
         rb"\bG(?:50|92)(?![.\d])(?![^\n]*[XYZ][-.\d])(?=[^\n]*S\d)|\bLIMS\s*="

@@ -100,6 +100,6 @@ RELATIVE_RADIUS = 1e-3
 LINUXCNC_TOLERANCE = 0.02 * math.sqrt(2)
 """Difference of radii that LinuxCNC always takes [mm]; measured on rs274 2.9."""
 LINUXCNC_INCH_TOLERANCE = 0.002 * math.sqrt(2) * INCH
-"""The same where the program counts inches [mm]."""
+"""Difference of radii that LinuxCNC takes where the program counts inches [mm]."""
 LINUXCNC_R_TOLERANCE = 0.00127
 """Length by which half a chord may exceed R in LinuxCNC [mm] (0.00005 inch)."""

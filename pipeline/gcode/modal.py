@@ -71,7 +71,7 @@ class State:
     """1 for G96."""
     tool: int = -1
     selected: int = -1
-    """In the spindle (-1 before the first) and selected by T (-1 before the first)."""
+    """Tool in the spindle (-1 before the first) and selected by T (-1 before the first)."""
     frame: int = 0
     """Index of the frame in force in ``Moves.frames``."""
     file: int = 0
@@ -116,7 +116,7 @@ class Group:
     """When a block carries them out, small first: LinuxCNC's order, which is Fanuc's too where the
     order matters."""
     default: int | None = None
-    """In force when the control is switched on; 0 in groups without one is G0."""
+    """G code in force when the control is switched on; 0 in groups without one is G0."""
     dialects: frozenset[str] = ALL_DIALECTS
     """Dialects that have the group."""
 

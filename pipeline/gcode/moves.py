@@ -79,11 +79,11 @@ class CutterRadius:
     file: int
     """Line and file, as in :class:`Moves`."""
     tool: int
-    """In the spindle; -1 before the first tool change."""
+    """Tool in the spindle; -1 before the first tool change."""
     register: int
     """Number of the register."""
     radius: float
-    """What it holds, wear included [mm]; 0 where the set-up does not have it."""
+    """Radius in the register, wear included [mm]; 0 where the set-up does not have it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,7 +91,7 @@ class Moves:
     """M rows; every array has M as its first axis."""
 
     origin: npt.NDArray[np.float64]
-    """Where the machine stood before the first row [mm, deg]."""
+    """Position of the machine before the first row [mm, deg]."""
     kind: npt.NDArray[np.uint8]
     """:class:`Kind`."""
     line: npt.NDArray[np.int32]
@@ -120,7 +120,7 @@ class Moves:
     constant_surface_speed: npt.NDArray[np.bool_]
     """G96."""
     tool: npt.NDArray[np.int32]
-    """In the spindle, after the row; -1 before the first tool change."""
+    """Tool in the spindle, after the row; -1 before the first tool change."""
     frame: npt.NDArray[np.int32]
     """Index into ``frames``."""
     path_mode: npt.NDArray[np.uint8]
@@ -139,7 +139,7 @@ class Moves:
     cutter_radii: tuple[CutterRadius, ...] = ()
     """Radii of each G41 and G42 that took one of a register, in their order."""
     notices: tuple[str, ...] = ()
-    """What the user is told of the program up to here: words not read, assumptions."""
+    """Notices to the user on the program up to here: words not read, assumptions."""
 
     def __post_init__(self) -> None:
         for name, array in self.columns():

@@ -22,7 +22,7 @@ class Offsets:
     """Offsets, rotations, scaling and mirror of a program's coordinates [mm, deg]."""
 
     work: dict[str, list[float]]
-    """By name (``"G54"``, ``"G54.1 P3"``, ``"EXT"``)."""
+    """Work offsets by name (``"G54"``, ``"G54.1 P3"``, ``"EXT"``)."""
     rotations: dict[str, float] = field(default_factory=dict)
     """Rotation of a work coordinate system about Z (LinuxCNC) [deg]."""
     active: str = "G54"
@@ -31,7 +31,7 @@ class Offsets:
     g92: list[float] = field(default_factory=lambda: [0.0] * 6)
     """Local system, and the shift by G92."""
     g92_kept: list[float] | None = None
-    """What G92.2 put aside."""
+    """Shift that G92.2 put aside."""
     length: list[float] = field(default_factory=lambda: [0.0] * 6)
     """Tool offset in force."""
     rotation: float = 0.0

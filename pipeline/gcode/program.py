@@ -79,10 +79,10 @@ class Word:
     """The whole word."""
     line: int
     column: int
-    """Where it begins, counting from 1; a column is a byte."""
+    """Column of its first byte, from 1."""
     start: int
     end: int
-    """Its bytes in the program, counting from 0."""
+    """First and last byte in the program, from 0."""
 
 
 @dataclass(frozen=True, slots=True)

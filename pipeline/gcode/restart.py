@@ -21,13 +21,13 @@ class Restart:
     line: int
     """Line of the program, the first time that it is reached."""
     words: dict[str, str]
-    """What is in force, by what it is."""
+    """State in force, by its name."""
     program: tuple[float, ...]
     machine: tuple[float, ...]
     """X Y Z A B C in program and in machine coordinates [mm, deg], lengths of ``program`` in the
     program's unit."""
     warnings: tuple[str, ...] = ()
-    """Why the program cannot simply go on from here."""
+    """Reasons why the program cannot simply go on from here."""
 
 
 def restart_of(run: Run, line: int, *, inside: bool, modal: str = "") -> Restart:

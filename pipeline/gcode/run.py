@@ -25,7 +25,7 @@ class Jump:
     number: int | None = None
     """Number of the program to call, or of the N word to call or to return to."""
     count: int = 1
-    """How often."""
+    """Number of executions."""
     arguments: Mapping[int, float] | None = None
     """Local variables of a macro; None for a plain subprogram, which shares those of its caller."""
 
@@ -171,7 +171,7 @@ class Contour:
     first: int
     """Row that the contour begins with."""
     start: tuple[float, ...]
-    """Where the machine stood [mm, deg]."""
+    """Position of the machine before the contour [mm, deg]."""
     word: str
     """Word that opened it, for errors."""
 
@@ -198,7 +198,7 @@ SAVED = (
 )  # fmt: skip
 """Fields of the state that M70 saves."""
 MODES = ("motion", "unit", "plane", "absolute", "feed_mode", "path_mode", "tolerance", "wcs")
-"""Those that SAVE of a Sinumerik restores."""
+"""Fields of the state that SAVE of a Sinumerik restores."""
 
 
 class Run:

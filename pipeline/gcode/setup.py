@@ -64,7 +64,8 @@ class Setup(Ranged, section="setup"):
     """Numbers of tools that a Siemens program calls by name; names that are not listed get the next
     free numbers in the order in which they are called."""
     references: Mapping[str, Vector] = field(default_factory=dict)
-    """Where G28 and G30 go: ``"G28"``, ``"G30"``, ``"G30 P3"``, ``"G30 P4"`` [mm, deg]."""
+    """Reference positions of G28 and G30: ``"G28"``, ``"G30"``, ``"G30 P3"``, ``"G30 P4"`` [mm,
+    deg]."""
     initial_position: Vector = ZERO
     """Position of the machine before the first block [mm, deg]."""
     inch: bool = False
@@ -73,7 +74,7 @@ class Setup(Ranged, section="setup"):
     """Whether a LinuxCNC machine counts inches, as its variables of offsets and tools then do
     (#5161 to #5410), whatever unit the program speaks."""
     decimal: Literal["calculator", "increment"] = "calculator"
-    """What ``X10`` without a decimal point means on a Fanuc: ``"calculator"`` 10 mm,
+    """Meaning of ``X10`` without a decimal point on a Fanuc: ``"calculator"`` 10 mm,
     ``"increment"`` 10 least input increments (0.001 mm, 0.0001 inch)."""
     peck_increments: bool | None = None
     """Whether Q of G73, G74, G76, G83, G84 and G87 counts least input increments where it has no
@@ -95,8 +96,8 @@ class Setup(Ranged, section="setup"):
     peck_clearance: Annotated[float, Range(least=0.0, finite=False, unit="mm")] = 0.254
     """Gap that G83 keeps to the depth reached, and what G73 retracts by [mm]."""
     tapping_retract: Annotated[float | None, Range(least=0.0, finite=False, unit="mm")] = None
-    """What peck tapping (G74 and G84 with Q of a Fanuc) retracts by after each peck [mm]
-    (parameters 5200#5 = 0 and 5213); None goes back to R (5200#5 = 1)."""
+    """Retract of peck tapping (G74 and G84 with Q of a Fanuc) after each peck [mm] (parameters
+    5200#5 = 0 and 5213); None goes back to R (5200#5 = 1)."""
     plain_m_codes: tuple[int, ...] = ()
     """M codes of a Fanuc that may have a P since it calls nothing; any other with a P is refused,
     but for M97, M98, M99 and M198."""

@@ -210,7 +210,7 @@ class ChannelScaling:
 
     shift: Floats
     scale: Floats
-    """In the units of the channels; shape (C,)."""
+    """Shift and scale in the units of the channels; shape (C,)."""
     clipped: float = 0.0
     """Share of the training samples that lie outside of -1..1 and are cut there [1]."""
 

@@ -172,7 +172,7 @@ class ConditionSpace:
 
     continuous: tuple[Continuous, ...] = ()
     discrete: tuple[Discrete, ...] = ()
-    """In the order in which the network takes them."""
+    """Discrete conditions in the order in which the network takes them."""
 
     @staticmethod
     def of(conditions: Mapping[str, Any], units: Mapping[str, str]) -> "ConditionSpace":

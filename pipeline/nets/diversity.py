@@ -89,7 +89,7 @@ class Collapse:
     within: float
     """Median distance of samples at neighbouring conditions, over that of recorded windows [1]."""
     between: float
-    """The same over all conditions [1]."""
+    """Spread over all conditions [1]."""
     saturated: bool
     """Whether the discriminator's loss has vanished at the end of the training."""
 

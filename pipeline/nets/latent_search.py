@@ -49,7 +49,7 @@ class Explained:
 
     condition: str
     unit: str
-    """Whose values were gone through."""
+    """Condition of the profile, and its unit."""
     values: Floats
     """Values of the condition; shape (V,)."""
     distance: Floats
@@ -57,7 +57,7 @@ class Explained:
     best: float
     """Value at the least distance."""
     noise: Floats
-    """At the best value; shape (Z,)."""
+    """Noise at the best value; shape (Z,)."""
     window: Floats
     """Generated from it, in the units of the channels; shape (C, L)."""
     typical: float

@@ -58,7 +58,7 @@ class Scaling:
 
     shift: Floats
     scale: Floats
-    """In the units of the quantities; shape (K,) or ()."""
+    """Shift and scale in the units of the quantities; shape (K,) or ()."""
 
     @staticmethod
     def of(shift: ArrayLike, scale: ArrayLike, values: Floats) -> "Scaling":

@@ -36,7 +36,7 @@ class Trained:
     kind: NetworkSettings
     """Kind of the network."""
     method: str
-    """By which it was trained."""
+    """Method of the training."""
     settings: TrainingSettings
     """Budget and the like."""
     x_scaling: Scaling
@@ -46,7 +46,7 @@ class Trained:
     y_scaling: Scaling
     """Scaling of the consequent inputs and of the output [µm]."""
     network: Network
-    """In its best state."""
+    """Network in its best state."""
     history: Floats
     """Passes up to then [1], RMSE of the training samples and of the validation samples [µm]; where
     no groups were kept for validation, the former twice; shape (H, 3)."""

@@ -43,9 +43,9 @@ class Candidate:
     """One that was trained in the search."""
 
     generation: int
-    """From 1."""
+    """Number of the generation, from 1."""
     values: Values
-    """What was tuned."""
+    """Values of the tuned settings."""
     errors: Floats
     """RMSE of the validation windows after each epoch, in the unit of the target; empty where the
     first epoch diverged; shape (E,)."""
@@ -76,7 +76,7 @@ class Tuned:
     settings: TuningSettings
     """Settings of the search."""
     names: tuple[str, ...]
-    """What was tuned."""
+    """Names of the tuned settings."""
     candidates: tuple[Candidate, ...]
     """All that were trained, in the order of the search."""
     history: Floats
@@ -84,7 +84,7 @@ class Tuned:
     evaluations: int
     """Candidates that the search asked for; one that it asks for again is not trained again."""
     retrained: tuple[TrainedSequence, ...]
-    """Those that were trained in full, the best by validation error first."""
+    """Networks trained in full, the best by validation error first."""
     bounds_hit: dict[str, str]
     """``low`` or ``high`` for what lies at a bound of its range in the best of them."""
 
@@ -156,11 +156,11 @@ def thinned(windows: Windows, most: int) -> Windows:
 
 
 _RANGES = ("learning_rate", "units", "l2")
-"""What is tuned, where the network has it."""
+"""Tuned settings, where the network has them."""
 _LOGARITHMIC = ("learning_rate", "l2")
 
 Task = tuple[SequenceSettings, WindowTraining]
-"""What a training differs in from the others."""
+"""Settings that differ from training to training."""
 
 
 class _Search:

@@ -33,7 +33,7 @@ CLIP = 20.0
 """Greatest magnitude of a scaled sample [1]: a glitch counts no more than that."""
 
 Scaling = tuple[Sequence[float], Sequence[float]]
-"""What is taken off each of C channels, and what it is divided by."""
+"""Shift and scale of each of C channels."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,7 +41,7 @@ class WearJudge:
     """A trained residual network that gives wear of windows."""
 
     trained: TrainedSequence
-    """On scaled channels and conditions."""
+    """Network on scaled channels and conditions."""
     shift: tuple[float, ...]
     scale: tuple[float, ...]
     """Scaling of the C channels, in their units."""

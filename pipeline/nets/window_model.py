@@ -58,7 +58,7 @@ class TrainedSequence:
     y_scaling: Scaling
     """Scaling of each channel, and of the target."""
     network: SequenceNetwork
-    """In its best state."""
+    """Network in its best state."""
     history: Floats
     """Epochs up to then [1], RMSE of the training windows as an epoch's steps met them and of the
     validation windows after it, in the unit of the target; where no recordings were kept for
@@ -84,10 +84,7 @@ class TrainedSequence:
     def attention(self, windows: ArrayLike) -> Floats:
         """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.
 
-        Raises
-        ------
-        ValueError
-            As :meth:`predict`, and when the network has no attention.
+        Raises ValueError for windows that :meth:`predict` refuses, or a network without attention.
         """
         built = self.network
         if not isinstance(built, CnnLstmAttention):

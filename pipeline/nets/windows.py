@@ -25,7 +25,7 @@ class Recording(Ranged):
     name: str
     """Name of the recording, which is the group of its windows."""
     step_s: Positive
-    """Between samples [s]."""
+    """Time between samples [s]."""
     signals: Mapping[str, Floats]
     """All with as many samples; shape (N,)."""
     measured: frozenset[str] = frozenset()
@@ -61,7 +61,7 @@ class Joined:
     parts: Sequence[Floats]
     """Parts of each recording: views of its table; shape (N, T, C)."""
     rows: Ints
-    """Those that are meant, counted over all parts; shape (B,)."""
+    """Selected rows, counted over all parts; shape (B,)."""
 
     def __len__(self) -> int:
         return len(self.rows)

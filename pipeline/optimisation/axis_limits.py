@@ -38,15 +38,15 @@ class AxesCheck:
     """Axes of a cut of M rows, and what their limits ask of its feeds."""
 
     axes: tuple[AxisInCut, ...]
-    """Those whose drives are known."""
+    """Axes whose drives are known."""
     factor: Floats = field(repr=False)
     """Factor by which each row's feed has to go down, 1 where it need not; shape (M,)."""
     limit: str = ""
     """Limit that is passed most, in words; empty where all are kept."""
     why_not: str = ""
-    """The same with its place, in one sentence."""
+    """Limit that is passed, with its place, in one sentence."""
     reason: str = ""
-    """Why nothing is known; empty where something is."""
+    """Reason why no figures are there; empty where there are some."""
 
 
 def check_axes(

@@ -66,7 +66,7 @@ class Verified:
     ratio: Floats = field(repr=False)
     """Peak of the waveform over that of the table; 1 where none was computed; shape (M,)."""
     computed: NDArray[np.bool_] = field(repr=False)
-    """Where one was; shape (M,)."""
+    """Whether a waveform was computed; shape (M,)."""
     f_z: Floats = field(repr=False)
     """Feed for each tooth at the highest speed reached [m]; shape (M,)."""
     axes: AxesCheck
@@ -97,11 +97,11 @@ class TwinAnswer:
     text: bytes = field(repr=False)
     """The program with its feeds and speeds, rounded as words are."""
     changes: tuple[WordChange, ...] = field(repr=False)
-    """Against the program as it was."""
+    """Changes against the program as it was."""
     cut: Cut = field(repr=False)
     """Cut of the optimised text; M' rows."""
     rows: NDArray[np.intp] = field(repr=False)
-    """Its row for each row of the program as it was; shape (M,)."""
+    """Row of the new program for each row of the program as it was; shape (M,)."""
     objectives: Floats
     """Objectives of the rounded values in the order of
     :data:`~pipeline.optimisation.settings.OBJECTIVES`; shape (4,)."""
@@ -114,7 +114,7 @@ class TwinAnswer:
     """F to which each row has to go down for its axes [mm/min]; infinite where it need not;
     shape (M,)."""
     why_not: LimitsError | None
-    """Which limit is passed; None where all are kept."""
+    """Limit that is passed; None where all are kept."""
 
     @property
     def kept(self) -> bool:
@@ -132,7 +132,7 @@ class Result:
     before: Cut = field(repr=False)
     """Cut of the program as programmed."""
     problem: Problem = field(repr=False)
-    """Its last form, after tightening."""
+    """Problem in its last form, after tightening."""
     blockwise: Decision = field(repr=False)
     """The blockwise optimum."""
     answer: TwinAnswer = field(repr=False)

@@ -104,7 +104,7 @@ class Workshop:
     drive: SpindleDrive | None
     """Drive of the spindle."""
     drive_source: str
-    """Where its values come from."""
+    """Origin of the drive's values."""
     energy: EnergyParameters | None
     """Power that the machine draws beside the cut."""
     dynamics: TipDynamics | None

@@ -52,7 +52,7 @@ MAY_BE: dict[Operation, tuple[Operation, ...]] = {
     "finishing": ("finishing", "ball_finishing", "lead"),
     "face_milling": ("face_milling", "lead"),
 }  # fmt: skip
-"""Operations that a row may be of that is told as one without its cut; others are what is told."""
+"""Operations that a row may have whose operation is uncertain without its cut."""
 ROUGH_SHARE = 0.5
 """Share of the length of what one tool roughs at one F up to which cuts may be thin [1]."""
 

@@ -74,7 +74,7 @@ ANSWER, DIRECT = "answer", "direct"
 ROUNDS = 4
 """Rounds of tightening where the whole twin finds loads above the limit."""
 AXIS_ROUNDS = 8
-"""The same where limits of the axes were given: commands fall by less than feeds do."""
+"""Rounds of tightening where limits of the axes were given: commands fall by less than feeds."""
 
 GivenUp = Mapping[int, str]
 """Tools that cannot keep their limits, by number, and why."""

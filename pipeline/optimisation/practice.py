@@ -61,10 +61,10 @@ class Rule:
     """What may change in an operation."""
 
     feed: Literal["free", "no_more", "no_faster", "keep"] = "free"
-    """Inside its limits; no more for each tooth than programmed; F no more than programmed; F as
-    programmed."""
+    """Freedom of F: inside its limits; no more for each tooth than programmed; F no more than
+    programmed; F as programmed."""
     speed: Literal["free", "no_more", "keep"] = "free"
-    """The same of S."""
+    """Freedom of S."""
     one_feed: bool = False
     """Whether a pass has one F."""
 

@@ -28,7 +28,7 @@ KEPT, LEAVES, NO_LIFE, NO_STABILITY, NO_MORE = (
     "stability not known", "S no more than programmed",
 )  # fmt: skip
 BINDS = (*CONSTRAINTS, KEPT, LEAVES, NO_LIFE, NO_STABILITY, NO_MORE, *BEYOND)
-"""What may hold a row: a constraint, or why its F or S is no more than programmed."""
+"""Reasons that may hold a row: a constraint, or why its F or S is no more than programmed."""
 ROUNDED = 1 + 1e-6
 """Factor by which a bound may lie above what is programmed and be that."""
 

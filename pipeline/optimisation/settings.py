@@ -14,7 +14,7 @@ from pipeline.schema.ranges import Range, Ranged, Share
 from pipeline.twin.cut.wear import WearRule
 
 OBJECTIVES: tuple[Objective, ...] = ("time", "cost", "energy", "wear")
-"""In the order of every array that has one column for each."""
+"""Objectives in the order of every array that has one column for each."""
 MANY = 1_000_000
 """Greatest count of a search."""
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -57,7 +57,8 @@ class Grouping(Ranged, section="grouping"):
     least_gain: Share = 1e-4
     """An F word that is added has to save this share of the time of the whole part [1]."""
     least_speed_gain: Share = 5e-3
-    """The same of an S word: a spindle that changes its speed inside of an operation is noticed."""
+    """Share of the time of the whole part that an added S word has to save [1]: a change of speed
+    inside an operation is noticed."""
     speeds: Literal["blocks", "own"] = "blocks"
     """Whether S words may be added at any block, or only the program's own changed."""
     split: bool = False
@@ -92,7 +93,7 @@ class OptimisationSettings:
     certainty: ReliabilitySettings = field(default_factory=ReliabilitySettings)
     grouping: Grouping = field(default_factory=Grouping)
     search: SearchSettings = field(default_factory=SearchSettings)
-    """Each a section of its own."""
+    """Settings of reliability, grouping and search."""
     proof_comment: bool = False
     """Whether the proof's hash stands in a comment at the end of the program."""
     compensated: bool = False
@@ -153,7 +154,7 @@ class Parts:
     """The section ``parts`` of a machine."""
 
     programs: tuple[Part, ...]
-    """In the order of the report."""
+    """Parts in the order of the report."""
     drive: SpindleDrive | None = None
     """Spindle drive; where none is known, speeds need a limit of their own."""
     dynamics: TipModes | None = None

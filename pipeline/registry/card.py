@@ -9,7 +9,7 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Score, Verdict
 
 ROLES = {"golden": "golden records", "held_out": "records held out of the fit"}
-"""What a verdict rests on, in words."""
+"""Records that a verdict rests on, in words."""
 LONGEST = 5000
 """Characters of a description that every store of MLflow takes."""
 MOST = 8

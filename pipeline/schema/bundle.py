@@ -56,9 +56,9 @@ class Bundle:
 
     machine: str
     origin: str
-    """Whose, and of which records."""
+    """Machine, and origin of its records."""
     submodels: Mapping[str, BundledModel]
-    """By the name of the sub-model."""
+    """Sub-models by name."""
     sha256: str
     """Hash of the whole: over the names, hashes and statuses of its sub-models."""
 

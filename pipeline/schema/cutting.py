@@ -17,7 +17,7 @@ MEAN_FORCE = "mean force"
 SPINDLE = "spindle"
 """Group of what the spindle's load gives: no-load power p0, p1, p2, specific_force, K_tc, K_te."""
 CHANNEL = "channel "
-"""Before the letter of a dynamometer's channel: group of its natural frequency and damping."""
+"""Prefix of a dynamometer's channel: group of its natural frequency and damping."""
 
 CHANNELS = ("x", "y", "z")
 """Channels of a dynamometer."""
@@ -32,7 +32,7 @@ BY_LOAD = "mean tangential force by the spindle's load"
 BY_LOAD_SHARE = "tangential force by the spindle's load, dynamometer 100"
 """Quantity: the same over that of the dynamometer [%]; its mean error is the MAPE."""
 CHANNEL_FORCE = "force "
-"""Before the letter of a channel: quantity of the force that it measures."""
+"""Prefix of a channel: quantity of the force that it measures."""
 OTHERS = "fitted on other recordings"
 """Regime of a training recording as a fit without it predicts it."""
 LOWEST, HIGHEST = "2.5 % of the revolutions", "97.5 % of the revolutions"
@@ -88,7 +88,7 @@ class StoredResidual:
     """Feeds per tooth of its recordings [m]."""
     constant_N: Harmonics
     slope_N_m: Harmonics
-    """At no feed [N], and over the feed per tooth [N/m]."""
+    """Harmonics at no feed [N], and their slope over the feed per tooth [N/m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ class ForceSpread:
     that of a predicting law that bends, else the mean of theirs."""
     gain: float
     wear: float
-    """By which depth and gain, and the edge force, differ from recording to recording [1]."""
+    """Spread from recording to recording of depth, gain and edge force [1]."""
     zero_N2: float
     """Variance of a mean force by the zeros [N^2]."""
     feeds_m: tuple[float, float]
@@ -138,7 +138,7 @@ class StoredCutModel:
     tool: Mapping[str, Any]
     """Fields of :class:`pipeline.cutting.tool.Tool`."""
     geometry: ToolGeometry
-    """Its runout and helix."""
+    """Runout and helix of the tool."""
     values: tuple[float, ...]
     """Six constants of its law [N/m^2], [N/m], determined or not; then edge forces of single
     teeth."""
@@ -267,7 +267,7 @@ class SpindleLoad:
     recordings: tuple[str, ...]
     """Logs that were used."""
     reason: str
-    """Why a result is missing."""
+    """Reason of a missing result."""
     assumed: str
     """Premises: meaning of the load, rated power and efficiency."""
     range_rpm: tuple[float, float] | None = None
@@ -279,7 +279,7 @@ class SpindleLoad:
     left_out: tuple[LeftOut, ...] = ()
     """Logs that were not used, with the reason."""
     notes: tuple[str, ...] = ()
-    """On the part of a log that was not used."""
+    """Notes on the part of a log that was not used."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,15 +287,15 @@ class CuttingModel(Model):
     """The content of cutting's ``model.json``."""
 
     method: str
-    """Whose optimum was taken: ``"least_squares"`` or ``"genetic"``."""
+    """Method of the optimum: ``"least_squares"`` or ``"genetic"``."""
     reason: str
-    """Why there are no coefficients, or why they cannot be right."""
+    """Reason why there are no coefficients, or why they cannot be right."""
     material: str
     """Material of the workpiece."""
     tool: Mapping[str, Any]
     """Fields of :class:`pipeline.cutting.tool.Tool`."""
     remarks: Mapping[str, str]
-    """On the meaning of a determined parameter, by its name."""
+    """Remarks on the meaning of a determined parameter, by its name."""
     correlation: Correlation
     """Correlation of the waveform's unknowns."""
     fit: CuttingFitFacts | None
@@ -304,7 +304,7 @@ class CuttingModel(Model):
     methods: tuple[MethodTried, ...]
     """Models and methods that were compared."""
     residual_conditions: tuple[ResidualConditions, ...]
-    """Where the waveform residual is part of the model."""
+    """Conditions under which the waveform residual is part of the model."""
     recordings: tuple[CutRecording, ...]
     """All recordings of the dynamometer."""
     prediction: StoredCutModel | None

@@ -171,7 +171,7 @@ class DriveAxis:
     servo: Servo | None
     """Loops; None where the records do not determine them."""
     servo_reason: str = ""
-    """Why there is no servo."""
+    """Reason why there is no servo."""
     constant_level: float = 0.0
     """Mean force against motion over the training recordings, the baseline of the force."""
     friction_points: tuple[FrictionPoint, ...] = ()

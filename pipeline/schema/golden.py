@@ -43,7 +43,7 @@ class FrozenSet:
     time_zone: str = "UTC"
     """Time zone of the plant, whose days they are."""
     whole: tuple[str, ...] = ()
-    """Those of ``files`` that were named beside the days: all of their days count."""
+    """Names in ``files`` that were given beside the days: all of their days count."""
 
     @property
     def sha256(self) -> str:

@@ -14,7 +14,7 @@ class MachineIdentity:
     origin: str = "recorded"
     """``"simulated"`` or ``"recorded"``; shown wherever its results are."""
     credit: str = ""
-    """Who is to be credited wherever its results are shown."""
+    """Credit that is due wherever its results are shown."""
     recordings: str = ""
     """Folder under KERF_RECORDINGS that its files are collected from."""
 

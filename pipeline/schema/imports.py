@@ -28,7 +28,7 @@ class Module:
     imports: frozenset[str]
     """Modules and names in them, at its top or inside functions."""
     shown: frozenset[str] = frozenset()
-    """Those of them that are imported inside the methods ``SHOWN`` alone."""
+    """Libraries that are imported inside the methods ``SHOWN`` alone."""
 
 
 def reached(known: dict[str, Module], entries: Iterable[str], *, shown: bool) -> set[str]:

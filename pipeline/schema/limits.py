@@ -21,11 +21,11 @@ class Limit:
     """Words for one limit."""
 
     option: str
-    """On the command line."""
+    """Option on the command line."""
     help: str
     """Help of the option, one sentence."""
     name: str = ""
-    """On pages; empty where it is no row of its own."""
+    """Name on pages; empty where it is no row of its own."""
     margin: str = ""
     """Field of :class:`Margins` that is kept free of it; empty where there is none."""
 
@@ -81,8 +81,8 @@ class MachiningPractice(Ranged, section="practice"):
         tuple[str, ...],
         Limit(option="--keep", help="Keeps F and S: T5, lines 120-180, or a word of a comment."),
     ] = ()
-    """What keeps its F and S: a tool as ``T5``, lines as ``120-180``, or a word in a comment or the
-    name of a tool."""
+    """Blocks that keep F and S: a tool as ``T5``, lines as ``120-180``, or a word in a comment or
+    the name of a tool."""
     feed_step_mm_min: Annotated[
         float,
         Range(least=0.0, most=1e4, unit="mm/min"),
@@ -215,11 +215,11 @@ class CutLimit(Ranged, section="limits"):
             name="least change of S",
         ),
     ] = 0.0  # fmt: skip
-    """Between two blocks of one tool S stays or changes by at least this [rev/min]."""
+    """Least change of S between two blocks of one tool, unless it stays [rev/min]."""
     margins: Margins = field(default_factory=Margins)
     """Kept free of each."""
     practice: MachiningPractice = field(default_factory=MachiningPractice)
-    """How far F and S may go from the program."""
+    """Greatest changes of F and S from the program."""
 
     def __post_init__(self) -> None:
         for item in fields(self):

@@ -13,7 +13,7 @@ class Parameter:
     """One identified parameter: the one shape of anything that a fit says."""
 
     value: float | None
-    """In ``unit``; None where the records do not determine it."""
+    """Value in ``unit``; None where the records do not determine it."""
     unit: str
     """``"1"`` for none."""
     interval_95: tuple[float, float] | None
@@ -21,9 +21,9 @@ class Parameter:
     determined: bool
     """Whether the records determine it."""
     method: str
-    """Where the value comes from; of an undetermined one, why there is none."""
+    """Source of the value; of an undetermined one, the reason."""
     remedy: str = ""
-    """What to record so that it becomes determined; empty where it is."""
+    """Record that would determine it; empty where it is determined."""
 
     @classmethod
     def estimated(
@@ -93,11 +93,11 @@ class Model:
 
     submodel: str
     machine: str
-    """What it is a model of."""
+    """Sub-model and machine."""
     origin: Origin
     """Origin of the records."""
     parameters: Mapping[str, Mapping[str, Parameter]]
-    """By group (an axis, a motor, a tool; ``""`` where there is one only) and name."""
+    """Parameters by group (an axis, a motor, a tool; ``""`` where there is one only) and name."""
     trained_on: tuple[Training, ...]
     """The cases, with the hashes of their raw files."""
     left_out: tuple[LeftOut, ...] = ()

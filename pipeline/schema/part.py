@@ -41,7 +41,8 @@ class Totals:
     cost: float | None = None
     cost_low: float | None = None
     cost_high: float | None = None
-    """In the currency of the document; at the ends of the tools' lives, None without a spread."""
+    """Cost in the currency of the document; at the ends of the tools' lives, None without a spread.
+    """
     energy_kWh: float | None = None
     """Energy [kWh]."""
     tool_life_share: float | None = None
@@ -111,7 +112,7 @@ class Reliability:
     epsilon: float
     """Allowed for the whole part [1]."""
     exceedance: float | None
-    """In draws that the answer was not made with [1]."""
+    """Exceedance probability in held-out draws [1]."""
     interval_95: tuple[float | None, ...]
     """95 % interval of the exceedance [1]."""
     draws: int
@@ -195,7 +196,7 @@ class BlockGroup:
     binds: str | None
     """Limit that binds for the longest; None where none does."""
     kept: str | None = None
-    """Why F and S of all of them stay as programmed; None where one may change."""
+    """Reason why F and S of all of them stay as programmed; None where one may change."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -300,10 +301,10 @@ class OptimisedPart:
     """A part program before and after."""
 
     warnings: tuple[CutWarning, ...] = ()
-    """To look at before anything else: what is grave, and tools and registers that do not fit the
-    program; all others are in ``setup``."""
+    """Grave warnings, and tools and registers that do not fit the program; all others are in
+    ``setup``."""
     verdicts: tuple[UsedModel, ...] = ()
-    """On the sub-models that its figures rest on; what failed or was not judged first."""
+    """Verdicts on the sub-models of its figures; failed or unjudged ones first."""
     program: str
     machine: str
     """Names."""
@@ -327,13 +328,13 @@ class OptimisedPart:
     after: Totals
     """Totals of the program as it was and as it is optimised."""
     gain: Gain
-    """From before to after."""
+    """Gain from before to after."""
     methods: tuple[MethodResult, ...]
     """The answer beside others."""
     front: tuple[FrontMember, ...]
     """Front of the objective ``pareto``."""
     groups: tuple[BlockGroup, ...]
-    """In the order of the program."""
+    """Groups in the order of the program."""
     binding: tuple[Binding, ...]
     """Limits of blocks that cut, the longest first."""
     held: tuple[HeldRows, ...]
@@ -345,15 +346,15 @@ class OptimisedPart:
     trace: Traces
     """Load along the path."""
     verified: TwinCheck
-    """By the whole twin."""
+    """Check by the whole twin."""
     interrupted: bool
     """Whether the search was ended early."""
     not_known: tuple[NotKnown, ...]
     """Quantities that the document lacks."""
     notes: tuple[str, ...]
-    """On the figures, one sentence each."""
+    """Notes on the figures, one sentence each."""
     tools: tuple[ToolUse, ...]
-    """Each tool that cuts, in the order of the program."""
+    """Tools that cut, in the order of the program."""
     changes: tuple[FeedChange, ...]
     """Runs of blocks whose F or S changed, in the order of the program."""
     lines: tuple[ProgramLine, ...]
@@ -368,7 +369,7 @@ class OptimisedPart:
     """Compensation network whose residual and interval following errors hold; stored only where
     there is one."""
     machine_unit: str | None = None
-    """Which of several machines of a kind; stored only where there are several."""
+    """Unit among several machines of a kind; stored only where there are several."""
     edges: tuple[ToolEdge, ...] = ()
     """Wear of each tool that figures and limits hold for, with the force of the optimised program
     sharp and worn."""

@@ -31,7 +31,7 @@ class ToolUse:
     tool: int
     """Number."""
     name: str
-    """For people."""
+    """Name for people."""
     operation: str = ""
     """Kind of machining; empty where operations were not told apart."""
     before: ToolTotals
@@ -42,18 +42,19 @@ class ToolUse:
     cutting_speed_range_m_min: tuple[float, float] | None
     """Least and greatest f_z [mm] and v_c [m/min]; None where no source gives them."""
     range_source: str
-    """Where the ranges come from; empty without any."""
+    """Source of the ranges; empty without any."""
     kept: str | None = None
-    """Why F and S of this tool stay as programmed; None where they may change."""
+    """Reason why F and S of this tool stay as programmed; None where they may change."""
     binds: str | None = None
     """Limit that holds its blocks back for the longest; None where none does."""
     no_faster: str | None = None
-    """Why its S is nowhere above that programmed; None where it is somewhere, or all is kept."""
+    """Reason why its S is nowhere above that programmed; None where it is somewhere, or all is
+    kept."""
     no_more_feed: str | None = None
-    """Why some of its blocks have no more feed than programmed, by their depth, width or bending;
-    None where none is held so."""
+    """Reason why some of its blocks have no more feed than programmed, by their depth, width or
+    bending; None where none is held so."""
     rise: FeedRise | None = None
-    """Where its feed per tooth rose most; None where it did not."""
+    """Greatest rise of its feed per tooth, and its place; None where it did not rise."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """The tool's own limits, by the field of the part's limits in whose place they hold."""
 
@@ -92,7 +93,8 @@ class ProgramLine:
     """Line of the program as it is written, counting from 1."""
     before: str | None
     after: str | None
-    """Its text; ``before`` None where the line was added, ``after`` None where it is the same."""
+    """Text before and after; ``before`` None where the line was added, ``after`` None where it is
+    the same."""
     feed_before: Feed = None
     feed_after: Feed = None
     """F in force in its moves at feed, as the program writes it; None without any."""
@@ -132,7 +134,7 @@ class SetupTool:
     """Number."""
     name: str
     kind: str
-    """For people; empty where the tool table does not hold it."""
+    """Kind for people; empty where the tool table does not hold it."""
     diameter_mm: float | None
     stickout_mm: float | None
     """[mm]."""
@@ -142,7 +144,7 @@ class SetupTool:
     """Length in its register [mm]; None where there is none."""
     time_s: float
     in_material_s: float
-    """With this tool in the spindle, and of that in the material, in the optimised program [s]."""
+    """Time with this tool in the spindle, and in the material, in the optimised program [s]."""
     life_share: float | None
     life_share_low: float | None = None
     life_share_high: float | None = None
@@ -164,9 +166,9 @@ class SetupSheet:
     """What stands ready before the optimised program is started."""
 
     tools: tuple[SetupTool, ...]
-    """In the order in which they are called."""
+    """Tools in the order in which they are called."""
     offsets: tuple[WorkOffset, ...]
-    """In the order in which they are used."""
+    """Work offsets in the order in which they are used."""
     blank_offset: str
     """Work offset in whose coordinates the blank lies."""
     warnings: tuple[CutWarning, ...]

@@ -16,7 +16,7 @@ class ToolTime:
     time_s: float
     cutting_s: float = 0.0
     rapid_s: float = 0.0
-    """In all, in moves at a feed, in rapids [s]."""
+    """Time in all, in moves at a feed, in rapids [s]."""
     length_mm: float = 0.0
     """Path length [mm]."""
 
@@ -28,7 +28,7 @@ class SimulatedProgram:
     program: str
     """Name of the program."""
     refused: str | None = None
-    """Why the program cannot be followed; then no time is known."""
+    """Reason why the program cannot be followed; then no time is known."""
     machine: str = ""
     origin: str = ""
     """Machine whose control it is, and whether its records are simulated or recorded."""

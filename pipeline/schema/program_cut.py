@@ -63,7 +63,7 @@ class CutQuantities:
 
     feed_per_tooth_mm: float | None
     chip_thickness_mm: float | None
-    """At the highest feed reached; the thickest chip [mm]."""
+    """Feed per tooth and thickest chip at the highest feed reached [mm]."""
     cutting_speed_m_min: float | None
     """v_c = pi D S at the full diameter D [m/min]."""
     axial_depth_mm: float | None
@@ -104,7 +104,7 @@ class CutTotals(CutQuantities):
     """Blocks that cut."""
     time_s: float | None
     at_feed_s: float | None
-    """In all, and in moves at feed [s]."""
+    """Time in all, and in moves at feed [s]."""
     air_share: float | None
     """Share of the time at feed in air [1]."""
     highest_removal_rate_cm3_min: float | None
@@ -156,7 +156,7 @@ class ToolEdge:
 
     tool: int
     name: str
-    """Its number and name."""
+    """Number and name of the tool."""
     wear_um: float
     """Flank wear VB [um]; 0 for a sharp edge."""
     edge: str
@@ -173,7 +173,7 @@ class ForceInterval:
 
     tool: int
     name: str
-    """Its number and name."""
+    """Number and name of the tool."""
     source: str
     """Source of its coefficients."""
     peak_load_N: float | None
@@ -183,7 +183,7 @@ class ForceInterval:
     mean_load_N: float | None
     mean_load_low_N: float | None
     mean_load_high_N: float | None
-    """Where its mean over a turn is greatest, and the ends [N]."""
+    """Greatest mean load over a turn, and the ends of its interval [N]."""
     runout: str = ""
     """Runout of the draws and its spread; other loads of a tool have that of the tool table."""
     outside: tuple[str, ...] = ()
@@ -229,7 +229,7 @@ class CutWarning:
     lines: tuple[int, ...] = ()
     """Lines of the program."""
     blocks: int | None = None
-    """How many blocks; None where it is not of blocks."""
+    """Number of blocks; None where it is not of blocks."""
     grave: bool = False
     """Whether a limit is passed."""
 
@@ -289,14 +289,14 @@ class Lobes:
     """Stability lobes of the least stable engagement of a tool."""
 
     tool: int
-    """Its number."""
+    """Number of the tool."""
     label: str
     """Number and name."""
     line: int
     """Line of the block with that engagement."""
     entry_deg: float
     exit_deg: float
-    """Its angles [deg]."""
+    """Entry and exit angles [deg]."""
     speeds_rpm: tuple[float, ...]
     depth_limit_mm: Curve
     """Limit of the axial depth [mm] over the speed [rev/min]; None where there is none."""
@@ -341,15 +341,15 @@ class ProgramCut:
     dynamics_measured: bool
     """Whether they were measured."""
     feeds: str
-    """At which feeds the quantities are evaluated, one sentence."""
+    """Feeds at which the quantities are evaluated, one sentence."""
     summary: PartTotals
     """The part as a whole."""
     by_tool: tuple[ToolTotals, ...]
-    """In the order of the program."""
+    """Totals by tool, in the order of the program."""
     worst: tuple[WorstBlock, ...]
     """The blocks with the greatest utilisation."""
     warnings: tuple[CutWarning, ...]
-    """Before the part is cut."""
+    """Warnings before the part is cut."""
     not_known: tuple[NotKnown, ...]
     """Quantities that the document lacks."""
     left_out: tuple[LeftOutMoves, ...]
@@ -357,7 +357,7 @@ class ProgramCut:
     basis: tuple[BasisRow, ...]
     """Premises with their sources."""
     notes: tuple[str, ...]
-    """On the figures, one sentence each."""
+    """Notes on the figures, one sentence each."""
     trace: EngagementTrace
     """Load and engagement over the time."""
     lobes: tuple[Lobes, ...]

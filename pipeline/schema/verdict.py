@@ -7,9 +7,10 @@ from typing import Literal, SupportsFloat
 from pipeline.schema.model import LeftOut, Origin
 
 Role = Literal["training", "held_out", "golden", "sealed"]
-"""What a case is for: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
+"""Use of a case: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
 Status = Literal["passed", "failed", "not decided", "not judged"]
-"""Not decided: nearer to a limit or a guess than trainings differ or the sensor's steps tell."""
+"""Status; not decided: nearer to a limit or a guess than trainings differ or the sensor resolves.
+"""
 UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 MOST_PERCENT = 1000.0
@@ -43,7 +44,7 @@ class Score(Figures):
 
     quantity: str
     unit: str
-    """What was predicted."""
+    """Predicted quantity, its regime, and its unit."""
     group: str
     regime: str
     """Group and regime of the cases; the group ``"all"`` is all of one role together."""
@@ -56,7 +57,7 @@ class Score(Figures):
     half_width: float | None = None
     """Mean half width of that interval; the ideal one of normal errors is 1.64 RMSE."""
     baselines: Mapping[str, Figures] = field(default_factory=dict)
-    """The same errors of each baseline on the same samples."""
+    """Errors of each baseline on the same samples."""
     limits: Mapping[str, float] = field(default_factory=dict)
     """Greatest value of an error (by its name above), empty where nothing is required."""
     coverage_limits: tuple[float, float] | None = None
@@ -71,11 +72,12 @@ class Score(Figures):
     status: Status = "not judged"
     """Whether all limits are kept; "not judged" for training cases and without limits."""
     reasons: tuple[str, ...] = ()
-    """Each limit that is passed or not decided, with value and limit; or why it was not judged."""
+    """Limits that are passed or not decided, with value and limit; or the reason of no judgement.
+    """
     inside_ratio: float | None = None
     """Half width over RMSE inside of the learnt conditions [1]; None where that is not parted."""
     unknown_interval: str = ""
-    """Why the 90 % interval is no use and is not said, in a sentence; empty where it is said."""
+    """Reason why the 90 % interval is not stated; empty where it is."""
     alone: bool = False
     """Whether it is the only one of its target that failed and is left out of the score over all
     groups, since a single record does not decide."""
@@ -166,14 +168,14 @@ class Verdict:
     status: Status
     """Status of the sub-model."""
     reasons: tuple[str, ...]
-    """Why it failed or was not judged, the gravest first."""
+    """Reasons of a failure or of no judgement, the gravest first."""
     judged_role: Role | None
     """Judged role of the cases that decided: golden ones where there are some, else held-out
     ones."""
     golden: GoldenUsed | None
     """None where no golden set was frozen."""
     scores: tuple[Score, ...]
-    """By quantity, group, regime and role."""
+    """Scores by quantity, group, regime and role."""
     skills: tuple[Skill, ...] = ()
     """Over the groups that decided, against each baseline."""
     outside: tuple[OutsideConditions, ...] = ()
@@ -273,7 +275,7 @@ class UsedModel:
     recordings: int = 0
     """Errors of recordings that the fit did not see."""
     error_percent: float | None = None
-    """Their root mean square [%]; None without any."""
+    """Root mean square of the errors [%]; None without any."""
     spread_percent: float | None = None
     """Standard deviation with which the figures count [%]; None where another one counts."""
 

@@ -28,9 +28,9 @@ class Box:
     """Least and greatest values, in the parameters' units; the same where one is held;
     shape (D,)."""
     log: Bools
-    """Which are searched on a logarithmic scale; shape (D,)."""
+    """Whether each parameter is searched on a logarithmic scale; shape (D,)."""
     integer: Bools
-    """Which are whole numbers.  Each has the same share of its axis, 1 / (high - low + 1); on a
+    """Whether each is a whole number, with the same share of its axis, 1 / (high - low + 1); on a
     logarithmic scale the number k has the share of k - 1/2 to k + 1/2; shape (D,)."""
 
     @staticmethod

@@ -42,7 +42,7 @@ class Method:
     title: str
     """Name in words."""
     source: str
-    """Where it was published."""
+    """Publication."""
     settings: Callable[..., SearchSettings]
     """Makes its settings from those of :class:`~pipeline.search.result.SearchSettings`."""
 

@@ -79,7 +79,7 @@ class FrontResult:
     generations: int
     """The first population among them."""
     stopped: str
-    """Why it ended: ``generations`` or ``callback``."""
+    """Reason of the end: ``generations`` or ``callback``."""
 
 
 def front(

@@ -34,7 +34,7 @@ class SearchSettings(Ranged, ABC, section="search"):
     stall: Count | None = None
     """Generations without a gain of more than ``stall_gain`` after which the search ends."""
     stall_gain: NotNegative = 0.0
-    """In the cost's unit."""
+    """Least gain in the cost's unit."""
     seed: Annotated[int, Range(least=0)] = 0
     """Seed of the random numbers."""
 
@@ -63,11 +63,11 @@ class SearchResult:
     x: Floats
     """The best individual that was ever tried; shape (D,)."""
     cost: float
-    """Its cost; infinite when no individual had a finite one."""
+    """Cost of ``x``; infinite when no individual had a finite one."""
     evaluations: int
     """Individuals whose cost was computed."""
     failed: int
-    """Those among them whose cost was not finite; they count as the worst."""
+    """Evaluations whose cost was not finite; they count as the worst."""
     generations: int
     """Generations, the first population among them."""
     history: Floats
@@ -77,7 +77,7 @@ class SearchResult:
     costs: Floats
     """Costs of ``population``; shape (P,)."""
     stopped: str
-    """Why it ended: ``generations``, ``limit``, ``stall`` or ``callback``."""
+    """Reason of the end: ``generations``, ``limit``, ``stall`` or ``callback``."""
     at_bounds: Sides
     """-1 for each parameter of ``x`` at its lower bound, 1 at its upper one, else 0, also for one
     that is held: a bound that was hit says that a better value may lie outside the box;
@@ -108,14 +108,14 @@ class Progress:
     stall: int | None = None
     """Generations over which the best cost must fall by more than ``stall_gain``."""
     stall_gain: float = 0.0
-    """In the cost's unit."""
+    """Least gain in the cost's unit."""
     callback: Callback | None = None
     """Sees each generation and may end the search."""
     x: Floats = field(default_factory=lambda: np.empty(0))
     unit: Floats = field(default_factory=lambda: np.empty(0))
     """The best individual so far, in the parameters' units and in the unit cube; shape (D,)."""
     best: float = inf
-    """Its cost."""
+    """Cost of the best."""
     evaluations: int = 0
     failed: int = 0
     """Individuals so far, and those among them whose cost was not finite."""

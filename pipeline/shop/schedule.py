@@ -49,7 +49,7 @@ FAULTS = (
     ("spindle_c", "FAULT", "53", "HIGH", "SPINDLE OVERLOAD"),
     ("Ztravel", "FAULT", "101", "HIGH", "SOFT LIMIT"),
 )
-"""The same of faults that end a run."""
+"""Data item, level, code, qualifier and text of faults that end a run."""
 
 
 @dataclass(kw_only=True)

@@ -24,7 +24,7 @@ class Column:
     unit: str
     """MTConnect unit on disk, ``""`` for states, counts and names."""
     meaning: str
-    """What the signal is, for people."""
+    """Meaning of the signal, for people."""
     low: float = -np.inf
     high: float = np.inf
     """Values outside are not physical for any machine tool; they are glitches."""
@@ -32,7 +32,7 @@ class Column:
     offset: float = 0.0
     """``SI = value * factor + offset``."""
     between: Between = "hold"
-    """How the value goes on between two observations when it is resampled."""
+    """Value between two observations when it is resampled."""
     text: bool = False
     """Whether the signal is a word (a state, a program's name) instead of a number."""
 
@@ -175,7 +175,7 @@ REJECTED = pa.schema(
         pa.field("excerpt", pa.string()),
     ]
 )
-"""What could not be read: file, line (null for the whole file), reason, its beginning."""
+"""Unreadable records: file, line (null for the whole file), reason, beginning of the text."""
 
 RUNS = pa.schema(
     [

@@ -26,7 +26,7 @@ class Condition:
     unit: str = ""
     """``""`` for none."""
     source: str = ""
-    """Where it stands, as the end of a sentence: ``"its name"``, ``"runs.parquet"``."""
+    """Place of the condition, as the end of a sentence: ``"its name"``, ``"runs.parquet"``."""
 
     def to(self, unit: str) -> float:
         """The number in ``unit``; a word, or a unit of another quantity, is a ValueError."""

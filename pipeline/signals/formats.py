@@ -86,7 +86,7 @@ class TableLayout:
     one name the n-th is called ``name#n``; a column without a name ``#n``; of a matrix of MATLAB or
     HDF5 the columns are ``name[0]``, ``name[1]``; the channels of a WAV file are ``#1``, ``#2``."""
     text: tuple[str, ...] = ()
-    """Those signals, not in ``columns.COLUMNS``, that hold words."""
+    """Names among the signals, not in ``columns.COLUMNS``, that hold words."""
     rest: bool = False
     """Whether columns that are not named above are kept too, under the file's own names."""
     time: str | None = None
@@ -127,18 +127,18 @@ class RecordSource:
     """One kind of record of a machine, as named in its file in ``conf/machine/``."""
 
     format: Format
-    """Which reader; part programs (``program``) are read where they are used, as they are."""
+    """Format, and so the reader; part programs (``program``) are read where they are used."""
     files: str
     """Glob under ``data/raw/<machine>/``."""
     devices: str | None = None
     """The agent's Devices document under ``data/raw/<machine>/``, for kinds and units."""
     device: str | None = None
-    """Which device of that document (name, uuid or id); None when it has only one."""
+    """Device of that document (name, uuid or id); None when it has only one."""
     values: Literal["units", "native"] = "units"
     """Whether the numbers of a log are in the document's ``units`` (written by an agent) or
     ``nativeUnits`` (written by an adapter)."""
     table: TableLayout | None = None
-    """For tables."""
+    """Layout of tables."""
 
 
 def observations_of(columns: Mapping[str, Sequence[Any]], rows: int) -> pa.Table:

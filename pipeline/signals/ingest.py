@@ -42,7 +42,7 @@ class RawFile:
     source: RecordSource | None
     made_from: dict[str, str]
     broken: str | None
-    """Why its bytes cannot be read."""
+    """Reason why its bytes cannot be read."""
 
 
 def raw_files(raw: Path, sources: Sequence[RecordSource]) -> Iterator[RawFile]:

@@ -15,7 +15,7 @@ from pipeline.kernels import compiled, compiled_with
 inlined = compiled_with(nogil=True, _nrt=False, inline="always")
 
 NONE, EXACT, COPIED, AWAY = 0, 1, 2, 3
-"""What :func:`number_at` found: no number, one, one to convert exactly, one out of its range."""
+"""Results of :func:`number_at`: no number, one, one to convert exactly, one out of its range."""
 
 NO_DAY = -(1 << 31)
 

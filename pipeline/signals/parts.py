@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 from pipeline.schema.arrays import Bools, Floats
 
 PART = "#"
-"""Between the name of a raw file and that of a part of it."""
+"""Separator of the name of a raw file and that of a part of it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -52,7 +52,7 @@ class Channel(Ranged, section="channel"):
     factor: Annotated[float, Range()] = 1.0
     """Applied after the conversion to SI: -1 reverses the sign, a gain scales."""
     remedy: str = "record it or correct its name"
-    """What to do where a recording lacks it."""
+    """Remedy where a recording lacks it."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -82,8 +82,8 @@ class Samples:
     """Rows of one recording: T of them, on the recorder's own clock."""
 
     time: Floats = field(default_factory=lambda: np.zeros(0))
-    """Since the start [s]; NaN where a row has none.  Empty where nothing can be read;
-    shape (T,)."""
+    """Time since the start [s]; NaN where a row has none.  Empty where nothing can be read; shape
+    (T,)."""
     channels: Mapping[str, Floats] = field(default_factory=dict)
     """Declared name -> values in SI (in its ``units``); NaN where a row has no value;
     shape (T,)."""
@@ -94,7 +94,7 @@ class Samples:
     lacking: Mapping[str, str] = field(default_factory=dict)
     """Declared channels that the recording does not give, with the reason and the remedy."""
     absent: frozenset[str] = frozenset()
-    """Those of ``lacking`` that were not recorded: no such column, or no value in it."""
+    """Names in ``lacking`` that were not recorded: no such column, or no value in it."""
 
     def complete(self, names: Iterable[str] | None = None) -> Bools:
         """Rows with a time and a value in each of the channels ``names`` (all); shape (T,)."""
@@ -122,7 +122,8 @@ class Recording:
     sha256: str = ""
     """Hash of the raw file's bytes."""
     file: Path | None = None
-    """Its Parquet; None where the raw file is no table, is a copy or could not be read."""
+    """Parquet of the recording; None where the raw file is no table, is a copy or could not be
+    read."""
     start: str | None = None
     """Time of the first row (ISO 8601, UTC); None where its clock only counts from the start."""
     rows: int = 0
@@ -134,9 +135,9 @@ class Recording:
     declared: Mapping[str, Channel] = field(default_factory=dict)
     """Channels that :meth:`load` reads."""
     reason: str = ""
-    """Why it cannot be used, ``""`` where it can."""
+    """Reason why it cannot be used, ``""`` where it can."""
     notes: tuple[str, ...] = ()
-    """What else is worth knowing of it."""
+    """Further notes on it."""
     faults: tuple[RecorderFault, ...] = ()
     """Faults of its channels; where one is certain, the channel is not read."""
 
@@ -274,7 +275,7 @@ class LogItems:
     """Numbers of a log's data items, each of which holds until its next report."""
 
     time: Floats
-    """Since the first row [s], ascending; shape (N,)."""
+    """Time since the first row [s], ascending; shape (N,)."""
     item: Any
     """Name of the data item; shape (N,)."""
     number: Floats

@@ -78,7 +78,7 @@ class InCut(Ranged, section="wear_records.in_cut"):
     least: NotNegative | None = None
     """Level from which on the tool is in cut, in SI; the level is the RMS over ``over_s``."""
     share: Share = 0.2
-    """Where ``least`` is not given, that level as a share of the recording's 95 % quantile [1]."""
+    """Level as a share of the recording's 95 % quantile where ``least`` is not given [1]."""
     over_s: Positive = 0.1
     """Time of the RMS [s]."""
 
@@ -101,7 +101,7 @@ class WearRecords(Ranged, section="wear_records"):
     channels: Mapping[str, Channel]
     """Signals of a window, in its order; any number of them."""
     wear: WearSource
-    """Where the wear stands."""
+    """Source of the wear."""
     tool: str = ""
     """Condition that names the tool, whose recordings belong together in every split; empty where
     each recording, or part of one, is a tool of its own."""
@@ -121,7 +121,7 @@ class WearRecords(Ranged, section="wear_records"):
     name: str | None = None
     """Regular expression on a recording's name whose named groups are conditions."""
     in_cut: InCut | None = None
-    """Which rows are in cut; None where all are."""
+    """Rows in cut; None for all."""
     rate_Hz: Positive
     """Rate of the windows [Hz]; what was recorded faster is low-passed and decimated."""
     length: Annotated[int, Range(least=8)] = 500

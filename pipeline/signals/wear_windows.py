@@ -63,7 +63,7 @@ class WearWindows:
     """N windows of C channels and L samples, with the wear that they were recorded at."""
 
     values: Singles
-    """In ``units``; shape (N, C, L)."""
+    """Values in ``units``; shape (N, C, L)."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
     """C each."""
@@ -82,7 +82,7 @@ class WearWindows:
     """Unit of each condition that is a number; words have none."""
     tool: Words
     recording: Words
-    """Which tool, and which recording or part of one; shape (N,)."""
+    """Tool, and recording or part of one; shape (N,)."""
     time: Floats
     """Beginning of the window in its recording [s]; shape (N,)."""
     progress: Floats
@@ -148,11 +148,11 @@ class ToolLife:
     """All that was recorded of one tool."""
 
     tool: str
-    """Its name."""
+    """Name of the tool."""
     files: tuple[LifeFile, ...]
     """Recordings, in the order of progress."""
     windows: WearWindows
-    """In the order of progress."""
+    """Windows in the order of progress."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -23,7 +23,7 @@ class Entry:
     """A stage as the command line calls it."""
 
     modules: tuple[str, ...]
-    """Whose imports are the stage's dependencies."""
+    """Modules whose imports are the stage's dependencies."""
     paths: list[str]
     """Names of its paths, in order."""
     sections: dict[str, Any]

@@ -132,15 +132,15 @@ class CorrectedProgram:
     machine: str
     origin: str
     program: str
-    """Whose drives, where its records come from, of which program."""
+    """Machine of the drives, origin of its records, and program."""
     champion: str
-    """Which sub-models were used."""
+    """Bundle of sub-models used."""
     residual: str
-    """Which residual network was used, or why none was."""
+    """Residual network used, or the reason why none was."""
     total: float
     """Total of the program [s]."""
     axes: Mapping[str, CorrectedAxis]
-    """By letter, on the same samples."""
+    """Axes by letter, on the same samples."""
     cutting: Bools
     """Samples in blocks that cut; errors of rapids do not touch the part; shape (T,)."""
 

@@ -36,7 +36,7 @@ REACH = 4.0
 SHORTEST = 0.2
 """Share of what was missed, at which a step that gains nothing ends the learning [1]."""
 END = 1e-9
-"""Between positions that count as the same [m]."""
+"""Distance of positions that count as the same [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,7 +67,7 @@ class CorrectedAxis:
     """Time [s]."""
     reference: Floats = field(repr=False)
     corrected: Floats = field(repr=False)
-    """Where the program wants the axis, and what to command for that [m]."""
+    """Reference position of the axis, and the command for it [m]."""
     error_before: Floats = field(repr=False)
     error_after: Floats = field(repr=False)
     """``reference`` less predicted position, driven with ``reference`` and with ``corrected``
@@ -77,7 +77,7 @@ class CorrectedAxis:
     cutoff: float
     """Cutoff of the correction [rad/s]."""
     limited: Bools = field(repr=False)
-    """Where bounds keep the command from the one that the correction asks for."""
+    """Samples where bounds keep the command from the requested one."""
 
 
 @dataclass(frozen=True, kw_only=True)

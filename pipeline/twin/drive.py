@@ -111,14 +111,14 @@ class IdentifiedDrive:
     """One identified axis, ready for simulation."""
 
     feed_drive: FeedDriveParameters
-    """Its mechanics."""
+    """Mechanics of the axis."""
     servo: ServoParameters | None
-    """Its loops; None where the records do not determine them."""
+    """Loops of the axis; None where the records do not determine them."""
     command_unit: str
     force_unit: str
     """Units of its command, and of forces: the command's where the force constant is not listed."""
     servo_reason: str = ""
-    """Why there is no servo."""
+    """Reason why there is no servo."""
     bandwidth_Hz: float | None = None
     """Bandwidth of the filter through which its motion and force were compared [Hz]; None for
     none."""

@@ -29,7 +29,7 @@ MOST_SAID = 5
 """Violations of one axis or word that are printed; documents hold all of them."""
 RAPID = "rapid"
 IN_MATERIAL = (*BODIES, RAPID)
-"""What of violations is held against the part, not against the machine."""
+"""Violations that concern the part, not the machine."""
 _BEYOND, _CONTACT = "The program leaves the machine’s limits", "A tool’s body meets the part"
 _CLEAR = "Clamp the tool longer, take a slimmer holder, or cut what is in its way before."
 SAID = {"S": ("spindle speed", "rev/min"), "F": ("feed", "mm/min"), "length": ("tool length", "mm")}
@@ -55,7 +55,7 @@ class Violation:
     frame: str = ""
     """Work coordinate system in force, where the position of an axis is meant."""
     tool: int = -1
-    """In the spindle; -1 before the first."""
+    """Tool in the spindle; -1 before the first."""
     tool_length_mm: float | None = None
     """Length of that tool in the machine's file [mm]."""
     body: str = ""
@@ -98,12 +98,12 @@ class Preflight:
     """What of a program the machine cannot do, and what of it was not checked."""
 
     violations: tuple[Violation, ...] = ()
-    """In the order of the program; a modal word counts once for each time that it is set."""
+    """Violations in the order of the program; a modal word counts once for each time that it is
+    set."""
     not_checked: tuple[str, ...] = ()
-    """What the machine's file does not list, in words."""
+    """Limits that the machine's file does not list, in words."""
     clearance: tuple[str, ...] | None = None
-    """What of the tools' shanks and holders was not held against the part; None where no blank was
-    given."""
+    """Shanks and holders that were not checked against the part; None where no blank was given."""
 
 
 def limits_of(

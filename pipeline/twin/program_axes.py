@@ -60,7 +60,7 @@ class AxisFollowing:
     command_unit: str
     """A or V."""
     residual: Floats | None = field(repr=False, default=None)
-    """Part of ``error`` that the drives' model leaves over [m]; None where none was asked for."""
+    """Part of ``error`` that the drives' model leaves over [m]; None without a residual."""
     half_width: Floats | None = field(repr=False, default=None)
     """Half width of the 90 % interval of ``error`` [m]; None where it is not known."""
 

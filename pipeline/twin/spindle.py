@@ -259,7 +259,7 @@ class SpindleIntervals(Ranged, section="intervals"):
     """Half widths [K] by regime, of windows that start from a measured temperature and of days that
     run free."""
     follow: AdaptiveSettings = field(default_factory=AdaptiveSettings)
-    """How the width in windows follows earlier errors of the day."""
+    """Adaptation of the width in windows to earlier errors of the day."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,7 +44,7 @@ MOST_STROKES, MOST_HOLES = 10_000, 10_000
 SHORT_HOLE, AHEAD, MOST_AHEAD = 30.0, 0.6, 7.0
 """Depth up to which CYCLE83 stops 0.6 mm above the depth reached, beyond it depth / 50 [mm]."""
 CHIP_RETRACT = 1.0
-"""What CYCLE83 and CYCLE84 retract by to break chips [mm]."""
+"""Retract of CYCLE83 and CYCLE84 to break chips [mm]."""
 COARSE_PITCH = {
     3: 0.5, 4: 0.7, 5: 0.8, 6: 1.0, 8: 1.25, 10: 1.5, 12: 1.75, 14: 2.0, 16: 2.0, 18: 2.5, 20: 2.5,
     22: 2.5, 24: 3.0, 27: 3.0, 30: 3.5, 33: 3.5, 36: 4.0, 39: 4.0, 42: 4.5, 45: 4.5, 48: 5.0,
@@ -61,7 +61,7 @@ class CycleCall:
     """A call of a cycle, its lengths in the program's unit."""
 
     given: dict[str, float]
-    """Its arguments by name; what is left out is 0."""
+    """Arguments by name; a missing one is 0."""
     unit: float
     """Millimetres in the program's unit of length."""
     feed: float

@@ -15,11 +15,11 @@ ENDS = {"IF": "ENDIF", "WHILE": "ENDWHILE", "FOR": "ENDFOR", "LOOP": "ENDLOOP", 
 """Word that opens a structure -> word that closes it."""
 WORDS = frozenset((*ENDS, *ENDS.values(), "ELSE", "REPEATB"))
 JUMPS = frozenset({"GOTO", "GOTOF", "GOTOB"})
-"""To a label or block number: forwards, then from the top; forwards; backwards."""
+"""Jumps to a label or block number: forwards, then from the top; forwards; backwards."""
 COMPUTED = frozenset({"GOTOC", "GOTOS", "CASE"})
 CALLING = frozenset({"CALL", "EXTCALL", "PCALL"})
 KIND = "siemens "
-"""Before the word, in small letters, that the kind of a control is called by."""
+"""Prefix of the word, in small letters, in the kind of a control."""
 _HEAD = re.compile(
     rb"[\s/\d]*?(?:[nN]\s*\d+\s*)?(?:[a-zA-Z_]{2}\w*[ \t]*:\s*)?([a-zA-Z]+)(?![\w$]|[ \t]*=(?!=))"
 )

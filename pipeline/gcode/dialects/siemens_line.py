@@ -48,11 +48,11 @@ FRAMES = frozenset((
     "MIRROR", "AMIRROR",
 ))  # fmt: skip
 ALONE = frozenset({"ROT", "SCALE", "MIRROR"})
-"""Without an axis they end every frame, as TRANS does."""
+"""Words that without an axis end every frame, as TRANS does."""
 SHOWN = frozenset({"GROUP_BEGIN", "GROUP_ADDEND", "GROUP_END", "WORKPIECE"})
 """Calls that the control's screen shows."""
 ATTRIBUTES = frozenset({"SAVE", "DISPLOF", "DISPLON", "SBLOF", "SBLON", "ACTBLOCNO"})
-"""What may stand behind PROC."""
+"""Attributes that may stand behind PROC."""
 CYCLE = re.compile(r"CYCLE\d+|POCKET\d|SLOT\d|LONGHOLE|HOLES\d|CONTPRON|RET|ISOCALL")
 """Names that are no subprogram of the user."""
 UNKNOWN = "this cycle or function is not known in the dialect siemens: post it as single moves"

@@ -32,7 +32,7 @@ class Pocket:
 
     call: CycleCall
     radius: float
-    """In the program's unit."""
+    """Radius of the tool in the program's unit."""
 
     def blocks(self) -> Iterator[Words]:
         """What mills it: from the centre outwards (VARI 1), or edge and base (VARI 2)."""

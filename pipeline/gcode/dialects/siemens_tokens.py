@@ -15,7 +15,7 @@ DEEPEST = 60
 VARIABLE = "def "
 """Prefix of variable names, which keeps them apart from those that other dialects predefine."""
 ARGUMENT = f"{VARIABLE}argument "
-"""Before the number of an argument: variables whose names no program can write."""
+"""Prefix of the number of an argument: variables whose names no program can write."""
 R_PARAMETER = re.compile(r"r(\d{1,3})")
 """R0 to R999, which exist without a definition."""
 LONGEST = 512

@@ -34,7 +34,7 @@ class Curves:
     """B blocks over Q feeds."""
 
     feeds: Floats = field(repr=False)
-    """Rising, in the units of ``Moves``; shape (Q,)."""
+    """Feeds, rising, in the units of ``Moves``; shape (Q,)."""
     values: Floats = field(repr=False)
     times: Floats = field(repr=False)
     """Objective, and time [s], of each block at each of them; shape (B, Q)."""

@@ -32,7 +32,7 @@ SLACK = 1e-9
 ROUNDED = 1.01 * ROUNDING
 """Kept free of the least F, as a share: words round F down."""
 TINY = 1e-9
-"""Less than any F that a word holds."""
+"""Value below any F that a word holds."""
 REACHED = 1.0 - 1e-6
 """Share of its F from which on a row counts as fast as that."""
 STEP = 1e-4
@@ -194,7 +194,7 @@ class BlockFeeds:
     """Best feeds of M rows at P choices of S."""
 
     feeds: Floats = field(repr=False)
-    """In the units of ``Moves``; rows that keep theirs have their own; shape (P, M)."""
+    """F in the units of ``Moves``; rows that keep theirs have their own; shape (P, M)."""
     values: Floats = field(repr=False)
     """Objective of each row at that F and S; infinite where no F meets the limits; shape (P, M)."""
     low: Floats = field(repr=False)

@@ -35,7 +35,7 @@ class BoundedGenes:
     problem: Problem = field(repr=False)
     """Problem of M rows."""
     start: Decision = field(repr=False)
-    """Whose groups they are; its S may stay as it is, all other S are whole."""
+    """Decision whose groups they are; its S may stay as it is, all other S are whole."""
     low: Floats = field(repr=False)
     high: Floats = field(repr=False)
     """Bounds; shape (G + H,)."""
@@ -161,7 +161,7 @@ class Method:
     limits: MethodLimits = "certain"
     """Load limit at nominal values, or with the probability that is allowed."""
     refused: str = ""
-    """Why the whole twin does not accept it; empty where it does, or was not asked."""
+    """Reason why the whole twin does not accept it; empty where it does, or did not check it."""
 
     @property
     def kept(self) -> bool:

@@ -36,7 +36,7 @@ drill that nothing else bounds; the last two are the tool's range and the greate
 SAME = 1 + 1e-9
 """Factor by which a value may pass the programmed one and count as it: rounding."""
 BEYOND = ("depth of the table", "width of the table", "length of the flutes")
-"""What a cut may be beyond, so that its feed is no more than programmed; beside the deflection."""
+"""Quantities beyond which a cut's feed is no more than programmed; beside the deflection."""
 
 F_Z_CONSTRAINTS = (
     LOAD, DEFLECTION, ROUGHNESS, GREATEST_CHIP, TORQUE, AS_PROGRAMMED, FEED_PER_TOOTH, CHANGE,
@@ -52,7 +52,7 @@ class Bounds:
     """Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit;
     shape (8, M)."""
     least: Floats = field(repr=False)
-    """For the least chip; 0 where there is none; shape (M,)."""
+    """Least feed per tooth by the least chip [m]; 0 where there is none; shape (M,)."""
     torque: Floats = field(repr=False)
     """Mean torque over the turn at each row's hardest station, at the nodes of the load table
     [N m]; shape (M, K + 1)."""
@@ -100,9 +100,9 @@ class OperationRange:
     operation: Operation
     """Operation of :data:`pipeline.cutting.catalogue.OPERATIONS`."""
     range: CuttingRange
-    """With its source; None in it where nothing is known."""
+    """Range with its source; None in it where nothing is known."""
     kept: str = ""
-    """Why F and S stay as programmed; empty where they may change."""
+    """Reason why F and S stay as programmed; empty where they may change."""
     rows: Bools = field(repr=False, compare=False)
     """Rows that it holds for; shape (M,)."""
 
@@ -112,9 +112,9 @@ class NotRaised:
     """Rows whose feed for each tooth and F rise no further than programmed, and why."""
 
     limit: str
-    """What their cut is beyond, a noun."""
+    """Quantity that their cut is beyond, a noun."""
     why: str
-    """In words, with the values."""
+    """Reason in words, with the values."""
     rows: Bools = field(repr=False)
     """Shape (M,)."""
 
@@ -124,7 +124,7 @@ class Practice:
     """Limits of M rows; every array has shape (M,) and is infinite (or 0) where nothing limits."""
 
     settings: MachiningPractice
-    """How far F and S may go."""
+    """Greatest changes of F and S."""
     operation: NDArray[np.int8] = field(repr=False)
     """Place in :data:`pipeline.cutting.catalogue.OPERATIONS`; -1 of rows that do not move at
     feed."""
@@ -157,7 +157,7 @@ class Practice:
     speed_high: Floats = field(repr=False)
     """S by the change from the program, and where no tool life is known [rev/min]."""
     unstable: Bools = field(repr=False)
-    """Rows whose stability is not known and for which nobody asked for a range of S."""
+    """Rows whose stability is not known and that have no requested range of S."""
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
     """S by the range of the cutting speed and by the least tool life [rev/min]."""
@@ -183,7 +183,7 @@ class Groups:
     """Stretch of each row, -1 for rows that keep their S; shape (M,)."""
     own_feed: Floats = field(repr=False)
     own_speed: Floats = field(repr=False)
-    """What the rows have as programmed, in the units of ``Moves``; shape (M,)."""
+    """F and S as programmed, in the units of ``Moves``; shape (M,)."""
 
     @property
     def feeds(self) -> int:
@@ -239,7 +239,7 @@ class Decision:
     groups: Groups
     """Rows that share an F, and an S."""
     feeds: Floats = field(repr=False)
-    """In the units of ``Moves`` ([mm/min] or [mm/rev]); shape (G,)."""
+    """F in the units of ``Moves`` ([mm/min] or [mm/rev]); shape (G,)."""
     speeds: Floats = field(repr=False)
     """Speeds [rev/min]; shape (H,)."""
 
@@ -281,7 +281,7 @@ class Editable:
     """Rows whose line may get (or has) an S word: where a stretch of one S can begin;
     shape (M,)."""
     own_start: Bools = field(repr=False)
-    """Those whose line has an S word already; shape (M,)."""
+    """Rows whose line has an S word already; shape (M,)."""
     held: tuple[HeldRows, ...]
     """Blocks that stay as programmed."""
 

@@ -43,7 +43,7 @@ class Demand:
     prices: Floats
     """Prices of a second and of a joule; shape (2,)."""
     known: NDArray[np.bool_]
-    """Which objectives are known at all; shape (4,)."""
+    """Whether each objective is known; shape (4,)."""
 
     def with_bounds(self, bounds: Bounds) -> "Demand":
         """The same with other bounds of the feed for each tooth."""

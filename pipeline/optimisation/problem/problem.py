@@ -49,7 +49,7 @@ AT_ONCE = 1 << 18
 NEAR = 1e-9
 """Rounding of a margin [1]."""
 CHATTERS = "chatter is predicted in it as programmed"
-"""Why a feed does not rise where no S keeps the margin of stability."""
+"""Reason of a feed that does not rise where no S keeps the margin of stability."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

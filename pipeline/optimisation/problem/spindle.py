@@ -33,7 +33,7 @@ COARSE = 0.012
 FINE = 0.35
 """Speed above which that holds, over the fastest; below it steps are up to 2.5 times as wide."""
 MARGIN_FACTOR, MARGIN_ABOVE = 1.1, 0.05
-"""Greatest margin told apart in a search: this share of the least that is allowed, and more."""
+"""Greatest margin resolved in a search: this share of the least that is allowed, and more."""
 
 
 def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
@@ -63,14 +63,14 @@ class SpeedChanges:
     """Where S can change in a program."""
 
     waiting: AuxiliaryParameters
-    """How fast the spindle is, and where it is waited for."""
+    """Run-up of the spindle, and the control's waits for it."""
     added: Rows = field(repr=False)
     """Rows before which an S word could be added while the spindle turns, and be waited for;
     shape (A,)."""
     until: Rows = field(repr=False)
     """Row that waits for each of them; shape (A,)."""
     standstill: float
-    """What a standstill before a wait takes: filters run empty, check of position [s]."""
+    """Time of a standstill before a wait: filters run empty, check of position [s]."""
     standing: Floats = field(repr=False)
     """Part of it that the program takes there anyway [s]; shape (A,)."""
     pairs: Rows = field(repr=False)

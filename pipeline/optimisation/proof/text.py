@@ -45,7 +45,7 @@ class WordChange:
     """One F or S word."""
 
     line: int
-    """Counting from 1."""
+    """Line number, from 1."""
     letter: str
     """``"F"`` or ``"S"``."""
     before: str | None
@@ -67,11 +67,11 @@ class Scan:
     """A line word by word."""
 
     text: bytes
-    """Without its end."""
+    """Text of the line without its end."""
     changeable: tuple[Span, ...]
     """F and S words with a number, in order."""
     last_other: int
-    """Where its last word ends that is no F or S, and no N; 0 where it has none."""
+    """End of its last word that is no F or S, and no N; 0 where it has none."""
 
     @property
     def bare(self) -> bytes:
@@ -151,12 +151,12 @@ class Difference:
     """The first block that is not the same, and why."""
 
     line: int
-    """Counting from 1, in the program before (0 where it is none of its lines)."""
+    """Line number in the program before, from 1 (0 where it is none of its lines)."""
     before: str
     after: str
     """The block in each text."""
     reason: str
-    """What is not the same."""
+    """Difference in words."""
 
     def __str__(self) -> str:
         return f"line {self.line}: {self.reason}: {self.before!r} became {self.after!r}"

@@ -59,7 +59,8 @@ TAIL = 0.9
 Z_95 = 1.6448536269514722
 """Standard deviations below which 95 % of a normal distribution lies."""
 TAIL_ALONE = 1.6
-"""By how much more a level of the tail alone errs: of Sobol draws of parts 1.4 to 2 times."""
+"""Error of a level of the tail alone over that of the whole: of Sobol draws of parts 1.4 to 2 [1].
+"""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +87,7 @@ class Exceedance:
     interval_95: tuple[float, float]
     """95 % interval of the share by Clopper and Pearson [1]."""
     draws: int
-    """How many."""
+    """Number of draws."""
     peak_quantiles: dict[float, float]
     """Quantiles of the peak load of the tools with a limit, by level [N]."""
 

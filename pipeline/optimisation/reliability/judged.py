@@ -25,7 +25,7 @@ UNIDENTIFIED = {
     "drive": "no following error is known",
     "cutting": "coefficients are others', with the spread of their source",
 }
-"""What stands in for a sub-model that was not identified."""
+"""Substitutes for a sub-model that was not identified."""
 GRAVITY: tuple[UsedStatus, ...] = (
     "failed", "not decided", "not judged", "not identified", "passed",
 )  # fmt: skip

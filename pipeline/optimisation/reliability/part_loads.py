@@ -65,7 +65,7 @@ class Critical:
     """Q candidates in C classes."""
 
     row: Rows = field(repr=False)
-    """Whose candidate it is, never falling; shape (Q,)."""
+    """Row of each candidate, never falling; shape (Q,)."""
     curve: Floats = field(repr=False)
     """Peak load over the nodes of the table, never falling [N]; shape (Q, K + 1)."""
     scale: Floats = field(repr=False)
@@ -80,7 +80,7 @@ class Critical:
     station: Rows = field(repr=False)
     """Representative of each class; shape (C,)."""
     tool: Rows = field(repr=False)
-    """Its tool, an index; shape (C,)."""
+    """Tool of each class, an index; shape (C,)."""
     rows: int
     """M, of the program."""
 
@@ -291,9 +291,9 @@ class Responses:
     f_z: Floats = field(repr=False)
     """Feeds, rising [m]; shape (C, K)."""
     expected: Floats = field(repr=False)
-    """Without uncertainty [N]; shape (C, K)."""
+    """Loads without uncertainty [N]; shape (C, K)."""
     values: Floats = field(repr=False)
-    """In the draws [N]; shape (C, K, D)."""
+    """Loads in the draws [N]; shape (C, K, D)."""
 
     def over(self, candidates: Critical, limits_N: Floats) -> "Responses":
         """The same with loads over the limit of their tool, (T,) [N], in place of newtons."""

@@ -64,7 +64,7 @@ class ToolUncertainty:
     own: Floats = field(repr=False)
     """L, root of their own covariance; shape (6, 6)."""
     source: int = -1
-    """Which common scale they have, -1 for none."""
+    """Index of their common scale, -1 for none."""
     common: float = 0.0
     """s, its standard deviation [1]."""
     runout: float = 0.0
@@ -73,7 +73,7 @@ class ToolUncertainty:
     mounting: float = 0.0
     """Standard deviation of each component of what another mounting adds [m]."""
     described: tuple[UncertainQuantity, ...] = ()
-    """In words."""
+    """Uncertain quantities in words."""
 
     @property
     def runout_words(self) -> str:
@@ -87,7 +87,7 @@ class Uncertainty:
     """Distribution of all uncertain quantities of a part."""
 
     tools: Mapping[int, ToolUncertainty]
-    """By number."""
+    """Uncertainty of each tool, by number."""
     sources: tuple[str, ...]
     """Sources of the common scales."""
     depth: float
@@ -95,7 +95,7 @@ class Uncertainty:
     model: float
     """Relative standard deviation of the model's peaks, common to the part [1]."""
     described: tuple[UncertainQuantity, ...] = ()
-    """The last two in words."""
+    """Uncertainty of depth and model in words."""
 
     @property
     def quantities(self) -> tuple[UncertainQuantity, ...]:

@@ -68,19 +68,19 @@ class Places:
     words: ProgramWords
     """Words of the text."""
     line_runs: LineRuns = field(repr=False)
-    """To its lines."""
+    """Line runs of the program."""
     feed: ModalWords = field(repr=False)
     speed: ModalWords = field(repr=False)
     """LineRuns that read F, and S."""
     feed_may: Bools = field(repr=False)
     speed_may: Bools = field(repr=False)
-    """Those whose line may be given a word, or another in its place."""
+    """Line runs whose line may be given a word, or another in its place."""
     feed_free: Bools = field(repr=False)
     speed_free: Bools = field(repr=False)
     """Rows whose F, S may be changed; shape (M,)."""
     feed_reasons: Reasons = field(repr=False)
     speed_reasons: Reasons = field(repr=False)
-    """Why others may not, first reasons first."""
+    """Reasons why others may not, first reasons first."""
 
 
 def places_of(

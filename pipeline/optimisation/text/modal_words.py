@@ -24,11 +24,11 @@ class LineRuns:
     of: Rows = field(repr=False)
     """Line run of each row; shape (M,)."""
     line: Rows = field(repr=False)
-    """In the program's own file, 0 for those of other files; shape (V,)."""
+    """Line in the program's own file, 0 for those of other files; shape (V,)."""
     first: Rows = field(repr=False)
     """First row of each; shape (V,)."""
     taps: Bools = field(repr=False)
-    """Whether the spindle turns back in it; shape (V,)."""
+    """Whether the spindle reverses in it; shape (V,)."""
     again: Bools = field(repr=False)
     """Whether the line has other line_runs; shape (V,)."""
 
@@ -103,7 +103,7 @@ class ModalWords:
     letter: str
     """``"F"`` or ``"S"``."""
     run: Rows = field(repr=False)
-    """Which they are among all line_runs; shape (K,)."""
+    """Index among all line_runs; shape (K,)."""
     line: Rows = field(repr=False)
     """0 in other files; shape (K,)."""
     row: Rows = field(repr=False)

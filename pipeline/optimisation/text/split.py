@@ -16,7 +16,7 @@ from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut.loads import Cut
 
 SECONDS = 60.0
-"""In a minute."""
+"""Seconds in a minute."""
 STANDING = frozenset("NFSTM")
 """Words that move no axis and leave the meaning of coordinates alone."""
 PLAIN_G = (1.0, 90.0)

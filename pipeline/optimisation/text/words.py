@@ -24,7 +24,7 @@ CLOSED_G = (
     4, 10, 11, 25, 26, 31, 33, 33.1, 34, 35, 38.2, 38.3, 38.4, 38.5, 50, 63, 65, 66, 66.1, 67, 74,
     76, 84, 92, 92.1, 92.2, 92.3, 93, 96, 961, 962, 331, 332,
 )  # fmt: skip
-"""Under which F or S of the same line means something else, or might."""
+"""G codes under which F or S of the same line means something else, or might."""
 CLOSED_M = (19, 29, 70, 71, 72, 73, 96, 97, 98, 99, 198)
 WINDING_M = (96, 97, 98, 99, 198)
 WINDING_G = (65, 66, 66.1)
@@ -265,9 +265,9 @@ class FeedText:
     unit: Floats = field(repr=False)
     """Millimetres in the unit of length that F counts; shape (M,)."""
     style: NumberStyle
-    """In which the program writes its own F words."""
+    """Number style of the program's own F words."""
     own: Mapping[float, bytes] = field(repr=False)
-    """Their values in the units of ``Moves`` -> their numbers as written."""
+    """Values of its F words in the units of ``Moves`` -> their numbers as written."""
 
     @classmethod
     def of(cls, words: ProgramWords, moves: Moves) -> Self:

@@ -49,7 +49,7 @@ class Display:
     feedrate: Floats
     """Speed of the axes along the path, which lag behind their commands [mm/s]."""
     commanded: Floats
-    """The same as commanded [mm/s]."""
+    """Commanded speed along the path [mm/s]."""
     speed: Floats
     """Speed of the spindle [rev/min]."""
     feed_override: Floats

@@ -44,7 +44,7 @@ class Section:
     start: Sequence[float]
     """Programmed X Y Z before it [mm]."""
     steps: tuple[Step, ...]
-    """Its lines and arcs."""
+    """Lines and arcs of the path."""
     motion: Profile
     """Along the path."""
     ends: Floats
@@ -197,7 +197,7 @@ class Operator:
     """Actions of the person at the machine during a run; lines are those of the program."""
 
     feed_override: tuple[tuple[int, float], ...] = ((0, 100.0),)
-    """In force from that line on; the first has line 0."""
+    """Feed override from a line on [percent]; the first has line 0."""
     rapid_override: float = 100.0
     """Rapid override [percent]."""
     holds: Mapping[int, float] = field(default_factory=dict)

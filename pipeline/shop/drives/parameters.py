@@ -312,7 +312,7 @@ class Drives(Ranged, section="Drives"):
     z: Axis = field(default_factory=_z)
     tool: ServoTool = field(default_factory=ServoTool)
     feed: FeedRecords = field(default_factory=FeedRecords)
-    """Its recordings of feeds, which it makes when those are ``recorded`` too."""
+    """Recordings of feeds, made when those are ``recorded`` too."""
     shaft: ShaftRecords = field(default_factory=ShaftRecords)
     """Recordings of both ends of each drive, made when those are ``recorded`` too."""
 

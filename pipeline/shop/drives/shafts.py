@@ -28,7 +28,7 @@ COLUMNS = (
 SHORT = 6.0
 """Stroke of the reversals [mm]."""
 REVERSED = (2.0, 8.0, 25.0)
-"""Their feeds [mm/s]."""
+"""Feeds of the reversals [mm/s]."""
 SPEEDS = (20.0, 60.0, 150.0, 250.0)
 """Speeds of the long strokes [mm/s]."""
 FEED = 25.0

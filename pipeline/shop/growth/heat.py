@@ -31,7 +31,7 @@ KEPT = 10
 REFERENCE = 12000.0
 """Speed at which what depends on speed has its nominal value [rev/min]."""
 NATURAL = int(Path.NATURAL)
-"""For compiled functions."""
+"""Path kind as an integer, for compiled functions."""
 
 
 class Course(NamedTuple):

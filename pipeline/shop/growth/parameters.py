@@ -113,7 +113,7 @@ class HeatPaths(Ranged, section="HeatPaths"):
     """Thermal conductances of one bearing: shaft to inner ring, ring to balls at rest, outer ring
     to housing."""
     mixing: Annotated[float, Range(least=0, most=10)] = 0.8
-    """By how much the lubricant adds to the balls' conductance at 12 000 rev/min, as n^0.5."""
+    """Increase of the balls' conductance by the lubricant at 12 000 rev/min, as n^0.5."""
     shrink_fit: Annotated[float, Range(least=10, most=1e5, unit="W/m2/K")] = 900.0
     stator_fit: Annotated[float, Range(least=10, most=1e5, unit="W/m2/K")] = 600.0
     """Rotor on shaft, stator in housing."""

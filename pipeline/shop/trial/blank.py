@@ -126,7 +126,7 @@ class Swept:
     cell: float
     """Cell [mm]."""
     heights: Floats
-    """Between the layers, from below [mm]."""
+    """Heights between the layers, from below [mm]."""
     first: NDArray[np.float32]
     """Path length of the tip at which each cell was first swept [mm]; infinite where never."""
     corner: tuple[float, float]

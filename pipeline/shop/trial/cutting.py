@@ -221,7 +221,7 @@ class Chance:
     workpiece: Workpiece
     """Workpiece of this batch."""
     tools: dict[int, EndMill]
-    """With this mounting's runout, tilt and teeth."""
+    """Tools with this mounting's runout, tilt and teeth."""
     used: dict[int, float]
     """Length of cut of a tooth of each before [m]."""
     deeper: dict[int, float]

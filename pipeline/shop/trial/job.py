@@ -46,7 +46,7 @@ class TrialJob(Ranged, section="TrialJob"):
     limit_load_N: Annotated[float, Range(above=0.0, unit="N")]
     """Limit that peaks of the load are compared with [N]."""
     tools: Mapping[int, EndMill]
-    """Those that cut, by the number that the program calls.  Runout and tilt are those of a usual
+    """Tools that cut, by the number that the program calls.  Runout and tilt are those of a usual
     mounting: each seed mounts them anew."""
     workpiece: Workpiece = field(default_factory=Workpiece)
     """The material; each seed has a batch of its own."""

@@ -73,7 +73,7 @@ class Course:
     hardness: Floats
     land: Floats
     measured: Floats
-    """What was written down after each record [um], NaN where nothing was; shape (K,)."""
+    """Reading after each record [um], NaN without one; shape (K,)."""
     worn_after: float
     """Time in the cut until the tool is worn, also of one that is still in use [min]."""
 

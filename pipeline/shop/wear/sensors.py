@@ -23,7 +23,7 @@ FORCES, ACCELERATIONS, EMISSION = slice(0, 3), slice(3, 6), 6
 LOST = 0.003
 """Share that a channel without its plug still shows [1]."""
 TURNS = 100.0
-"""Speed at which amplitudes of unbalance and bearings are told [rev/s]: 6000 rev/min."""
+"""Speed at which amplitudes of unbalance and bearings are stated [rev/s]: 6000 rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,8 +28,8 @@ from pipeline.signals.cleaning.settings import CleanMachine, CleanSettings
 from pipeline.signals.columns import COLUMNS, Column
 
 Carry = dict[str, Any]
-"""What one day leaves to the next, as JSON: ``spoken``, ``agent``, ``items``, ``held`` (position
-control); times in ns."""
+"""State carried from one day to the next, as JSON: ``spoken``, ``agent``, ``items``, ``held``
+(position control); times in ns."""
 
 
 class Item:

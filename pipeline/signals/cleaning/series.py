@@ -72,7 +72,7 @@ def joined(first: Series, second: Series) -> Series:
 
 
 Span = tuple[int, int]
-"""From, to [ns], both included."""
+"""Start and end [ns], both included."""
 
 
 def on_spans(spoken: Ints, settings: CleanSettings) -> list[Span]:

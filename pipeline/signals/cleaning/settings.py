@@ -47,7 +47,7 @@ class CleanMachine:
     signals: Mapping[str, str] = field(default_factory=dict)
     """Canonical signal -> name of the data item or of the trace channel."""
     position_control: PositionControl | None = None
-    """For machines whose spindle also works as a C axis."""
+    """Signs of position control, for machines whose spindle also works as a C axis."""
     warm_up_programs: tuple[str, ...] = ()
     """Programs that only warm the machine up."""
     time_zone: str = UTC
@@ -95,7 +95,7 @@ class CleanSettings(Ranged, section="cleaning"):
     off_after_s: Annotated[float, Range(least=1, most=7 * DAY, unit="s")] = 900.0
     """A machine that is silent for longer was off [s]; shorter gaps stay in the table as nulls."""
     lookahead_s: Annotated[float, Range(least=60, most=DAY, unit="s")] = 3600.0
-    """How far a day looks into the next one, to judge and to join its last values [s]."""
+    """Time of the next day that is read to clean and to join a day's last values [s]."""
     silence_factor: Annotated[float, Range(least=1, most=1000)] = 5.0
     """A silence is this many times as long as an item's habitual interval [1]."""
     silence_min_s: Annotated[float, Range(least=0.1, most=DAY, unit="s")] = 10.0
@@ -110,7 +110,7 @@ class CleanSettings(Ranged, section="cleaning"):
     """From one report to the next a temperature changes by at most ``step + slew * min(elapsed,
     reach)``: an item that reports on change would have reported in between."""
     counter_slack_s: Annotated[float, Range(least=0, most=3600, unit="s")] = 5.0
-    """How far a counter of seconds may run ahead of the clock [s]."""
+    """Time by which a counter of seconds may run ahead of the clock [s]."""
     linear_intervals: Annotated[float, Range(least=1, most=100)] = 3.0
     """Values further apart than this many typical intervals are held, not joined by a line [1]."""
     turning_rpm: Annotated[float, Range(least=0.1, most=1000, unit="rev/min")] = 5.0

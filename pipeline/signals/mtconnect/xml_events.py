@@ -25,7 +25,7 @@ FRAGMENT = b"<fragment>"
 
 _NO_END = expat.ErrorString(expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS])
 BEGIN = re.compile(rb"<\?xml\s|<!DOCTYPE|<(?:[\w.-]+:)?MTConnect(?:Streams|Devices|Assets|Error)\b")
-"""How a document begins."""
+"""Head of a document."""
 
 _DECLARED = re.compile(rb"""^\s*<\?xml[^>]{0,200}?\bencoding\s*=\s*["']([A-Za-z0-9._-]+)["']""")
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"),

@@ -8,10 +8,10 @@ from pipeline.kernels import compiled
 from pipeline.signals.literals import AWAY, COPIED, NONE, inlined, number_at, time_at
 
 NOTHING, NUMBER, TEXT = 0, 1, 2
-"""What a row holds."""
+"""Content of a row."""
 
 LINES, NEW_KEY, FULL = 0, 1, 2
-"""Why :func:`scan` returned: all lines are read, a name is met first, a table is full."""
+"""Results of :func:`scan`: all lines are read, a name is met first, a table is full."""
 
 ANY, SAMPLE, EVENT, WORD, OTHER = 0, 1, 2, 3, 4
 """Forms of an item's value; a line with an OTHER is for the reference path."""
@@ -81,7 +81,7 @@ _WARNING = np.frombuffer(b"WARNING", np.uint8)
 _FAULT = np.frombuffer(b"FAULT", np.uint8)
 
 _READ, _ODD, _NEW, _FULL = 0, 1, 2, 3
-"""What became of a line."""
+"""Results of a line."""
 
 
 @compiled

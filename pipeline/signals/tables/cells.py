@@ -27,7 +27,7 @@ NOTHING = (
     "", "nan", "+nan", "-nan", "nan(ind)", "-nan(ind)", "1.#qnan", "-1.#ind", "-1.#qnan", "1.#ind",
      "na", "n/a", "#n/a", "null", "none", "nil", "unavailable", "-", "--", "---", "missing",
 )  # fmt: skip
-"""What programs write, in lower case, where they have no number."""
+"""Text of programs, in lower case, for a missing number."""
 
 NUMBER = r"^[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?$"
 """A number in text, with a decimal point."""

@@ -196,7 +196,7 @@ class RawTable:
     left_out: list[str] = field(default_factory=list)
     """Columns of the file that are not read."""
     notes: dict[str, Any] = field(default_factory=dict)
-    """What else the file holds (constants beside the channels)."""
+    """Further content of the file (constants beside the channels)."""
     rate: float | None = None
     start: str | None = None
     """Sampling rate [Hz] and first instant that the file itself states."""

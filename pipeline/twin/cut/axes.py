@@ -48,7 +48,7 @@ class CutForce:
     """Force of the cut at T times."""
 
     force: Floats = field(repr=False)
-    """On the tool along X, Y, Z of the machine [N]; 0 in air."""
+    """Force on the tool along X, Y, Z of the machine [N]; 0 in air."""
     ripple: Floats = field(repr=False)
     """Amplitude of its harmonic at tooth passing [N]."""
     tooth_frequency: Floats = field(repr=False)
@@ -139,7 +139,7 @@ class CutFollowing:
 
     air: dict[str, AxisFollowing]
     cut: dict[str, AxisFollowing]
-    """The same axes at the same T times, without and with the force."""
+    """Axes at the same T times, without and with the force."""
     load: CutForce
     """Load of the cut at these times."""
 

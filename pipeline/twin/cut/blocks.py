@@ -102,10 +102,10 @@ class CutBlocks:
     """Highest feed reached [mm/min]."""
     feed_per_tooth: Floats
     thickness: Floats
-    """At that feed: f_z, and the thickest chip [m]."""
+    """Feed per tooth and thickest chip at that feed [m]."""
     axial_depth: Floats
     radial_depth: Floats
-    """At the deepest and widest station [m]."""
+    """Axial and radial depth at the deepest and widest station [m]."""
     cutting_diameter: Floats
     """Greatest diameter at which an edge cuts: D, of a corner what its depth reaches [m]."""
     entry: Floats

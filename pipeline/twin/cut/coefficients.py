@@ -29,7 +29,7 @@ class WornLand:
     """Width of the land VB [um]."""
     source: str
     caution: str
-    """Where that is from; what speaks against the figures."""
+    """Origin of the land; caution on the figures."""
     K_te: float
     K_re: float
     """Added to the coefficients of the sharp edge [N/m]."""

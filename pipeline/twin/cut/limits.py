@@ -28,7 +28,7 @@ class CutLimits:
     used: Floats
     """Share of the limit that binds [1]."""
     binds: NDArray[np.str_]
-    """Which one that is; empty where no limit is known."""
+    """Limit that binds; empty where no limit is known."""
 
 
 def cut_limits(

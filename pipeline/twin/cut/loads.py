@@ -39,7 +39,7 @@ class CutJob:
     stock: Stock
     """Blank, in the coordinates of the work offset ``offset``."""
     tools: Mapping[int, Tool]
-    """By number."""
+    """Tools by number."""
     force_laws: Mapping[int, ForceLaw]
     """Force laws of each of them in the blank's material."""
     resolution: float
@@ -57,7 +57,7 @@ class Cut:
     plan: Plan = field(repr=False)
     """Speeds as the control reaches them."""
     path: CuttingPath = field(repr=False)
-    """Through the blank."""
+    """Path through the blank."""
     numbers: tuple[int, ...]
     tools: tuple[Tool, ...] = field(repr=False)
     force_laws: tuple[ForceLaw, ...] = field(repr=False)
@@ -66,7 +66,7 @@ class Cut:
     """N stations."""
     blank: HeightMap = field(repr=False)
     left: HeightMap = field(repr=False)
-    """Before and after."""
+    """Blank before and after."""
     table: LoadTable = field(repr=False)
     """Loads of each block."""
 

@@ -152,7 +152,7 @@ class CuttingPath:
     """A program's tool path; its blocks are the rows of its moves."""
 
     pieces: ToolPath = field(repr=False)
-    """In the coordinates of ``frame`` [m]."""
+    """Pieces of the path in the coordinates of ``frame`` [m]."""
     frame: WorkFrame = field(repr=False)
     """Work offset that the stock is measured in."""
     left_out: tuple[LeftOutMoves, ...]

@@ -67,7 +67,7 @@ class MachineWear:
     growth: LandGrowth | None = None
     """Growth of the edge forces."""
     reason: str = NOT_RECORDED
-    """Why there is none."""
+    """Reason why there is no growth."""
     criterion_um: float | None = None
     """Flank wear at which a tool is changed [um]."""
     in_use: Mapping[int, KnownWear] = field(default_factory=dict)
@@ -79,11 +79,11 @@ class ToolWear:
     """Wear that the tools of a cut are taken to have."""
 
     machine: MachineWear = field(default_factory=MachineWear)
-    """What is known."""
+    """Wear data of the machine."""
     rule: WearRule = "known"
     """Rule for tools whose wear is not given."""
     asked: bool = False
-    """Whether somebody asked for the rule; else it is the default, and a criterion holds for the
+    """Whether the rule was requested; else it is the default, and a criterion holds for the
     material alone that the growth was fitted on."""
     given: Mapping[int, float] = field(default_factory=dict)
     """Flank wear by the tool's number [um]."""
