@@ -75,7 +75,7 @@ PARTS = (
 
 
 def missing(fleet: Fleet, machine: str) -> list[tuple[str, str]]:
-    """What cannot be built for ``machine``, each with what to record for it."""
+    """Products that cannot be built for ``machine``, each with what to record for it."""
     from pipeline.submodels.contract import submodel
 
     known = fleet.submodels_of(machine)

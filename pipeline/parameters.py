@@ -85,7 +85,7 @@ def _keyed(pairs: list[tuple[str, Any]]) -> dict[str | int, Any]:
 
 
 def parted(values: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
-    """What of a composition stands in params.yaml, and the files of ``data/settings``."""
+    """Sections of a composition for params.yaml, and the files of ``data/settings``."""
     own = {name: one for name, one in values.items() if name not in (*CATALOGUES, "machine")}
     machines = values.get("machine", {})
     parts = {f"{MACHINES}/{name}.json": one for name, one in machines.items()}

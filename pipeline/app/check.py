@@ -109,7 +109,7 @@ def range_lines(
 
 @dataclass(frozen=True, kw_only=True)
 class _Limits:
-    """What a tool may be given, whose feed and speed that are, and why nothing is known."""
+    """Ranges of a tool's feed and speed, with their source and the reason of a missing one."""
 
     range: CuttingRange | None = None
     feed_of: str = TABLE

@@ -82,7 +82,7 @@ def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> 
 
 
 def said(done: Written, out: Path, kind: str) -> Iterator[str]:
-    """What ``kerf compensation`` says."""
+    """Report of ``kerf compensation`` in lines."""
     found = done.found
     below, above = found.interval_um
     yield f"{done.machine}{done.simulated}: growth by {done.method}"

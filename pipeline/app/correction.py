@@ -44,7 +44,7 @@ def _champion(models: Path, machine: str) -> str:
 
 
 def correction_lines(document: dict[str, Any]) -> Iterator[str]:
-    """What ``kerf simulate`` says of it: following error as predicted, before and after."""
+    """Following error as predicted, before and after correction, in lines of ``kerf simulate``."""
     yield f"corrected command in {document['file']}, residual network: {document['residual']}"
     yield "following error as predicted:"
     yield from (f"  {line}" for line in correction_table(document["axes"]))

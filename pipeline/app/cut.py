@@ -84,7 +84,7 @@ def _of_all(option: str, words: Sequence[str]) -> float | None:
 
 @dataclass(frozen=True, kw_only=True)
 class WearOption:
-    """What ``--wear`` says: a rule for all tools, None without one, and wear by tool [um]."""
+    """Parsed ``--wear``: a rule for all tools, None without one, and wear by tool [um]."""
 
     rule: WearRule | None = None
     given: Mapping[int, float] = field(default_factory=dict)
@@ -119,7 +119,7 @@ class CutOptions:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """What is read for the cut; no output may replace it."""
+        """Files that are read for the cut; no output may replace them."""
         named = [word for word in (self.part.stock, self.part.tool_table, self.part.material)
                  if word.lower().endswith((".stl", ".yaml", ".yml"))]  # fmt: skip
         return tuple(Path(word) for word in (*named, *(w.rpartition("=")[2] for w in self.frf)))

@@ -15,7 +15,7 @@ from pipeline.schema.program_cut import (
 
 
 def cut_lines(cut: ProgramCut) -> Iterator[str]:
-    """What ``kerf simulate`` says of a cut: tools, cost, warnings, what is not known."""
+    """Lines of ``kerf simulate`` on a cut: tools, cost, warnings, unknown quantities."""
     total = cut.summary
     yield (
         f"cut of {cut.stock.text} mm ({cut.stock.work_offset}) in {cut.material.name}: "
@@ -53,7 +53,7 @@ def cut_lines(cut: ProgramCut) -> Iterator[str]:
 
 
 def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
-    """Which wear each tool counts with, and its force sharp and worn."""
+    """Wear of each tool, and its force sharp and worn, in lines."""
     for one in edges:
         caution = f" ({one.caution})" if one.caution and one.wear_um else ""
         yield f"  wear of T{one.tool}: {one.edge}{caution}"

@@ -41,7 +41,7 @@ COMPOSED_BY = (PACKAGE / "stages/compose.py", PACKAGE / "parameters.py")
 
 @dataclass(frozen=True, kw_only=True)
 class FileResult:
-    """What became of one file; ``reason`` when none of it could be read, ``note`` for the rest."""
+    """Result of one file; ``reason`` when none of it could be read, ``note`` for the rest."""
 
     path: Path
     read: int
@@ -64,7 +64,7 @@ def machine_parameters(machine: str) -> dict[str, Any]:
 
 
 def _composed(override: str) -> dict[str, Any]:
-    """What ``conf/`` composes to, kept by all that it is made of: Hydra takes a second."""
+    """Composition of ``conf/``, cached by all its sources: Hydra takes a second."""
     files = sorted(path for path in CONF.rglob("*.yaml") if path.is_file())
     versions = [version(name) for name in ("hydra-core", "omegaconf")]
     key = content_key([*COMPOSED_BY, *files], *versions, override)
@@ -135,7 +135,7 @@ def _places(files: Sequence[Path]) -> dict[str, Path]:
 
 
 def _commonest_reasons(entries: dict[str, Any], out: Path) -> dict[str, str]:
-    """Why most records of a file were rejected that kept none, by place."""
+    """Commonest reason of rejected records by place, for files of which none was kept."""
     from pipeline.signals.store import read_rejections
 
     found = {}

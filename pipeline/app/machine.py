@@ -36,7 +36,7 @@ LEARNT = 2 / 3
 
 @dataclass(frozen=True, kw_only=True)
 class Proposal:
-    """What is known of a new machine."""
+    """Proposed content of a new machine's file."""
 
     name: str
     """Name of the machine."""
@@ -265,7 +265,7 @@ def fleet_text(p: Proposal, submodels: Sequence[str]) -> str:
 
 
 def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
-    """What was found, in lines; ``submodels`` are name, title and what to record for each."""
+    """Findings in lines; ``submodels`` are name, title and what to record for each."""
     lines = []
     if p.devices or p.groups:
         lines.append(f"{len(p.model.items)} data items of {p.device or 'the device'} are "

@@ -63,7 +63,7 @@ class Choice:
 
 @dataclass
 class Found:
-    """What was decided, what was left open, and which items show a spindle held in position."""
+    """Decisions, open choices, and the items that show a spindle held in position."""
 
     choices: dict[str, Choice] = field(default_factory=dict)
     position_control: dict[str, str] = field(default_factory=dict)
@@ -195,7 +195,7 @@ def _place(item: DataItem) -> tuple[str | None, str | None]:
 
 
 def _rank(log: "Log", spindle: Mapping[str, str]) -> tuple[int, float, float]:
-    """How well a spindle can be modelled: quantities with values, its heat, time that it turns."""
+    """Rank of a spindle for modelling: quantities with values, its heat, time that it turns."""
     there = sum(log.values(item) if log.series else True for item in spindle.values())
     moves = log.spread(spindle["temperature"]) if "temperature" in spindle else 0.0
     return there, moves, log.share_turning(spindle["speed"])
@@ -285,7 +285,7 @@ class Log:
         return np.where(at >= 0, one.number[np.maximum(at, 0)], np.nan)
 
     def share_turning(self, name: str) -> float:
-        """Share of the reported time in which a spindle turns [1]."""
+        """Share of the reported time in which the spindle turns [1]."""
         return float((np.abs(self.held(name)) > TURNS_RPM).mean())
 
     def spread(self, name: str) -> float:

@@ -111,7 +111,7 @@ def _choice(
 
 
 def _kind(name: str, unit: str) -> str:
-    """What a column could be; ``""`` where neither its unit nor its name says it."""
+    """Candidate quantity of a column; ``""`` where neither its unit nor its name shows it."""
     for kind, usual, words in _KINDS:
         if re.search(words, name, re.IGNORECASE) and _fits(unit, usual):
             return kind

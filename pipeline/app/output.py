@@ -42,7 +42,7 @@ class Outputs:
         return self.taken
 
     def json(self, document: Any, path: Path | None) -> None:
-        """Write a document as JSON where it was asked for."""
+        """Write a document as JSON where it was requested."""
         if (file := self.file(path)) is not None:
             check_outputs(None, file)
             with replacing(file) as part:
@@ -93,12 +93,12 @@ def log_to_standard_error(verbose: int, quiet: bool) -> None:
 
 @dataclass
 class Step:
-    """What a step of a command found, for its line in the log."""
+    """Result of a step of a command, for its line in the log."""
 
     found: list[str] = field(default_factory=list)
 
     def add(self, words: str) -> None:
-        """Say what was found."""
+        """Add a finding."""
         self.found.append(words)
 
 

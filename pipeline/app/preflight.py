@@ -91,7 +91,7 @@ def preflight_lines(found: Preflight, program: Path, machine: str) -> Iterator[s
 
 
 def clearance_lines(found: Preflight) -> Iterator[str]:
-    """What of shanks and holders was not held against the part, in one line."""
+    """Shanks and holders that were not checked against the part, in one line."""
     if found.clearance is None:
         yield NO_BLANK
     elif found.clearance:
@@ -115,7 +115,7 @@ def beyond_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]
 
 
 def not_checked_lines(found: Preflight, machine: str) -> Iterator[str]:
-    """What the machine's file does not list, in one line."""
+    """Limits that the machine's file does not list, in one line."""
     if found.not_checked:
         yield (
             f"not listed in conf/machine/{machine}.yaml, not checked: "

@@ -97,12 +97,12 @@ class Controlled:
 
     @property
     def source(self) -> str:
-        """Where the control is from, as documents say it."""
+        """Origin of the control, for documents."""
         return "identified" if self.identified else "conf/machine"
 
     @property
     def optimisation(self) -> "OptimisationSettings":
-        """How programs are optimised, and what is uncertain."""
+        """Settings and uncertainty of the optimisation of programs."""
         from pipeline.optimisation.settings import OptimisationSettings
 
         return structure(self.parameters, "optimisation", OptimisationSettings)
@@ -124,10 +124,10 @@ class Controlled:
 
 @dataclass(frozen=True, kw_only=True)
 class Simulated:
-    """A program on a machine; ``axes`` is what each axis makes of it, where drives are known.
+    """Program on a machine; ``axes`` is the motion of each axis with a known drive.
 
-    ``checked`` is the program held against the machine's travel, speeds, feeds and tool lengths.
-    ``residual`` is what the drives leave over, with the name of its model, where it was asked for.
+    ``checked``: against travel, speeds, feeds and tool lengths; ``residual``: network used, by
+    name.
     """
 
     plan: Plan
@@ -150,7 +150,7 @@ class Simulated:
 
     @property
     def interval_unknown(self) -> str:
-        """Why the 90 % interval of the time is not known by the control's verdict; else empty."""
+        """Reason why the control's verdict leaves the time's 90 % interval open; else empty."""
         from pipeline.submodels.contract import submodel
 
         columns = submodel("control").unknown_columns(self.on.models / "control")
@@ -199,7 +199,7 @@ def moves_in_parts(path: Path, setup: Setup, share: Share, rows: int) -> Iterato
 
 
 def read_moves(path: Path, setup: Setup, share: Share) -> Moves:
-    """Moves of the program at ``path``; ``share`` is told how much of it is done."""
+    """Moves of the program at ``path``; ``share`` is called with the share done."""
     moves = interpret(*_followed(path, setup, share))
     if len(moves) == 0:
         raise ValueError(NOTHING.format(path.name))
@@ -241,7 +241,7 @@ _UNITS = re.compile(rb"(?i)G0*(?:2[01]|7[01]0?)(?![.\d])|[XYZ]\s*=?[-+.\d#\[]")
 
 
 def units_assumed(program: Program, setup: Setup) -> str:
-    """Which unit a program counts in that moves before it says so; empty where it says so."""
+    """Assumed unit of a program that moves before it states one; empty where it does."""
     first = _UNITS.search(re.sub(rb"\([^)\n]*\)|;[^\n]*", b"", program.data[:UNITS_HEAD]))
     if first is None or first[0][:1] in b"Gg":
         return ""
@@ -464,7 +464,7 @@ def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
 
 
 def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
-    """What ``kerf simulate`` says: times by type, limit and tool, and what the axes make of it."""
+    """Lines of ``kerf simulate``: times by type, limit and tool, and following errors."""
     machine = document["machine"]
     assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
     source = "identified" if document["control"] == "identified" else assumed

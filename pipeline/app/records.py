@@ -21,7 +21,7 @@ HOLE = 24 * 3600 * 10**9
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ItemSeries:
-    """What one data item or channel said, in the order of time."""
+    """Reports of one data item or channel, in the order of time."""
 
     time: Ints
     """UTC [ns], shape (T,)."""

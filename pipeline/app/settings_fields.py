@@ -42,7 +42,7 @@ class Setting:
 
 @dataclass(frozen=True, kw_only=True)
 class Meaning:
-    """What a docstring says of a field: its words, and the units that they name for it."""
+    """Meaning of a field by a docstring: its words, and the units that they name."""
 
     words: str = ""
     units: tuple[str, ...] = ()
@@ -71,7 +71,7 @@ def settings(cls: type) -> list[Setting]:
 
 
 def summary(cls: type) -> str:
-    """What a class is: its docstring up to the first heading, in one line."""
+    """Summary of a class: its docstring up to the first heading, in one line."""
     if (getdoc(cls) or "").startswith(f"{cls.__name__}("):  # what dataclass writes for want of one
         return ""
     text = re.split(r"\n[^\n]+\n-{3,}\n", getdoc(cls) or "")[0]

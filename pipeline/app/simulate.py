@@ -45,7 +45,7 @@ class SimulateRequest:
 def simulate_and_write(
     request: SimulateRequest, standard: Path | None
 ) -> tuple[Simulated, dict[str, Any]]:
-    """Simulate a program and write what was asked for; its document."""
+    """Simulate a program and write the requested files; its document."""
     options = request.cut
     read = options.files if options else ()
     check_outputs(
@@ -129,7 +129,7 @@ def planned_times(plan: "Plan", name: str) -> "Program":
 def simulate_lines(
     simulated: Simulated, document: dict[str, Any], request: SimulateRequest
 ) -> Iterator[str]:
-    """What ``kerf simulate`` says of a program that was simulated."""
+    """Lines of ``kerf simulate`` on a simulated program."""
     yield from preflight_lines(simulated.checked, request.program, request.machine)
     yield from passed_over(request.program, simulated.on.setup)
     yield from simulated.plan.path.moves.notices

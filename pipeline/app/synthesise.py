@@ -62,7 +62,7 @@ def explained(
 
 
 def made_lines(made: Generated, rows: int, out: Path) -> Iterator[str]:
-    """What the command says of windows."""
+    """Lines on generated windows."""
     file = made.served.file
     simulated = " (simulated)" if file.origin == "simulated" else ""
     told = ", ".join(
@@ -78,7 +78,7 @@ def _words(value: float | str) -> str:
 
 
 def explained_lines(found: Explanation, served: Synthesis) -> Iterator[str]:
-    """What the command says of a recording."""
+    """Lines on an explained recording."""
     simulated = " (simulated)" if served.file.origin == "simulated" else ""
     low, high = found.as_good
     yield (

@@ -147,7 +147,7 @@ def _errors(points: Sequence[TransferPoint], name: str) -> Floats:
 
 
 def _across(points: Sequence[TransferPoint]) -> Floats:
-    """Where each point (N,) stands along the logarithm of the minutes [% of the width]."""
+    """Place of each point (N,) along the logarithm of the minutes [% of the width]."""
     logs = np.log([one.minutes for one in points])
     span = float(np.ptp(logs))
     places: Floats = 100 * (logs - logs[0]) / span if span else np.full(len(logs), 50.0)

@@ -227,7 +227,7 @@ def _known(value: float) -> float | None:
 
 
 def said(told: WearTold) -> Iterator[str]:
-    """What ``kerf wear`` says."""
+    """Report of ``kerf wear`` in lines."""
     yield f"{told.machine}{told.simulated}: {told.quantity} by {told.method}"
     if told.model != CHAMPION:
         yield "with the latest model, not with the champion"
@@ -258,7 +258,7 @@ def said(told: WearTold) -> Iterator[str]:
 
 
 def document(told: WearTold) -> Mapping[str, Any]:
-    """What was told as JSON holds it, with units in the names."""
+    """Wear report as JSON holds it, with units in the names."""
     return {
         "machine": told.machine, "origin": told.origin, "model": told.model,
         "status": told.status, "quantity": told.quantity, "unit": told.unit,

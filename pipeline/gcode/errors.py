@@ -24,7 +24,7 @@ ALIKE = dict(
 
 
 def strange_character(text: str, at: int) -> str:
-    """What stands at a place of a line that is not ASCII, by its name; empty where it is ASCII."""
+    """Name of a character that is not ASCII at a place of a line; empty where it is ASCII."""
     raw = text[at : at + 4].encode("latin-1", "replace")
     if not raw or raw[0] < 0x80:
         return ""

@@ -86,7 +86,7 @@ VARIABLES: dict[str, Callable[[Run], Variables]] = {
 
 
 def _reader(siemens: SiemensReader | None, setup: Setup) -> Callable[[Program, int], Statement]:
-    """What reads lines; no method of the interpreter, so that nothing keeps a read program."""
+    """Reader of lines; no method of the interpreter, so that nothing keeps a read program."""
     if siemens is not None:
         return lambda source, line: siemens.statement(source.line(line), source.name)
 

@@ -24,7 +24,7 @@ class Tool:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineLimits(Ranged, section="setup.limits"):
-    """What the machine can reach; what is left out is not checked."""
+    """Limits of the machine; what is left out is not checked."""
 
     travel: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Least and greatest position of an axis in machine coordinates, by its letter [mm, deg]."""

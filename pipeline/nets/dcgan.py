@@ -113,7 +113,7 @@ class Block(nn.Module):
 
 
 def _folded(kernel: int) -> Tensor:
-    """Which weight counts for which sample, shape (2, 1, kernel, width): even, then odd results."""
+    """Weights of the samples, shape (2, 1, kernel, width): even, then odd results."""
     half = kernel // 2
     reach = (half + 1) // 2
     found = torch.zeros(2, 1, kernel, 2 * reach + 1)
@@ -206,7 +206,7 @@ def _as_it_is(layer: Any) -> Any:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChannelScaling:
-    """What is taken off and divided by, of each channel, so that windows fit tanh."""
+    """Shift and scale of each channel, so that windows fit tanh."""
 
     shift: Floats
     scale: Floats

@@ -95,7 +95,7 @@ class Collapse:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What is wrong, a sentence each; empty for a sound generator."""
+        """Signs of a collapse, a sentence each; empty for a sound generator."""
         found = []
         if self.within < COLLAPSED:
             found.append(

@@ -233,7 +233,7 @@ class BackPropagationNetwork(nn.Module):
                     weights.uniform_(-reach, reach, generator=generator)
 
     def inputs(self, x: Tensor, c: Tensor) -> Tensor:
-        """What enters the first layer, shape (T, N) or (T, N + K)."""
+        """Inputs of the first layer, shape (T, N) or (T, N + K)."""
         return torch.cat([x, c], dim=1) if self.consequent_inputs else x
 
     def forward(self, x: Tensor, c: Tensor) -> Tensor:

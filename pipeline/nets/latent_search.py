@@ -45,7 +45,7 @@ class LatentSearch(Ranged, section="latent_search"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explained:
-    """What a generator says of a recorded window."""
+    """Explanation of a recorded window by a generator."""
 
     condition: str
     unit: str

@@ -163,7 +163,7 @@ class Tcn(SequenceNetwork):
         )
 
     def rows(self, x: Tensor) -> Tensor:
-        """What the blocks give at each time, shape (B, T, filters)."""
+        """Output of the blocks at each time, shape (B, T, filters)."""
         found: Tensor = self.blocks(x)
         return found
 

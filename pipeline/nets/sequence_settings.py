@@ -15,7 +15,7 @@ FEWEST_STEPS = 1500
 
 
 def place(steps: int) -> Compute:
-    """Where trainings of so many steps in all are made."""
+    """Place of trainings by their total number of steps."""
     return "processes" if steps >= FEWEST_STEPS else "serial"
 
 

@@ -54,7 +54,7 @@ def samples(name: str, values: ArrayLike, dimensions: int) -> Floats:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scaling:
-    """What is taken off and divided by, of K quantities or of one."""
+    """Shift and scale of K quantities or of one."""
 
     shift: Floats
     scale: Floats

@@ -193,7 +193,7 @@ def _check(
 def _leak(
     given: WindowInput, recordings: Sequence[Recording], target: str, horizon_s: float
 ) -> str:
-    """What is wrong with an input that could not be known yet; empty where nothing is."""
+    """Reason why an input could not be known yet; empty where it could."""
     age = given.older_than_s
     if age is not None:
         if age < horizon_s * (1.0 - 1e-12) or horizon_s == inf:

@@ -141,7 +141,7 @@ def _held_against(
 
 
 def _of_it(width: Floats, k: int, name: str) -> str:
-    """How much of a following error at sample k is half of its interval; nothing without one."""
+    """Share of a following error at sample k that half of its interval makes up, in words."""
     return f", {width[k]:.4g} um of it uncertain" if name == "following_um" and width[k] else ""
 
 

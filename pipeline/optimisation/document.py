@@ -356,7 +356,7 @@ def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:
 
 
 def _binding(result: Result, after: Side, reasons: RowReasons) -> tuple[stored.Binding, ...]:
-    """What binds or is kept, with the blocks that cut and their time; the longest first."""
+    """Limits that bind, with the blocks that cut and their time; the longest first."""
     binds, cuts = reasons.binds, result.problem.cuts
     rows = []
     for k in np.unique(binds[cuts]).tolist():

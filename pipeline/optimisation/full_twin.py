@@ -84,7 +84,7 @@ class Verified:
 
     @property
     def peak_row(self) -> int:
-        """Where that is; -1 where nothing is cut."""
+        """Row of the peak; -1 where nothing is cut."""
         return int(np.argmax(self.row_peak)) if self.peak_N > 0 else -1
 
 
@@ -156,7 +156,7 @@ class Result:
     interrupted: bool = False
     """Whether the search was ended early."""
     split: str | None = None
-    """Gain of splitting long blocks, in words; None where that was not asked for."""
+    """Gain of splitting long blocks, in words; None without splitting."""
     given_up: Mapping[int, str] = field(default_factory=dict)
     """Tools that stay as programmed since they cannot keep their limits, by number, and why."""
 

@@ -87,7 +87,7 @@ class CommentsInForce:
     """Lines that may have called a subprogram; the first are none, of the main program."""
 
     def naming(self) -> tuple[Rows, tuple[str, ...]]:
-        """Which comments name the operation of each row (M,), and those that there are."""
+        """Comments that name the operation of each row (M,), and those that there are."""
         many = len(self.comments)
         keys, place = np.unique(self.caller * many + self.head[self.line], return_inverse=True)
         texts, said = {"": 0}, np.zeros(len(keys), dtype=np.intp)
@@ -210,7 +210,7 @@ def _entered(lines: list[bytes], line: int, main: _Scope) -> _Scope:
 def _callers(
     moves: Moves, main: Bools, calls: list[int], end: int
 ) -> tuple[Rows, tuple[tuple[int, ...], ...]]:
-    """Which lines may have called each row (M,), and the groups of lines that there are."""
+    """Lines that may have called each row (M,), and the groups of lines that there are."""
     groups: dict[tuple[int, ...], int] = {(): 0}
     caller = np.zeros(len(moves), dtype=np.intp)
     outside = np.flatnonzero(~main)

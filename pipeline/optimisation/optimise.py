@@ -85,7 +85,7 @@ SHARES = (1.0, 0.8, 0.6, 0.4, 0.2, 0.0)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Outcome:
-    """What the search came to in its last, tightened problem."""
+    """Result of the search in its last, tightened problem."""
 
     problem: Problem
     blockwise: Decision
@@ -108,7 +108,7 @@ def optimise_worn(
     """Best program that keeps the limits until its tools are changed.
 
     Where no feed keeps them at the criterion of wear, it is lowered to the greatest of ``SHARES``
-    that allows one; a wear that was asked for is not.  Raises as :func:`optimise` does.
+    that allows one; a requested wear is not.  Raises as :func:`optimise` does.
     """
     wear = workshop.wear
     if wear.rule != "criterion" or wear.asked or wear.given:
@@ -150,7 +150,7 @@ class _Text:
 
 
 class _Course:
-    """An optimisation under way."""
+    """Optimisation in progress."""
 
     def __init__(
         self, job: Job, progress: Progress, given_up: GivenUp, text: _Text | None = None
@@ -269,7 +269,7 @@ class _Course:
         return practice, speeds_between_cuts(editable, self.moves.kind)
 
     def _passes_joined(self) -> Editable:
-        """What may change, with one F for each pass but where the load asks for less."""
+        """Editable rows with one F for each pass but where the load asks for less."""
         if self.practice is None:
             return self.editable
         passes = self.practice.passes

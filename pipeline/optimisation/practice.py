@@ -58,7 +58,7 @@ DEEPER = 1.01
 
 @dataclass(frozen=True)
 class Rule:
-    """What may change in an operation."""
+    """Freedom of F and S in an operation."""
 
     feed: Literal["free", "no_more", "no_faster", "keep"] = "free"
     """Freedom of F: inside its limits; no more for each tooth than programmed; F no more than
@@ -143,7 +143,7 @@ def thinning(cut: Cut, arcs: StationArcs) -> Floats:
 
 
 class _Rows:
-    """Rows of a program on the way to their practice."""
+    """Rows of a program with their limits of practice in progress."""
 
     def __init__(
         self, program: Program, moves: Moves, cut: Cut, blocks: CutBlocks, found: Operations,

@@ -60,7 +60,7 @@ class RowReasons:
 
     @cached_property
     def binds(self) -> Rows:
-        """Which of ``BINDS`` each row is at, -1 where none; shape (M,)."""
+        """Binding one of ``BINDS`` in each row, -1 where none; shape (M,)."""
         which = binding_constraints(self.problem, self.feeds, self.speeds)
         which = np.where(self.kept, BINDS.index(KEPT), which)
         practice = self.problem.practice
@@ -104,7 +104,7 @@ class RowReasons:
         }
 
     def why_kept(self, letter: str, rows: Rows) -> str:
-        """Why the F, or the S, of rows that keep it is kept, the most frequent reason."""
+        """Most frequent reason why the F, or the S, of rows that keep it is kept."""
         words, first = self._held[letter]
         known = first[rows][first[rows] >= 0]
         return words[int(np.bincount(known).argmax())] if len(known) else ""
@@ -117,7 +117,7 @@ class RowReasons:
             yield why, rows[first[rows] == k]
 
     def why_both(self, rows: Rows) -> str | None:
-        """Why rows keep both F and S; None where one of them may change."""
+        """Reason why rows keep both F and S; None where one of them may change."""
         if not len(rows) or not self.kept[rows].all():
             return None
         feed, speed = (self.why_kept(letter, rows) for letter in "FS")
@@ -128,7 +128,7 @@ class RowReasons:
                          if why)  # fmt: skip
 
     def why_no_faster(self, rows: Rows) -> str | None:
-        """Why S of rows that cut is nowhere above that programmed; None where it is somewhere."""
+        """Reason why S of rows that cut is nowhere above that programmed; None where it is."""
         if (self.spindle_speed[rows] > self.own_speed[rows] * ROUNDED).any():
             return None
         free = rows[self.editable.speed[rows]]
@@ -171,7 +171,7 @@ class RowReasons:
         return why or f"{operation} takes no more than programmed"
 
     def why_no_more_feed(self, rows: Rows) -> str | None:
-        """Why rows that cut have no more feed for each tooth than programmed, by their cut."""
+        """Reason why rows that cut have no more feed per tooth than programmed, by their cut."""
         practice = self.problem.practice
         found = () if practice is None else practice.not_raised
         return "; ".join(dict.fromkeys(one.why for one in found if one.rows[rows].any())) or None

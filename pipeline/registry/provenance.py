@@ -133,7 +133,7 @@ def _file_hash(path: Path) -> str:
 
 
 def git(*words: str, root: Path = Path()) -> str | None:
-    """What git says; None outside a repository or without git."""
+    """Output of git; None outside a repository or without git."""
     if shutil.which("git") is None:
         return None
     answer = subprocess.run(

@@ -197,7 +197,7 @@ def copy_bundle(source: Path, bundle: Bundle, target: Path) -> None:
 
 
 def bundle_words(models: Path) -> str:
-    """Which bundle the sub-models in a folder are, and the verdict of its drives."""
+    """Identity of the bundle in a folder, and the verdict of its drives, in words."""
     if not (models / BUNDLE).exists():
         return f"none, {models.as_posix()} holds no {BUNDLE}"
     bundle = read_json(models / BUNDLE, Bundle)

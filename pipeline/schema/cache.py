@@ -41,7 +41,7 @@ def _is_text(node: ast.stmt) -> bool:
 
 
 def kept(folder: str, key: str) -> bytes | None:
-    """What was kept under a key, None where there is none."""
+    """Content that was kept under a key, None where there is none."""
     path = cache_folder() / folder / key
     try:
         content = path.read_bytes()

@@ -80,7 +80,7 @@ def day_end(day: str, zone: str = UTC) -> int:
 
 
 def clock(times: Ints, zone: str = UTC) -> Ints:
-    """What the plant's clock shows at some times [ns], as times of UTC [ns]."""
+    """Time of the plant's clock at some times [ns], as times of UTC [ns]."""
     import pandas as pd
 
     shown = pd.DatetimeIndex(times, tz=UTC).tz_convert(zone).tz_localize(None)

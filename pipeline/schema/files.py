@@ -107,7 +107,7 @@ def together() -> Iterator[None]:
 
 
 def written(path: Path) -> Path:
-    """Where a file lies that was written: beside its place until :func:`together` ends."""
+    """Place of a written file: beside its own until :func:`together` ends."""
     target = Path(os.path.realpath(path))
     found = [part for part, place in _held.get() or () if place == target]
     return found[-1] if found else path

@@ -54,7 +54,7 @@ class FrozenSet:
 
 @dataclass(frozen=True, kw_only=True)
 class GoldenSets:
-    """What is frozen of a machine: its golden set, and the sealed one beside it."""
+    """Frozen sets of a machine: its golden set, and the sealed one beside it."""
 
     machine: str
     golden: FrozenSet | None = None

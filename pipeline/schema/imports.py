@@ -132,7 +132,7 @@ def _imports(node: ast.AST, function: str) -> Iterator[tuple[str, str]]:
 
 
 def _prefix(call: ast.Call) -> str:
-    """What a module's name begins with that ``import_module`` puts together, with its last dot."""
+    """Head of a module's name that ``import_module`` puts together, with its last dot."""
     named = isinstance(call.func, ast.Name) and call.func.id == "import_module"
     if not (named and isinstance(call.args[0], ast.JoinedStr)):
         return ""

@@ -26,7 +26,7 @@ Bands = Mapping[str, Band]
 
 @dataclass(frozen=True, kw_only=True)
 class AdaptiveSettings(Ranged, section="adaptive_interval"):
-    """How fast an interval follows the errors that have become known."""
+    """Adaptation of an interval to the errors that have become known."""
 
     step: Annotated[float, Range(least=0.0, most=1.0)] = 0.01
     """Change of the factor on the half width by a sample outside [1]; 0 keeps it at 1."""

@@ -55,7 +55,7 @@ class Margins(Ranged, section="margins"):
 
 @dataclass(frozen=True, kw_only=True)
 class MachiningPractice(Ranged, section="practice"):
-    """What holds for any part: how far F and S may go from the program, and what stays as it is."""
+    """Machining practice for any part: greatest changes of F and S, and kept blocks."""
 
     change: Annotated[
         tuple[float, ...],

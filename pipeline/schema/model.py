@@ -89,7 +89,7 @@ class Condition:
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """What every ``model.json`` holds."""
+    """Content of every ``model.json``."""
 
     submodel: str
     machine: str

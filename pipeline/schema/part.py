@@ -131,7 +131,7 @@ class Reliability:
 
     @property
     def of_tools(self) -> str:
-        """Which tools it leaves out, as the end of a sentence; empty where none."""
+        """Tools that it leaves out, as the end of a sentence; empty where none."""
         named = ", ".join(f"T{number}" for number in self.without)
         return f", without {named}" if named else ""
 

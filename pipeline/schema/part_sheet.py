@@ -163,7 +163,7 @@ class WorkOffset:
 
 @dataclass(frozen=True, kw_only=True)
 class SetupSheet:
-    """What stands ready before the optimised program is started."""
+    """Set-up before the start of the optimised program."""
 
     tools: tuple[SetupTool, ...]
     """Tools in the order in which they are called."""

@@ -183,7 +183,7 @@ class ForceInterval:
     mean_load_N: float | None
     mean_load_low_N: float | None
     mean_load_high_N: float | None
-    """Greatest mean load over a turn, and the ends of its interval [N]."""
+    """Median of the load in the plane where its mean over a turn is greatest, and the ends [N]."""
     runout: str = ""
     """Runout of the draws and its spread; other loads of a tool have that of the tool table."""
     outside: tuple[str, ...] = ()

@@ -48,7 +48,7 @@ class Range:
 
     @property
     def words(self) -> str:
-        """What a value must be, as the end of a sentence."""
+        """Requirement on a value, as the end of a sentence."""
         low = f"above {self.above:g}" if self.above > -inf else f"from {self.least:g}"
         high = f"below {self.below:g}" if self.below < inf else f"to {self.most:g}"
         finite = "finite and " if self.finite else ""

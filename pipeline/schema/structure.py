@@ -45,7 +45,7 @@ def _finite(value: Any) -> Any:
 
 
 def _reason(error: BaseException, wanted: type | None) -> str:
-    """What is wrong with a value; the words of the class that refused it where it said some."""
+    """Reason why a value does not fit; the words of the class that refused it, if any."""
     if type(error) in (ValueError, TypeError):
         return str(error)
     return format_exception(error, wanted)

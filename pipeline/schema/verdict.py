@@ -44,7 +44,7 @@ class Score(Figures):
 
     quantity: str
     unit: str
-    """Predicted quantity, its regime, and its unit."""
+    """Predicted quantity and its unit."""
     group: str
     regime: str
     """Group and regime of the cases; the group ``"all"`` is all of one role together."""
@@ -201,7 +201,7 @@ class Verdict:
 
     @property
     def unknown_intervals(self) -> Mapping[tuple[str, str], str]:
-        """Why the interval is not known, by quantity and regime, where it is not."""
+        """Reasons why intervals are not known, by quantity and regime."""
         return {
             (s.quantity, s.regime): s.unknown_interval for s in self.scores if s.unknown_interval
         }
@@ -216,7 +216,7 @@ class Verdict:
 
     @property
     def missed(self) -> tuple[str, ...]:
-        """Why it failed: faults of the judgement itself, then limits, the furthest missed first."""
+        """Reasons of a failure: faults of the judgement, then limits, the furthest missed first."""
         of_limits = [
             (_times_missed(score, reason), reason)
             for score in self.scores

@@ -83,7 +83,7 @@ ACCEPTED: dict[str, tuple[str, Callable[["pd.Series[Any]"], bool]]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Rule:
-    """What a column of a table may hold."""
+    """Allowed content of a column of a table."""
 
     accepts: str
     """Key of :data:`ACCEPTED`."""
@@ -97,7 +97,7 @@ class Rule:
     """Least and greatest value, in ``unit``."""
 
     def broken(self, values: "pd.Series[Any]") -> tuple[str, Any]:
-        """What belongs in place of the values that break the rule, and which rows these are."""
+        """Allowed values in words, and the rows that break the rule."""
         missing = values.isna().to_numpy()
         if missing.any() and not self.nullable:
             return "a value", missing

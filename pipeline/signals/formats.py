@@ -77,7 +77,7 @@ class ColumnSource:
 
 @dataclass(frozen=True, kw_only=True)
 class TableLayout:
-    """How a table is laid out."""
+    """Layout of a table."""
 
     columns: dict[str, ColumnSource] = field(default_factory=dict)
     """Signal -> the column it is found in.  A signal of ``columns.COLUMNS``, or any other name with
@@ -270,12 +270,12 @@ _BLOCK = re.compile(
 
 
 def foreign(head: bytes) -> str:
-    """What a file is that no reader reads, by its first bytes; ``""`` where they do not say it."""
+    """Kind of a file that no reader reads, by its first bytes; ``""`` where they do not show it."""
     return next((kind for magic, kind in _OTHERS if head.startswith(magic)), "")
 
 
 def looks_like(head: bytes) -> str:
-    """What a file is that is no log, from its first bytes; ``""`` where nothing says it."""
+    """Kind of a file that is no log, by its first bytes; ``""`` where nothing shows it."""
     if kind := foreign(head):
         return kind
     lines = [one.strip() for one in head.splitlines()[:50] if one.strip()]

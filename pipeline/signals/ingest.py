@@ -147,7 +147,7 @@ NOT_NAMED = "no source in the machine's file in conf/machine/ names it"
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """What became of one raw file: its entry in the manifest, with the rejections themselves."""
+    """Result of one raw file: its entry in the manifest, with the rejections themselves."""
 
     format: str | None
     read: int = 1
@@ -168,7 +168,7 @@ class Outcome:
 
 @dataclass(frozen=True, kw_only=True)
 class Ingested:
-    """What an ingest did: files read now and kept from before, and records over all files."""
+    """Result of an ingest: files read now and kept from before, and records over all files."""
 
     files_read: int
     files_kept: int

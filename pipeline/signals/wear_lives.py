@@ -301,7 +301,7 @@ def _windows(part: _Part, records: WearRecords, known: bool) -> WearWindows:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Recorded:
-    """What is recorded beside the channels at the middle of each window, at ``time`` [s]."""
+    """Records beside the channels at the middle of each window, at ``time`` [s]."""
 
     part: _Part
     at: Any

@@ -20,7 +20,7 @@ CLASS_UNIT = "1"
 
 @dataclass(frozen=True, kw_only=True)
 class WearSource(Ranged, section="wear_records.wear"):
-    """Where the wear of the tool stands: a number, or words for worn and not worn."""
+    """Source of the tool's wear: a number, or words for worn and not worn."""
 
     name: str
     """Name of the column or condition."""
@@ -69,7 +69,7 @@ class ConditionTable:
 
 @dataclass(frozen=True, kw_only=True)
 class InCut(Ranged, section="wear_records.in_cut"):
-    """Which rows of a recording are in cut."""
+    """Rows of a recording in cut."""
 
     channel: Channel
     """Channel of words (a phase of the process), or of numbers whose level counts."""

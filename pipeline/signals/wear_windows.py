@@ -32,7 +32,7 @@ NORMAL_90 = 3.290
 
 @dataclass(frozen=True, kw_only=True)
 class ChannelScaling:
-    """What is taken off each channel and what it is divided by; kept with a model."""
+    """Shift and scale of each channel; kept with a model."""
 
     shift: tuple[float, ...]
     scale: tuple[float, ...]

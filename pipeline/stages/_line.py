@@ -88,7 +88,7 @@ def _sizes(files: Sequence[Path]) -> str:
 
 
 def _found(files: Sequence[Path]) -> list[str]:
-    """What written files say of themselves: verdicts of sub-models, counts of records."""
+    """Verdicts and counts of records in written files."""
     found = []
     for file in files:
         if file.name == "verdict.json":

@@ -69,7 +69,7 @@ Change = tuple[Any, Any]
 
 
 def _set_for_experiment(params: Path, settings: Path) -> dict[Keys, Change]:
-    """What an experiment sets; nothing outside of one, or where the commit has no parameters."""
+    """Changes by an experiment; none outside of one, or without parameters in the commit."""
     commit = os.environ.get(BASELINE)
     if not commit or not params.exists():
         return {}

@@ -19,7 +19,7 @@ def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> 
 
 
 def _driven(table: Path, shop: ShopParameters) -> dict[str, Any]:
-    """What the drives made of a table; of one that only says why it is none, its words."""
+    """Axes driven along a table; its reason where it only says why it is none."""
     lines = table.read_text().splitlines()
     if all(line.startswith("#") for line in lines):
         return {"refused": " ".join(line.lstrip("# ") for line in lines)}

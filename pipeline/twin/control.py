@@ -28,7 +28,7 @@ WHOLE = "whole run"
 
 @dataclass(frozen=True, kw_only=True)
 class ControlFitFacts:
-    """How well a control explains the durations of segments."""
+    """Goodness of fit of a control to the durations of segments."""
 
     rmse_s: float | None
     """Root mean square of the residuals, without outliers beyond 10 times the noise [s]."""
@@ -95,7 +95,7 @@ class ControlRecords:
         }
 
     def unit(self, recording: str) -> str:
-        """Which machine of the kind a recording is of; "" where there is one only.
+        """Unit of a kind of machines that a recording is of; "" where there is one only.
 
         Raises ValueError when there are units and none of their patterns fits.
         """

@@ -41,7 +41,7 @@ END = 1e-9
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectionSettings(Ranged, section="correction"):
-    """How long the correction of a program is learnt."""
+    """Iterations of a program's correction."""
 
     iterations: Annotated[int, Range(least=1)] = 12
     """Greatest number of steps on the drive alone, and again with what the twin leaves over."""

@@ -63,7 +63,7 @@ class Violation:
 
     @property
     def words(self) -> str:
-        """Where, what, value, limit."""
+        """Place, quantity, value and limit in words."""
         low, high = self.limit
         where = f"{self.file} line {self.line}" if self.file else f"line {self.line}"
         if self.what == RAPID:
@@ -95,7 +95,7 @@ class Violation:
 
 @dataclass(frozen=True, kw_only=True)
 class Preflight:
-    """What of a program the machine cannot do, and what of it was not checked."""
+    """Violations of the machine's limits by a program, and what was not checked."""
 
     violations: tuple[Violation, ...] = ()
     """Violations in the order of the program; a modal word counts once for each time that it is

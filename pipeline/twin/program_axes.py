@@ -32,7 +32,7 @@ SUBSTEPS = 4
 
 
 class Residual(Protocol):
-    """What the twin leaves over of the following error of an axis."""
+    """Part of an axis' following error that the twin leaves over."""
 
     def __call__(
         self, letter: str, reference: Floats, modelled_error: Floats, modelled_command: Floats,
@@ -71,7 +71,7 @@ class AxisFollowing:
 
     @property
     def worst(self) -> int:
-        """Where the error is greatest, an index."""
+        """Index of the greatest error."""
         return int(np.argmax(np.abs(self.error)))
 
 

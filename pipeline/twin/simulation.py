@@ -54,7 +54,7 @@ def type_of(kind: NDArray[np.uint8]) -> NDArray[np.str_]:
 
 
 def limit_words(plan: Plan) -> NDArray[np.str_]:
-    """What keeps each row from being faster, in words."""
+    """Limit of each row's speed in words."""
     words = np.array([b.name.lower().replace("_", " ") for b in Binding])
     return words[plan.limit]
 

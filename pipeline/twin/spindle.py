@@ -217,7 +217,7 @@ def from_measured(
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFitFacts:
-    """How well the network fits its training days."""
+    """Goodness of fit of the network to its training days."""
 
     step_s: float
     """Step of the simulation [s]."""
@@ -318,7 +318,7 @@ class SpindleModel:
         return physics, model, persistence
 
     def _inputs(self, stretch: StateSegment) -> pd.DataFrame:
-        """What the forest looks at over a stretch; no columns when there is no forest."""
+        """Inputs of the forest over a stretch; no columns when there is no forest."""
         names = [*self.forest.sources, *self.forest.extra] if self.forest else []
         return smoothed_inputs(stretch.frame, stretch.step, names)
 

@@ -230,7 +230,7 @@ def _check_radii(
 
 
 def arc_tolerances(run: Run) -> tuple[float, float]:
-    """By how much the radii of an arc's start and end may differ: [mm] and relative [1]."""
+    """Allowed difference of the radii of an arc's start and end: [mm] and relative [1]."""
     if run.state.dialect == LINUXCNC:
         inch = run.state.unit != 1.0
         return LINUXCNC_INCH_TOLERANCE if inch else LINUXCNC_TOLERANCE, RELATIVE_RADIUS

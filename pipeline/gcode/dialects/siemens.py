@@ -100,7 +100,7 @@ class SiemensReader:
         self._remember_places(reader)
 
     def _remember_places(self, reader: LineReader) -> None:
-        """Where the axes stand, as far as numbers say so."""
+        """Remember the positions of the axes, as far as they are numbers."""
         at = self.memory.at
         for word in reader.words:
             if word.letter not in at:

@@ -74,7 +74,7 @@ class CycleCall:
 
     @property
     def above(self) -> float:
-        """Where the feed begins."""
+        """Height at which the feed begins."""
         return self.given["RFP"] + self.given["SDIS"]
 
     @property

@@ -316,7 +316,7 @@ class LineReader(WordReader):
         return arguments
 
     def drilled(self) -> None:
-        """What MCALL put in force, after the words of the block."""
+        """Blocks of the cycle or call that MCALL put in force, after the words of the block."""
         self.control = self.memory.modal
         if self.memory.drilling is not None:
             self.rest += self._hole(*self.memory.drilling)

@@ -35,7 +35,7 @@ class Pocket:
     """Radius of the tool in the program's unit."""
 
     def blocks(self) -> Iterator[Words]:
-        """What mills it: from the centre outwards (VARI 1), or edge and base (VARI 2)."""
+        """Blocks that mill it: from the centre outwards (VARI 1), or edge and base (VARI 2)."""
         given = self.call.given
         yield rapid_to(given["RTP"])
         yield (("G", 0.0), *self.at(0.0, 0.0))

@@ -149,7 +149,7 @@ class BlockModel:
 
     @property
     def column(self) -> int:
-        """Where the objective stands in arrays that have one column for each."""
+        """Column of the objective in arrays that have one for each."""
         return column(self.objective)
 
     def values(self, feeds: Floats, speeds: Floats) -> Floats:
@@ -180,7 +180,7 @@ class BlockModel:
 
 
 def column(objective: Objective) -> int:
-    """Where an objective stands in arrays that have one column for each."""
+    """Column of an objective in arrays that have one for each."""
     return OBJECTIVES.index("time" if objective == "pareto" else objective)
 
 
@@ -266,7 +266,7 @@ def _lowest(
 
 
 def _golden(values: Callable[[Floats], Floats], low: Floats, high: Floats) -> Floats:
-    """Where a function with one valley is least, by golden section over log F."""
+    """Minimum of a function with one valley by golden section over log F."""
     left, right = np.log(low), np.log(high)
     one, two = right - GOLDEN * (right - left), left + GOLDEN * (right - left)
     at_one, at_two = values(np.exp(one)), values(np.exp(two))

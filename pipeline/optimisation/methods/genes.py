@@ -58,7 +58,7 @@ class BoundedGenes:
 
     @property
     def log(self) -> NDArray[np.bool_]:
-        """Which genes are searched on a logarithmic scale: the speeds; shape (G + H,)."""
+        """Genes on a logarithmic scale: the speeds; shape (G + H,)."""
         return np.arange(len(self.low)) >= self.groups.feeds
 
     def decoded(self, genes: Floats) -> tuple[Floats, Floats]:

@@ -53,7 +53,7 @@ def improve(
     settings: SearchSettings,
     callback: Callback | None = None,
 ) -> Fitness:
-    """The best decision from ``start`` on, never worse than it, with the way there."""
+    """Best decision from ``start`` on, never worse than it, with the path to it."""
     which = column(objective)
     reference = _value(problem, start, which)
     genes = BoundedGenes.of(problem, start)

@@ -65,7 +65,7 @@ class Bounds:
 
     @cached_property
     def binds(self) -> Rows:
-        """Which of ``CONSTRAINTS`` makes ``high``, -1 where none does; shape (M,)."""
+        """Binding one of ``CONSTRAINTS`` for ``high``, -1 where none does; shape (M,)."""
         which = np.array(F_Z_CONSTRAINTS)[self.most.argmin(axis=0)]
         return np.where(np.isfinite(self.high), which, -1)
 

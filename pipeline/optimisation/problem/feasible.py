@@ -97,7 +97,7 @@ def constraint_utilisation(problem: Problem, feeds: Floats, speeds: Floats) -> F
 
 
 def binding_constraints(problem: Problem, feeds: ArrayLike, speeds: ArrayLike) -> Rows:
-    """Which of ``CONSTRAINTS`` each row is at, -1 where none; F, S and answer of shape (M,)."""
+    """Binding one of ``CONSTRAINTS`` in each row, -1 for none; F, S and answer of shape (M,)."""
     used = constraint_utilisation(problem, np.asarray(feeds, float), np.asarray(speeds, float))
     there = used[ORDER] >= AT
     return np.where(there.any(axis=0), ORDER[there.argmax(axis=0)], -1)

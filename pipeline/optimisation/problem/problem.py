@@ -188,7 +188,7 @@ class Problem:
 
     @cached_property
     def speed_changes(self) -> SpeedChanges:
-        """Where S can change."""
+        """Places where S can change."""
         return speed_changes(self.cut.plan, self.editable, self.cuts)
 
     def evaluate(self, groups: Groups, feeds: ArrayLike, speeds: ArrayLike) -> Evaluation:

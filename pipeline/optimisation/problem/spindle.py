@@ -60,7 +60,7 @@ def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SpeedChanges:
-    """Where S can change in a program."""
+    """Places where S can change in a program."""
 
     waiting: AuxiliaryParameters
     """Run-up of the spindle, and the control's waits for it."""

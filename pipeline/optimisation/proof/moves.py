@@ -185,7 +185,7 @@ def merged(moves: Moves, splits: Splits) -> Moves | tuple[int, str]:
 def _off_the_path(
     moves: Moves, row: int, end: int, start: Floats, before: Floats, text: bytes
 ) -> str:
-    """Why a point is not one of the straight line from ``start`` to row ``end``; empty if it is."""
+    """Reason why a point is off the straight line from ``start`` to row ``end``, else empty."""
     if end < 0 or any(getattr(moves, name)[row] != getattr(moves, name)[end] for name in SAME):
         return "a point that was put in is not of the block that follows"
     if moves.feed_mode[row] == FeedMode.INVERSE_TIME or not moves.feed[row] > 0:

@@ -74,6 +74,6 @@ def _node(feed, nodes):  # type: ignore[no-untyped-def]
 
 @compiled
 def _share(feed, nodes, k):  # type: ignore[no-untyped-def]
-    """Where between two nodes; what is outside of them takes the nearest."""
+    """Interpolation share between two nodes; what is outside of them takes the nearest."""
     gap = nodes[k + 1] - nodes[k]
     return min(max((feed - nodes[k]) / gap, 0.0), 1.0) if gap > 0.0 else 0.0

@@ -170,7 +170,7 @@ def critical(cut: Cut, rows: Rows | None = None) -> Critical:
 
 
 def _greatest_of(kind: NDArray[np.int64], load: Floats) -> Rows:
-    """Where the greatest load of each kind is, counted from 0 without a gap."""
+    """Index of the greatest load of each kind, counted from 0 without a gap."""
     order = np.lexsort((-load, kind))
     return order[np.flatnonzero(np.diff(kind[order], prepend=-1))]
 

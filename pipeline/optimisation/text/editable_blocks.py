@@ -63,7 +63,7 @@ def editable_blocks(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Places:
-    """Where F and S are read along a program, and where they may be written."""
+    """Places where F and S are read along a program, and where they may be written."""
 
     words: ProgramWords
     """Words of the text."""
@@ -86,7 +86,7 @@ class Places:
 def places_of(
     program: Program, moves: Moves, kept_feed: Reasons = (), kept_speed: Reasons = ()
 ) -> Places:
-    """Where F and S of a program are read and may be written, as :func:`editable_blocks`."""
+    """Places where F and S of a program are read and may be written."""
     words, line_runs = ProgramWords(program), LineRuns.among(moves)
     feed = ModalWords.along("F", words, line_runs, reads_feed(moves), moves.feed)
     speed = ModalWords.along("S", words, line_runs, at_speed(moves), moves.speed)
@@ -114,7 +114,7 @@ def places_of(
 def _feed_reasons(
     words: ProgramWords, line_runs: LineRuns, moves: Moves
 ) -> list[tuple[str, Bools]]:
-    """Why the F of rows may not change (M,), but for what is handed on."""
+    """Reasons why the F of rows may not change (M,), but for what is handed on."""
     file_line = np.where(moves.file == 0, moves.line, 0)
     cutting, token = cuts_at_feed(moves), words.token("F")[file_line]
     text = FeedText.of(words, moves)

@@ -44,7 +44,7 @@ DEFINITION = {
 
 @dataclass(frozen=True, kw_only=True)
 class Place:
-    """Where a Pt100 sits: a node of the network, and in words."""
+    """Place of a Pt100: a node of the network, and in words."""
 
     node: str
     words: str
@@ -83,7 +83,7 @@ class Measured:
 
 
 def measured(net: Network, profile: Profile, parameters: ShopParameters) -> Measured:
-    """What the sensors of one record are exposed to, and the true growth, at each row."""
+    """True inputs of the sensors of one record, and the true growth, at each row."""
     growth, course = parameters.growth, profile.course
     first = float(np.mean(course.air[: profile.lead // 2]))
     hot = heated(net, at_rest(net, first), course, parameters)

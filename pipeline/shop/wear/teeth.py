@@ -68,7 +68,7 @@ def new_tool(cutter: Cutter, law: WearRate, random: np.random.Generator) -> Worn
 
 
 def conditions(cut: PlannedCut, cutter: Cutter, speed: float) -> Conditions:
-    """What the control is told of a cut, ``speed`` times as fast; speeds in steps of 10."""
+    """Conditions of a cut as commanded, ``speed`` times as fast; speeds in steps of 10."""
     n = round(speed * cut.cutting_speed * 1e3 / (pi * cutter.diameter) / 10) * 10.0
     return Conditions(
         immersion=cut.immersion, depth=cut.depth, speed=n,

@@ -104,7 +104,7 @@ class Item:
         return joined(whole.unknown_at(since), again.keep(again.known))
 
     def left(self, end: int) -> Carry:
-        """What is known of the item at ``end`` [ns], for the next day."""
+        """State of the item at ``end`` [ns], for the next day."""
         said = self.series.before(end)
         good = said.keep(said.known)
         holes = self.holes[self.holes < end]

@@ -37,7 +37,7 @@ STEADY_SHARE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class ReportingInterval:
-    """How often an item reports."""
+    """Reporting interval of an item."""
 
     typical_s: float = float("nan")
     """Median interval [s]; NaN when it is not known."""

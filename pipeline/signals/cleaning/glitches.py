@@ -44,7 +44,7 @@ class Cleaned:
 
 
 def possible_change(signal: Column, settings: CleanSettings) -> Possible | None:
-    """What changes physics allows for a signal; None when it allows any.
+    """Physically possible change of a signal; None when it allows any.
 
     Temperatures have a largest step and slew; counters of seconds cannot run faster than the clock
     and do not run back.
@@ -113,7 +113,7 @@ class _Points:
 
 
 def _impossible(points: _Points, possible: Possible, settings: CleanSettings) -> Bools:
-    """Which of the points are glitches, shape (T,)."""
+    """Glitches among the points, shape (T,)."""
     n = len(points.time)
     if n < 2:
         return np.zeros(n, dtype=bool)

@@ -76,7 +76,7 @@ def _moves(angle: Series) -> Bools:
 
 
 def _off(angle: Series, speed: Series, time: Ints, settings: CleanSettings) -> tuple[Bools, Bools]:
-    """Where angle and speed are lost for long, and where the first of them is back, shape (T,)."""
+    """Losses of angle and speed for long, and the first return of one of them, shape (T,)."""
     known = np.zeros(len(time), dtype=bool)
     for series in (angle, speed):
         known |= ~np.isnan(held(series, time).astype(float))

@@ -35,7 +35,7 @@ THIN = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Index:
-    """What has to be known of one file before its rows are read again."""
+    """Index of one file, read before its rows."""
 
     file: str
     sha256: str

@@ -32,7 +32,7 @@ class Series:
 
     @property
     def known(self) -> Bools:
-        """Where there is a value, shape (T,)."""
+        """Whether there is a value, shape (T,)."""
         if self.text:
             return np.array([v is not None for v in self.value], dtype=bool)
         return np.asarray(~np.isnan(self.value.astype(float)))

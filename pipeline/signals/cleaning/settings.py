@@ -42,7 +42,7 @@ class PositionControl:
 
 @dataclass(frozen=True, kw_only=True)
 class CleanMachine:
-    """How the canonical signals are found in one machine's records."""
+    """Sources of the canonical signals in one machine's records."""
 
     signals: Mapping[str, str] = field(default_factory=dict)
     """Canonical signal -> name of the data item or of the trace channel."""

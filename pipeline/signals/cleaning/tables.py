@@ -50,7 +50,7 @@ def _array(series: pd.Series, kind: pa.DataType) -> pa.Array:
 
 
 def state_path(out: Path, day: str) -> Path:
-    """Where a day's state table lies."""
+    """Path of a day's state table."""
     return out / "state" / f"{day}.parquet"
 
 
@@ -134,7 +134,7 @@ def _rewrite(
 
 
 def read_summary(out: Path) -> dict[str, Any]:
-    """What the last build noted; nothing when one of its tables is gone."""
+    """Summary of the last build; nothing when one of its tables is gone."""
     path = out / "summary.json"
     there = all((out / f"{name}.parquet").is_file() for name in _WHOLE)
     if not path.is_file() or not there:

@@ -44,7 +44,7 @@ _VALUES = ("value", "result", "samples", "entries")
 
 
 def read(path: Path, source: RecordSource, root: Path) -> Iterator[Batch]:
-    """What the JSON documents in the file at ``path`` say; the file is read as a whole."""
+    """Observations of the JSON documents in the file at ``path``, which is read as a whole."""
     trees, broken = _trees(content(path).everything())
     names = {device_name(attributes_in(d)) for tree in trees for d in _device_streams(tree)}
     chosen = selection(source, device_model(source, root), lambda: len(names) > 1)

@@ -163,6 +163,6 @@ class Rows:
         return True
 
     def batch(self) -> Batch:
-        """What was read so far, as a batch."""
+        """Batch of all that was read so far."""
         kept = self.read - len(self.rejected)
         return Batch(observations=self.table(), read=self.read, kept=kept, rejected=self.rejected)

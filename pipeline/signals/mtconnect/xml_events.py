@@ -145,7 +145,7 @@ def _transcoded(file: IO[bytes], encoding: str) -> Content:
 
 @dataclass(frozen=True)
 class End:
-    """Where reading of one document came to an end, and why if not with the document."""
+    """End of one document's reading, and the reason if it is not the document's."""
 
     at: int
     reason: str | None
@@ -240,7 +240,7 @@ class XmlEvents:
         return self.without_root(self.parse(begin, FRAGMENT))
 
     def without_root(self, end: End) -> End:
-        """How elements side by side, read after :data:`FRAGMENT`, ended."""
+        """End of elements side by side, read after :data:`FRAGMENT`."""
         whole = self.depth == 1 and end.at >= self.content.size and end.reason == _NO_END
         return End(end.at, None) if whole else end
 

@@ -66,12 +66,12 @@ def selection(
 
 
 def foreign_reason(device: str) -> str:
-    """Why a whole device stream is rejected, as one record."""
+    """Reason why a whole device stream is rejected, as one record."""
     return f"the stream of device {device!r} is not of the chosen one"
 
 
 def device_name(attributes: dict[str, str]) -> str:
-    """What the device of a device stream is called."""
+    """Name of the device of a device stream."""
     return attributes.get("name") or attributes.get("uuid") or "?"
 
 
@@ -109,7 +109,7 @@ class Streams(XmlEvents):
         self._text.clear()
 
     def handed_over(self) -> Batch:
-        """What was read since the last batch."""
+        """Observations since the last batch."""
         self._settle()
         batch = self.rows.batch()
         self.rows = Rows()
@@ -384,7 +384,7 @@ class Document(Streams):
             self.reject(begin, f"{to - begin} bytes between documents are of none")
 
     def _stray_at(self, at: int, to: int) -> int | None:
-        """Where, from ``at`` to ``to``, something begins that is neither blank nor transport."""
+        """First place from ``at`` to ``to`` of something neither blank nor transport."""
         text = _ASIDE.sub(lambda aside: b" " * len(aside[0]), self.content.mapped[at:to])
         for line in _LINE.finditer(text):
             if not _TRANSPORT.fullmatch(line[0]):

@@ -29,10 +29,10 @@ MOST_CACHED = 1 << 16
 
 
 class ItemPlan(NamedTuple):
-    """How the fields after one item's name are read.
+    """Reading of the fields after one item's name.
 
-    ``shape`` names the form; ``value * factor + offset`` is in the document's units; ``why`` says
-    what keeps values from being kept, ``rate`` [Hz] is that of a time series.
+    ``shape`` names the form; ``value * factor + offset`` is in the document's units; ``why`` is the
+    reason why values are not kept, ``rate`` [Hz] that of a time series.
     """
 
     name: str
@@ -85,7 +85,7 @@ class Items:
 
 
 def _not_one(key: str, model: "DeviceModel") -> str:
-    """Why a name that no item of the document bears alone is refused; ``""`` for an unknown one."""
+    """Reason why a name that no item of the document bears alone is refused; ``""`` if unknown."""
     called = model.called(key)
     device, colon, _ = key.partition(":")
     if called:

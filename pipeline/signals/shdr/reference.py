@@ -52,7 +52,7 @@ class Row(NamedTuple):
 
 
 class LineResult(NamedTuple):
-    """What one line gave."""
+    """Result of one line."""
 
     rows: list[Row]
     records: int

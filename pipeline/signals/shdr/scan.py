@@ -169,10 +169,7 @@ def _numeric(c: Any) -> Any:
 
 @inlined
 def _number(buf: Any, at: Any, shape: Any) -> Any:
-    """How a number stands at ``at``, the number, its end, and the place after ``|`` or line end.
-
-    The last is -1 where the reference path has to judge.
-    """
+    """Form of a number at ``at``, the number, its end, and the place behind it (-1: undecided)."""
     if shape == OTHER:
         return AWAY, 0.0, at, -1
     if shape == WORD or not _numeric(buf[at]):

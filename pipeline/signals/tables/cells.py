@@ -307,10 +307,7 @@ _HOUR = 3600 * 10**9
 
 
 def _second_hour(wall: Ints, twice: Bools) -> tuple[Bools, Bools]:
-    """Which of the repeated wall-clock times [ns] are of the second hour, and which are decided.
-
-    The second hour begins where the clock goes back; in hourly records it stands still.
-    """
+    """Repeated wall-clock times [ns] of the second hour, and those that are decided."""
     second, known = np.zeros(len(wall), bool), np.zeros(len(wall), bool)
     hourly = len(wall) > 1 and np.median(np.diff(wall)) == _HOUR
     rows = np.flatnonzero(twice)
@@ -323,7 +320,7 @@ def _second_hour(wall: Ints, twice: Bools) -> tuple[Bools, Bools]:
 
 
 def clocks_said(wall: str, zone: str) -> str:
-    """What a change of clocks does to a wall-clock time of ISO 8601; ``""`` where there is none."""
+    """Effect of a change of clocks on a wall-clock time of ISO 8601; ``""`` where there is none."""
     try:
         at = datetime.fromisoformat(wall).replace(tzinfo=ZoneInfo(zone))
     except (ValueError, ZoneInfoNotFoundError):

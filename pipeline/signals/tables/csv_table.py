@@ -52,7 +52,7 @@ _CUT_SAMPLE = 1000  # rows that tell the decimals of each column
 
 @dataclass(frozen=True, kw_only=True)
 class Dialect:
-    """Where the data of a text table stand and what its columns are called."""
+    """Place of the data of a text table, and names of its columns."""
 
     delimiter: str
     names: list[str]
@@ -424,7 +424,7 @@ def _cut(lines: Lines, dialect: Dialect) -> Rejection | None:
 
 
 def _shape(line: str, dialect: Dialect) -> tuple[int, int]:
-    """How many characters of decimals and of an exponent end a line."""
+    """Numbers of characters of decimals and of an exponent at the end of a line."""
     match = _SHAPE.search(line.rsplit(dialect.delimiter, 1)[-1])
     return (len(match[1] or ""), len(match[2] or "")) if match else (0, 0)
 

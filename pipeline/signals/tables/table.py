@@ -340,7 +340,7 @@ def _time(raw: RawTable, layout: TableLayout, reasons: dict[int, str]) -> tuple[
 
 
 def _expected(layout: TableLayout) -> str:
-    """What a time cell should have been, for people, and the setting that may read it."""
+    """Expected form of a time cell, for people, and the setting that may read it."""
     if layout.time_unit != "iso":
         return f"time in {layout.time_unit!r}: correct the layout's time_unit"
     form = f"as {layout.time_format!r}: correct" if layout.time_format else "in ISO 8601: give"
@@ -392,7 +392,7 @@ def _rejections(raw: RawTable, reasons: dict[int, str]) -> list[Rejection]:
 
 
 def _notes(time: pa.ChunkedArray, lines: Ints, left_out: list[str]) -> dict[str, Any]:
-    """What must not be lost and has no row of its own."""
+    """Notes on the time and the columns left out."""
     notes: dict[str, Any] = {"columns_left_out": left_out} if left_out else {}
     kind = pa.int64() if pa.types.is_timestamp(time.type) else time.type
     steps = np.diff(time.cast(kind).to_numpy())

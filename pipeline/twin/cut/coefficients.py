@@ -23,7 +23,7 @@ ALIKE = 0.01
 
 @dataclass(frozen=True, kw_only=True)
 class WornLand:
-    """What the land of a worn flank adds to the edge coefficients."""
+    """Edge coefficients added by the land of a worn flank."""
 
     wear_um: float
     """Width of the land VB [um]."""

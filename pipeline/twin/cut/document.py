@@ -164,7 +164,7 @@ def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
 
 
 def warnings_of(of: AssessedCut, basis: CutBasis) -> tuple[CutWarning, ...]:
-    """What to look at before the part is cut, what is grave first."""
+    """Warnings before the part is cut, grave ones first."""
     found = of.found
     warnings = cut_warnings(
         found.cut, found.blocks, found.limits, basis.limit_load,
@@ -265,7 +265,7 @@ def _basis(cut: Cut, blocks: CutBlocks, basis: CutBasis) -> tuple[BasisRow, ...]
 
 
 def life_sources(cut: Cut, material: Material) -> list[tuple[str, str, str]]:
-    """Whose life the cutting tools have, the constants in words, and their source."""
+    """Sources of the cutting tools' lives, with the constants in words."""
     alike: dict[tuple[str, str], list[str]] = {}
     for index in np.unique(cut.tool[cut.tool >= 0]).tolist():
         if (life := material.tool_life(cut.tools[index])) is not None:

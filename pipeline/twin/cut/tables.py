@@ -76,7 +76,7 @@ def summary(found: CutResults) -> PartTotals:
 
 
 def _quantities(found: CutResults) -> dict[str, Floats]:
-    """What a block and a total have in common, each (K,), in the units of their names."""
+    """Quantities common to a block and a total, each (K,), in the units of their names."""
     b, limits = found.blocks, found.limits
     turning = np.where(b.spindle_speed > 0, 1.0, np.nan)  # without turning there is no chip
     loaded = np.where(b.load_known, 1.0, np.nan)

@@ -43,7 +43,7 @@ class LandGrowth:
     """Records that they were fitted on."""
 
     def land(self, wear_um: float, source: str, caution: str) -> WornLand:
-        """What a land of that width [um] adds."""
+        """Edge coefficients added by a land of that width [um]."""
         width = wear_um * UM
         return WornLand(
             wear_um=wear_um, source=source, caution=caution,
@@ -62,7 +62,7 @@ class KnownWear:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineWear:
-    """What a machine's sub-model of wear says of its tools."""
+    """Wear of a machine's tools by its sub-model."""
 
     growth: LandGrowth | None = None
     """Growth of the edge forces."""
