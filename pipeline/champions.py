@@ -48,14 +48,14 @@ FIRST_BY, FIRST_WHY = "dvc repro", "first bundle"
 
 
 def champion_of(machine: str, root: Path = Path()) -> Champion | None:
-    """The champion that somebody promoted, else the first bundle: the one in ``data/champion``."""
+    """Champion: the promoted bundle, else the first one in ``data/champion``."""
     chosen = read_champions(root / CHAMPIONS).machines.get(machine)
     held = stored_bundle(root / DATA / "champion" / machine, machine)
     return chosen if chosen is not None or held is None else first_champion(held, root)
 
 
 def first_champion(bundle: Bundle, root: Path = Path()) -> Champion:
-    """A bundle as the champion that nobody chose; version 0 where no store has it."""
+    """Champion without a promotion; version 0 where no store has it."""
     known = versions(bundle.machine, root)
     number = next((v.version for v in known if v.bundle == bundle.sha256), 0)
     lacking = bundle.named("failed", "not decided", "not judged")

@@ -72,7 +72,7 @@ class ByContent(caching._CacheLocator):
         return self._key
 
     def get_disambiguator(self) -> str:
-        """Hash in the name of its files, which tells functions of one name apart."""
+        """Hash in the name of its files, which distinguishes functions of one name."""
         return self._key
 
 

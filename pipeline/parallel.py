@@ -92,7 +92,7 @@ def _attempted(function: Callable[[Task], Result], task: Task) -> _Done[Result]:
 
 
 def _rebuilt(kind: type[Exception], args: tuple[Any, ...], state: dict[str, Any]) -> Exception:
-    """An error with its type, sentence and fields, whatever its constructor asks for."""
+    """Error with its type, sentence and fields, whatever its constructor needs."""
     error = kind.__new__(kind, *args)
     error.args = error.args or args
     error.__dict__.update(state)

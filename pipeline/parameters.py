@@ -30,7 +30,7 @@ NotYaml = yaml.YAMLError
 
 
 class ParametersError(ValueError):
-    """A section of params.yaml that is missing or not what its stage asks for."""
+    """Section of params.yaml that is missing or does not fit its stage."""
 
 
 def read_params(path: Path = PARAMS, settings: Path | None = None) -> dict[str, Any]:

@@ -88,7 +88,7 @@ def write_optimised(
 
 @contextmanager
 def interruptible(said: Callable[[], None]) -> Iterator[Callable[[], bool]]:
-    """Whether Ctrl-C asked to end with the best so far; a second one ends at once."""
+    """Whether Ctrl-C was pressed, to end with the best so far; a second one ends at once."""
     asked = False
 
     def first(number: int, frame: FrameType | None) -> None:

@@ -20,7 +20,7 @@ SAME = 1e-9
 
 
 def begin_corner(run: Run, block: Block) -> None:
-    """Remember the corner that a block's last row ends in, where it asks for one."""
+    """Remember the corner in which a block's last row ends, where it has ``,R`` or ``,C``."""
     letter = next((one for one in LETTERS if one in block.words), None)
     if letter is None:
         return

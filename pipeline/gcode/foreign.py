@@ -129,7 +129,7 @@ def _signs(code: bytes) -> dict[str, re.Match[bytes]]:
 
 
 def _refuse_lathe(name: str, head: bytes, dialect: str) -> None:
-    """Two signs tell a lathe where nothing moves in Y, three where something does."""
+    """Refuse a lathe's program: two signs where nothing moves in Y, three where something does."""
     ignored = _REMARKS if dialect == "siemens" else _IGNORED
     code = ignored.sub(lambda found: b" " * len(found[0]), head)
     certain = TURNING[dialect].search(code)

@@ -189,7 +189,7 @@ class Corner:
     block: Block
     """Block of that row, for errors."""
     item: WordItem
-    """Word that asks for it."""
+    """Word that requires it."""
 
 
 SAVED = (

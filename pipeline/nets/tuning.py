@@ -82,7 +82,7 @@ class Tuned:
     history: Floats
     """Least validation RMSE of the candidates up to each generation; shape (G,)."""
     evaluations: int
-    """Candidates that the search asked for; one that it asks for again is not trained again."""
+    """Candidates of the search; one that occurs again is not trained again."""
     retrained: tuple[TrainedSequence, ...]
     """Networks trained in full, the best by validation error first."""
     bounds_hit: dict[str, str]

@@ -79,10 +79,7 @@ def train_windows(
 
 
 def usable_precision(precision: str) -> str:
-    """``precision``, or float32 where the processor has no products in bfloat16.
-
-    A processor that torch is told to use like an older one, as stages do, has none.
-    """
+    """``precision``, or float32 where the processor has no products in bfloat16."""
     known = torch.cpu.get_capabilities()
     older = torch.backends.cpu.get_cpu_capability() in ("DEFAULT", "AVX2")
     own = bool(known.get("avx512_bf16") or known.get("amx_bf16") or known.get("bf16"))

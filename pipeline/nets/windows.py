@@ -104,7 +104,7 @@ class Windows:
     inputs: tuple[WindowInput, ...] = ()
     """Inputs of the C channels."""
     leaks: tuple[str, ...] = ()
-    """Inputs that could not be known yet, where they were asked for; empty otherwise."""
+    """Inputs that could not be known yet, where they were allowed; empty otherwise."""
 
     def of(self, *names: str) -> "Windows":
         """Those of the recordings ``names``."""

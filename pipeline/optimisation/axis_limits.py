@@ -35,7 +35,7 @@ ALIKE = 0.98
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxesCheck:
-    """Axes of a cut of M rows, and what their limits ask of its feeds."""
+    """Axes of a cut of M rows, and the feeds by their limits."""
 
     axes: tuple[AxisInCut, ...]
     """Axes whose drives are known."""

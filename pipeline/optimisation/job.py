@@ -142,7 +142,7 @@ def part_program(path: Path, setup: Setup) -> tuple[Program, Setup]:
 
 @dataclass(frozen=True, kw_only=True)
 class JobRequest:
-    """One part of a machine as the stage or a person asks for it."""
+    """Optimisation of one part of a machine, by the stage or by a command."""
 
     program: Program
     """Program as written."""

@@ -269,7 +269,7 @@ class _Course:
         return practice, speeds_between_cuts(editable, self.moves.kind)
 
     def _passes_joined(self) -> Editable:
-        """Editable rows with one F for each pass but where the load asks for less."""
+        """Editable rows with one F for each pass but where the load limit needs less."""
         if self.practice is None:
             return self.editable
         passes = self.practice.passes

@@ -374,7 +374,7 @@ class OptimisedPart:
     """Wear of each tool that figures and limits hold for, with the force of the optimised program
     sharp and worn."""
     split: str | None = None
-    """Gain of splitting long blocks, in words; stored only where that was asked for."""
+    """Gain of splitting long blocks, in words; stored only where it was requested."""
 
     @property
     def load_limit_N(self) -> float | None:

@@ -33,7 +33,7 @@ class ToolUse:
     name: str
     """Name for people."""
     operation: str = ""
-    """Kind of machining; empty where operations were not told apart."""
+    """Kind of machining; empty where operations were not distinguished."""
     before: ToolTotals
     after: ToolTotals
     """Worst values of its blocks and sums over them; the feed per tooth is that of the blocks in
@@ -116,7 +116,7 @@ class PathTrace:
     starts: tuple[int, ...]
     """Points that begin a new stroke, ascending."""
     column: tuple[int, ...]
-    """Column of ``Traces`` that the way to each point lies in; its load is drawn there."""
+    """Column of ``Traces`` of the path to each point; its load is drawn there."""
     line: tuple[int, ...]
     """Line of the program that moves to each point."""
     blank_low_mm: tuple[float, float, float]

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 
 class StoreError(ValueError):
-    """A stored file that is missing, broken, or not what its reader asks for."""
+    """Stored file that is missing, broken, or of another form than its reader needs."""
 
 
 def json_text(document: Any) -> str:

@@ -261,7 +261,7 @@ def working_day(shop: Shop, number: int) -> Timeline:
 
 
 def _batches(shop: Shop, day: Timeline, t: int, end: float) -> int:
-    """Run jobs until nobody starts another part; the second at which work has ended."""
+    """Run jobs until no further part is started; the second at which work has ended."""
     random = shop.random
     while True:
         if shop.job is None or shop.job.done >= shop.job.size:
@@ -312,7 +312,7 @@ def _by_hand(day: Timeline, a: int, b: int, random: np.random.Generator) -> None
 
 
 def _pause(shop: Shop, t: int) -> int:
-    """Second at which work goes on after a break, in which nobody loads a part."""
+    """Second at which work goes on after a break, in which no part is loaded."""
     for start, length in shop.parameters.shift.breaks:
         a, b = 3600 * start, 3600 * (start + length)
         if a <= t < b:

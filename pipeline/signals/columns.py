@@ -154,15 +154,14 @@ OBSERVATIONS = pa.schema(
         pa.field("instance", pa.uint64()),
     ]
 )
-"""Long form of what a machine said.
+"""Long form of a machine's observations.
 
 ``number`` or ``text`` holds the value; both null say that the item became unavailable at ``time``.
-``kind`` is one of :data:`KINDS`.  ``key`` tells apart values that stand for one item at the same
-time: a condition's native code or id, an entry of a data set (``row/column`` for a table), X, Y, Z
-of a position, the place in a time series, the id of an asset.  ``attributes`` is JSON of whatever
-else was said.  ``sequence`` is the agent's, or the place of the record in its file (from 1) when
-there is none; ``instance`` is the agent's instanceId.
-"""
+``kind`` is one of :data:`KINDS`.  ``key`` distinguishes values of one item at the same time: a
+condition's native code or id, an entry of a data set (``row/column`` for a table), X, Y, Z of a
+position, the place in a time series, the id of an asset.  ``attributes`` is JSON of the rest.
+``sequence`` is the agent's, or the place of the record in its file (from 1) when there is none;
+``instance`` is the agent's instanceId."""
 
 KINDS = ("SAMPLE", "EVENT", "CONDITION", "MESSAGE", "DATA_SET", "TABLE", "TIME_SERIES", "ASSET",
          "UNKNOWN")  # fmt: skip

@@ -23,7 +23,7 @@ FEWEST = 60
 MOVING = 0.9
 """Least share of rows in which a channel changes that may be found held [1]."""
 COMMAND = re.compile(r"command|target|setpoint|(^|_)(ref|reference|plan)(_|$)", re.IGNORECASE)
-"""Names of channels that may stand and step: what is asked for."""
+"""Names of channels that may stand and step: commands."""
 OFTEN = 6
 """Jumps from which they are in the nature of a channel, such as a distance to go [1]."""
 MOST = 100

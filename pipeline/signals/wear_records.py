@@ -115,7 +115,7 @@ class WearRecords(Ranged, section="wear_records"):
     discrete: tuple[str, ...] = ()
     """Conditions that are words: material, type of cut."""
     parts: tuple[str, ...] = ()
-    """Columns whose values tell the parts of a table apart; they are conditions too."""
+    """Columns whose values separate the parts of a table; they are conditions too."""
     table: ConditionTable | None = None
     """Table of conditions beside the recordings."""
     name: str | None = None

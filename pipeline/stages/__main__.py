@@ -73,7 +73,7 @@ def _of_submodel(verb: str, which: str) -> Entry:
 
 
 def run(name: str, *paths: str) -> None:
-    """Load the sections that the stage asks for and call it."""
+    """Load the sections that the stage needs and call it."""
     name, _, item = name.partition("@")
     stage = load_stage(name)
     if len(paths) != len(stage.paths):

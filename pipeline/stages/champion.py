@@ -11,7 +11,7 @@ from pipeline.schema.store import write_json
 def champion(models: Path, champions: Path, champion: Path, *, fleet: Fleet) -> None:
     """Register missing bundles; fill ``data/champion/<machine>`` with the one that serves.
 
-    Without a sub-model that is nothing; where nobody promoted one, the bundle in it serves on.
+    Without a sub-model that is nothing; without a promotion the bundle in it serves on.
     """
     names = fleet.submodels_of(models.name)
     if names:

@@ -49,8 +49,8 @@ class ControlModelFile(Model):
     programs: Mapping[str, str]
     """Program that each training run executed."""
     intervals: Bands = field(default_factory=dict)
-    """Half widths of the 90 % interval of a time as shares of it [1], by type of row and for
-    :data:`WHOLE`; empty where too few programs ran to tell."""
+    """Half-widths of the 90 % interval of a time as shares of it [1], by type of row and for
+    :data:`WHOLE`; empty with too few programs."""
     ends: Mapping[str, tuple[ControlParameters, ControlParameters]] = field(default_factory=dict)
     """Controls, by unit, with what the runs do not determine at its slow and at its fast end."""
 
@@ -66,7 +66,7 @@ class ControlRecords:
     units: Mapping[str, str] = field(default_factory=dict)
     """Recordings of each machine, name -> pattern, where several of a kind are taken as one."""
     default_unit: str = ""
-    """Unit whose control programs are simulated with when nobody names another."""
+    """Unit whose control programs are simulated with by default."""
     simulate: tuple[str, ...] = ("*",)
     """Patterns of the programs that the report shows."""
 

@@ -104,11 +104,10 @@ def corrected_command(
     settings: CorrectionSettings | None = None,
     share: npt.ArrayLike | None = None,
 ) -> CorrectedAxis:
-    """The command with which an axis is predicted to be where the program wants it.
+    """Command with which an axis is predicted to be where the program wants it.
 
-    It begins and ends where the reference (T,) [m] does.  Bounds that the reference itself passes
-    are those of the reference: the correction never asks for more than the greater of both.
-    ``share`` (T,) says how much of the correction is made, 0 to 1 [1]; errors count as much.
+    It begins and ends where the reference (T,) [m] does, and its bounds are no less than the
+    reference itself reaches.  ``share`` (T,): part of the correction that is made, 0 to 1 [1].
     Raises ValueError when the reference is too short or not finite, the share has another length,
     or the drive has no servo or is unstable.
     """

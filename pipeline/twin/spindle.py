@@ -238,7 +238,7 @@ class SpindleFitFacts:
     bridged_s: float
     """Bridged time of the training days, with inputs held from before [s]."""
     in_doubt: tuple[str, ...] = ()
-    """Other networks that what was left out cannot tell from this one."""
+    """Other networks that the left-out data cannot distinguish from this one."""
     resolution_K: float = 0.0
     """Step of the temperature sensor [K]."""
 

@@ -82,7 +82,7 @@ class Pocket:
 
     @property
     def swing(self) -> float:
-        """Half of the way to and fro, along the middle line."""
+        """Half of the path to and fro, along the middle line."""
         a, b, _ = self.wall(self.call.given["FAL"])
         return a - b if a > b else min(a, self.radius)
 

@@ -87,7 +87,7 @@ LETTERS = frozenset("ABCFIJKMSXYZ")
 OWN_MODES = frozenset({"AC", "IC"})
 """``X=AC(1)`` counts from the origin, ``X=IC(1)`` from where the axis stands, in this block."""
 WAYS = frozenset({"DC", "ACP", "ACN"})
-"""The way that a rotary axis takes."""
+"""Directions of a rotary axis to its target."""
 
 
 def token_of(word: WordItem) -> Token:

@@ -38,9 +38,9 @@ from pipeline.twin.cut.loads import Cut
 
 MM, UM = 1e-3, 1e-6
 SOFT = 0.85
-"""Share of the greatest feed per tooth up to which the least one of a range gives way to it [1]."""
+"""Share of the greatest feed per tooth that the least one of a range may reach [1]."""
 GIVES_WAY = 0.5
-"""Share of the greatest F by all limits down to which the least change gives way to them [1]."""
+"""Share of the greatest F by all limits that the least change may reach [1]."""
 LEAST_FEED = 0.1
 """Share of a program's least F from which its range starts where none is given, or one from 0 on.
 """

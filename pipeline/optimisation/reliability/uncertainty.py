@@ -6,19 +6,18 @@ A coefficient of a tool is
 
 with z standard normal, z_source common to all tools whose coefficients come from one source.
 
-- Identified coefficients have the spread of the laws of the chip that the records allow, each law
-  by its straight line over the feeds that were learnt and those of the cut, so that they spread
-  further beyond; and a share for speeds and depths that were not.  A model without such laws has
-  the intervals and correlations of its fit.  A coefficient that the records did not determine has
-  the value that the fit took, and zero is among its spread.
+- Identified coefficients have the spread of the force laws that the records allow, each law by its
+  straight line over the training feeds and those of the cut; and a share for other speeds and
+  depths.  A model without such laws has the intervals and correlations of its fit.  An undetermined
+  coefficient has the value of the fit, and zero is among its spread.
 - The land of a worn edge adds to the edge coefficients, with the interval of its growth with wear.
 - Others' measurements and catalogues err in the material and the edge above all, which moves all
   coefficients together: of the variance 4 / 5 is common, 1 / 5 each coefficient's own.
 
-Runout belongs to a mounting.  A tool table speaks of the mounting that is to cut, so that its size
-stands; which tooth stands out nobody knows.  What was identified is of the mounting that was
-recorded: the next one has its size, within its interval, at any angle, and an offset of its own of
-``certainty.runout_um`` on top.  Without either there is that offset alone; its size is Rayleigh's.
+Runout of a tool table is that of the mounting to cut, at an unknown angle.  Identified runout is of
+the recorded mounting: the next one has its size, within its interval, at any angle, and an offset
+of its own of ``certainty.runout_um`` on top.  Without either there is that offset alone; its size
+is Rayleigh's.
 """
 
 from collections.abc import Mapping, Sequence
@@ -52,7 +51,7 @@ BESIDE = 0.1
 CHIP = 5e-5
 """Thickness by which edge coefficients are beside cutting ones [m]."""
 FEEDS = 5
-"""Feeds per tooth of a range at which the laws of the chip are compared."""
+"""Feeds per tooth of a range at which the force laws are compared."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

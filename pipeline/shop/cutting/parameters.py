@@ -91,7 +91,7 @@ class Series(Ranged, section="Series"):
     block: Annotated[float, Range(least=20, most=1000, unit="mm")] = 80.0
     """Length of a pass."""
     passes_between: Annotated[float, Range(least=0, most=1000)] = 1.0
-    """Cuts between two tests, in passes of the test before: wear that nobody records."""
+    """Cuts between two tests, in passes of the test before: unrecorded wear."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

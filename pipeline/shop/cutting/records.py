@@ -147,7 +147,7 @@ def write_cutting(folder: Path, parameters: ShopParameters) -> dict[str, Any]:
 
     The truth: ``parameters`` that a linear-edge model should recover; ``spindle``, power without a
     cut, specific force and passes; ``more``, effects beyond such a model, definitions, and each
-    file. Raises ValueError when the machine has no tool of the number that the tests ask for.
+    file. Raises ValueError when the machine has no tool of the number in the tests.
     """
     cutting = parameters.cutting
     if not cutting.recorded:

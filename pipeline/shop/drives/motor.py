@@ -126,7 +126,7 @@ def _voltages(
     m: Machine, error_d: float, error_q: float, held_d: float, held_q: float, speed: float,
     flux_d: float, flux_q: float,
 ) -> tuple[float, float, bool]:  # fmt: skip
-    """Voltages that the current loops ask for [V], and whether the inverter must cut them."""
+    """Voltages requested by the current loops [V], and whether the inverter must limit them."""
     electrical = m.pole_pairs * speed
     u_d = m.current_gain * m.inductance_d * error_d + held_d - electrical * flux_q
     u_q = m.current_gain * m.inductance_q * error_q + held_q + electrical * flux_d

@@ -179,10 +179,7 @@ class CommandedPath:
         self._tree = cKDTree(self.points)
 
     def distance(self, place: Floats) -> Floats:
-        """Distances of places (T, A) from the path, shape (T,).
-
-        The nearest of its points is sought, then the nearest place on the two pieces there.
-        """
+        """Distances of places (T, A) from the path, shape (T,), by its nearest point."""
         path = self.points
         distance, near = self._tree.query(place)
         for other in (np.maximum(near - 1, 0), np.minimum(near + 1, len(path) - 1)):

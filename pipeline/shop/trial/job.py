@@ -88,9 +88,9 @@ class ShopPart:
 
 
 def shop_part(parameters: ShopParameters) -> ShopPart:
-    """The part of a machine: of aluminium with two tools, or of steel with one.
+    """Part of a machine: of aluminium with two tools, or of steel with one.
 
-    Raises ValueError when the machine has no tool of the number that its cutting tests ask for.
+    Raises ValueError when the machine has no tool of the number in its cutting tests.
     """
     own = parameters.cutting.tool
     programs, _ = part_programs(parameters.control, parameters.generator("part programs"))

@@ -56,8 +56,8 @@ def prepare(text: bytes | str, name: str, job: TrialJob, parameters: ShopParamet
     """Read a program, let the shop's control run it once, and sweep the blank.
 
     ``name`` is the file's, for messages.  Raises GcodeError at the first word that cannot be
-    followed; ValueError when the program does nothing, the mill cannot do what it asks, or it cuts
-    with a tool that the job does not have, or with a spindle that stands.
+    followed; ValueError when the program does nothing, exceeds the mill, or cuts with an unknown
+    tool or a standing spindle.
     """
     program = program_steps(text, name, job, parameters.control)
     control = control_of(program, job, parameters, parameters.generator("trial control"))

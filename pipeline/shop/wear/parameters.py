@@ -161,7 +161,7 @@ class Sensors(Ranged, section="Sensors"):
     mounting_damping: Annotated[float, Range(least=1e-3, most=0.9)] = 0.08
     """Resonance of an accelerometer on its magnet."""
     across: Annotated[float, Range(least=0, most=1)] = 0.12
-    """Share of the force along x that y shows, and the other way round."""
+    """Share of the force along x that y shows, and vice versa."""
     unbalance: Annotated[float, Range(least=0, most=100, unit="m/s2")] = 1.1
     """Acceleration at the speed of the spindle at 6000 rev/min; it grows as the square."""
     bearing: tuple[tuple[float, float], ...] = ((7.21, 0.35), (9.79, 0.25), (14.42, 0.2))
@@ -225,7 +225,7 @@ class Microscope(Ranged, section="Microscope"):
     every: Annotated[int, Range(least=1, most=100)] = 3
     """Records from one measurement to the next; the first record is measured too."""
     forgotten: Annotated[float, Range(least=0, most=0.9)] = 0.06
-    """Share of the measurements that nobody wrote down."""
+    """Share of the measurements that were not written down."""
     changed_at: Annotated[float, Range(least=20, most=2000, unit="um")] = 215.0
     """Reading at which the tool is taken out."""
 
@@ -281,7 +281,7 @@ class Wear(Ranged, section="Wear"):
     """Greatest number of records of one life."""
     depth_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
     width_error: Annotated[float, Range(least=0, most=0.5)] = 0.03
-    """Relative standard deviations of what is in the way of the tool."""
+    """Relative standard deviations of width and depth of cut."""
     speed_error: Annotated[float, Range(least=0, most=0.05)] = 1e-3
     speed_wander: Annotated[float, Range(least=0, most=0.05)] = 1e-3
     """Errors of the spindle, as in the dynamometer's tests."""

@@ -45,7 +45,7 @@ BLOCK = 120.0
 LEAD = 0.04
 """Time before the first row in which modes and filters settle [s]."""
 AIR = 0.08
-"""Time in the air of a record that holds the way in or out [s]."""
+"""Time in the air of a record that holds entry or exit [s]."""
 SLOW = 0.15
 """Time constant of the spindle's wander and of the material's structure [s]."""
 COLUMNS = (
@@ -79,7 +79,7 @@ class Course:
 
 
 def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course:
-    """The life of one tool, until somebody reads that it is worn."""
+    """Life of one tool, until a reading shows that it is worn."""
     cutter, planned = wear.cutter(life), wear.planned(life)
     tool = new_tool(cutter, wear.rate, random)
     cuts = [conditions(one, cutter, life.speed) for one in planned]

@@ -1,8 +1,7 @@
-"""The device model of an MTConnect agent: which data items a machine has, and in which units.
+"""Device model of an MTConnect agent: data items of a machine, and their units.
 
 Read from a Devices document of any version (1.0 to 2.7) and namespace, or from a bare ``<Device>``
-as vendors' templates hold, or from the JSON forms of both.  JSON nests the same things in three
-ways:
+as vendors' templates hold, or from the JSON forms of both:
 
 ======================= ========================================================================
 cppagent, jsonVersion 1 lists of ``{"Element": {...}}``

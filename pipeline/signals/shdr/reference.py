@@ -60,10 +60,10 @@ class LineResult(NamedTuple):
 
 
 class LineReader:
-    """Reads the lines of one log in their order.
+    """Reader of the lines of one log in their order.
 
-    ``previous`` is the time of the last line that had one [ns since 1970], ``formed`` tells whether
-    any line so far had the form of a log.
+    ``previous`` is the time of the last line that had one [ns since 1970], ``formed`` whether any
+    line so far had the form of a log.
     """
 
     def __init__(self, items: Items) -> None:
