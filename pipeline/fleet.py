@@ -18,7 +18,7 @@ class Fleet:
     name: str
     """Name of the fleet."""
     machines: tuple[str, ...]
-    """Every machine."""
+    """Machines of the fleet."""
     simulated: tuple[str, ...] = ()
     """Machines whose records the simulated shop floor writes."""
     submodels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)

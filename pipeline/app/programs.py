@@ -81,7 +81,7 @@ class Controlled:
     setup: Setup
     """Setup of the machine."""
     parameters: dict[str, Any]
-    """All that conf/ composes to with this machine."""
+    """Composition of conf/ with this machine."""
     models: Path
     """Folder of the sub-models that are used: the champion's, or the latest ones."""
 

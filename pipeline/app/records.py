@@ -24,7 +24,7 @@ class ItemSeries:
     """Reports of one data item or channel, in the order of time."""
 
     time: Ints
-    """UTC [ns], shape (T,)."""
+    """Time in UTC [ns], shape (T,)."""
     number: Floats
     """Values, NaN for words and where it was unavailable, shape (T,)."""
     known: np.ndarray
@@ -58,7 +58,7 @@ class ItemRecord:
     unit: str = ""
     """Unit by the Devices document or the table's layout."""
     described: bool = True
-    """False where the machine has a Devices document and it does not describe the item."""
+    """Whether a Devices document describes the item; True without one."""
     sparkline: str = ""
     """Sparkline of its mean in equal parts of the time that all records span, without those days;
     blank where nothing was reported."""

@@ -27,7 +27,7 @@ class Setting:
     """One key of a section."""
 
     name: str
-    """The key."""
+    """Key of the setting."""
     hint: Any
     """Hint of its value, with what annotates it."""
     default: Any

@@ -51,7 +51,7 @@ class WearTold:
     origin: str
     """Machine, and origin of the records of the training."""
     model: str
-    """``champion`` or ``latest``."""
+    """Model used: ``champion`` or ``latest``."""
     status: str
     """Status of the model's verdict."""
     quantity: str

@@ -194,9 +194,9 @@ class Level:
     source: Source
     """Program that holds its lines."""
     line: int
-    """The next one."""
+    """Line to be executed next."""
     first: int
-    """The one it began with."""
+    """Line that the level began with."""
     jump: Jump | None = None
     """The call, where M98, G65 or G66 made it."""
     label: str | None = None

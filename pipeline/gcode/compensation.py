@@ -62,11 +62,11 @@ class Corner:
 
     end: complex
     start: complex
-    """[mm]"""
+    """End of the first element and start of the second [mm]."""
     lines: tuple[complex, ...] = ()
     """End points of inserted lines [mm]; the last one is ``start``."""
     angle: float = 0.0
-    """Swept by an inserted arc about the corner [rad]; 0 for none."""
+    """Angle of an inserted arc about the corner [rad]; 0 for none."""
 
 
 RULES = {

@@ -44,9 +44,9 @@ class Element:
     centre: complex | None = None
     """Centre of an arc [mm]."""
     angle: float = 0.0
-    """Swept by an arc, anticlockwise positive, full turns included [rad]."""
+    """Angle of an arc, anticlockwise positive, full turns included [rad]."""
     rapid: bool = False
-    """G0."""
+    """Whether the move is a rapid, G0."""
     inserted: bool = False
     """Leads around an outer corner before the move of its row."""
 

@@ -16,7 +16,7 @@ FANUC, LINUXCNC, SIEMENS = range(3)
 """Values of ``State.dialect``."""
 DIALECTS = ("fanuc", "linuxcnc", "siemens")
 CANCELLED = 800
-"""``State.motion`` after G80 where that leaves no motion in force (LinuxCNC)."""
+"""Value of ``State.motion`` after G80 where no motion is in force (LinuxCNC)."""
 
 FLOATS = ("feed", "speed", "tolerance", "unit")
 """Scalars behind the 6 of ``position`` and the 6 of ``translation`` in :meth:`State.to_arrays`."""
@@ -49,26 +49,26 @@ class State:
     speed: float = 0.0
     """S [rev/min] or [m/min], kept while the spindle stands."""
     tolerance: float = 0.0
-    """P of G64 [mm]."""
+    """Tolerance, P of G64 [mm]."""
     unit: float = 1.0
     """Millimetres in the program's unit of length: 1 (G21) or 25.4 (G20)."""
     dialect: int = FANUC
-    """``FANUC``, ``LINUXCNC`` or ``SIEMENS``."""
+    """Dialect: ``FANUC``, ``LINUXCNC`` or ``SIEMENS``."""
     motion: int = 0
     """Ten times the G code of group 1 (0, 10, 20, 30, 330, 382, a cycle, ``CANCELLED``)."""
     plane: int = 17
-    """17, 18 or 19."""
+    """Plane: 17, 18 or 19."""
     absolute: int = 1
     arc_absolute: int = 0
     """1 for G90 (G90.1), 0 for G91 (G91.1)."""
     feed_mode: int = FeedMode.PER_MINUTE
-    """93, 94 or 95."""
+    """Feed mode: 93, 94 or 95."""
     path_mode: int = PathMode.CONTINUOUS
     """:class:`~pipeline.gcode.moves.PathMode`."""
     direction: int = 0
     """Direction of the spindle: 1 for M3, -1 for M4, 0 standing."""
     constant_surface_speed: int = 0
-    """1 for G96."""
+    """Constant surface speed: 1 for G96."""
     tool: int = -1
     selected: int = -1
     """Tool in the spindle (-1 before the first) and selected by T (-1 before the first)."""
@@ -111,7 +111,7 @@ class Group:
     """Codes of which one is in force."""
 
     codes: tuple[int, ...]
-    """Ten times the G code."""
+    """G codes of the group, times ten."""
     step: int
     """When a block carries them out, small first: LinuxCNC's order, which is Fanuc's too where the
     order matters."""

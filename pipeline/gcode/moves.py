@@ -93,7 +93,7 @@ class Moves:
     origin: npt.NDArray[np.float64]
     """Position of the machine before the first row [mm, deg]."""
     kind: npt.NDArray[np.uint8]
-    """:class:`Kind`."""
+    """Kind of each row, :class:`Kind`."""
     line: npt.NDArray[np.int32]
     """Line that the row comes from, counting from 1, in ``files[file]``."""
     file: npt.NDArray[np.int16]
@@ -108,23 +108,23 @@ class Moves:
     included [rad].  Radius goes linearly with the angle from start to end (a spiral where they
     differ), and so do the other axes (a helix).  0 in other rows."""
     plane: npt.NDArray[np.uint8]
-    """17 (XY), 18 (ZX) or 19 (YZ)."""
+    """Plane: 17 (XY), 18 (ZX) or 19 (YZ)."""
     feed: npt.NDArray[np.float64]
     """Feed, as ``feed_mode`` says: [mm/min], [1/min] or [mm/rev]."""
     feed_mode: npt.NDArray[np.uint8]
-    """:class:`FeedMode`."""
+    """Feed mode, :class:`FeedMode`."""
     speed: npt.NDArray[np.float64]
     """S: [rev/min], or [m/min] where ``constant_surface_speed``; 0 when the spindle stands."""
     direction: npt.NDArray[np.int8]
     """Direction of the spindle: 1 for M3, -1 for M4, 0 when it stands."""
     constant_surface_speed: npt.NDArray[np.bool_]
-    """G96."""
+    """Whether G96 is in force."""
     tool: npt.NDArray[np.int32]
     """Tool in the spindle, after the row; -1 before the first tool change."""
     frame: npt.NDArray[np.int32]
-    """Index into ``frames``."""
+    """Frame of each row, an index into ``frames``."""
     path_mode: npt.NDArray[np.uint8]
-    """:class:`PathMode`."""
+    """Path mode, :class:`PathMode`."""
     tolerance: npt.NDArray[np.float64]
     """Tolerance of G64 P [mm]; 0 for the control's own."""
     code: npt.NDArray[np.int32]

@@ -42,9 +42,9 @@ class Offsets:
     scale_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
     mirror: list[float] = field(default_factory=lambda: [1.0] * 3)
     mirror_centre: list[float] = field(default_factory=lambda: [0.0] * 3)
-    """G51 and G51.1."""
+    """Scales and centre of G51, mirrored axes and centre of G51.1."""
     polar: bool = False
-    """G16."""
+    """Whether polar coordinates, G16, are in force."""
 
     @property
     def work_rotation(self) -> float:

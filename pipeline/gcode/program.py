@@ -37,7 +37,7 @@ class Tokens:
     """K tokens on L lines, in the order of the bytes; together they are all of them."""
 
     kind: npt.NDArray[np.uint8]
-    """:class:`Kind`."""
+    """Kind of each token, :class:`Kind`."""
     start: npt.NDArray[np.int32]
     """Byte that each begins at; it ends where the next begins."""
     first: npt.NDArray[np.int32]
@@ -72,11 +72,11 @@ class Word:
     letter: str
     """Upper case; ``",R"`` and ``",C"`` with their comma."""
     value: float | None
-    """None where the value is an expression."""
+    """Value; None where it is an expression."""
     expression: str | None
     """The value as written where it is no number: ``"[#1+2]"``."""
     text: bytes
-    """The whole word."""
+    """Text of the whole word."""
     line: int
     column: int
     """Column of its first byte, from 1."""

@@ -21,7 +21,7 @@ class Jump:
     kind: str
     """``"call"``, ``"local call"``, ``"return"`` or ``"end"``."""
     item: WordItem
-    """The word that says so."""
+    """Word of the call or return."""
     number: int | None = None
     """Number of the program to call, or of the N word to call or to return to."""
     count: int = 1
@@ -167,7 +167,7 @@ class Contour:
     radius: float
     """Radius of the tool [mm]."""
     plane: int
-    """17, 18 or 19."""
+    """Plane: 17, 18 or 19."""
     first: int
     """Row that the contour begins with."""
     start: tuple[float, ...]

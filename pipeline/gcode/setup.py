@@ -83,7 +83,7 @@ class Setup(Ranged, section="setup"):
     parameters: Mapping[int | str, float] = field(default_factory=dict)
     """``#`` variables that have a value at the start, by number or name."""
     folders: tuple[Path, ...] = ()
-    """Searched for subprograms that are not in the program's own file."""
+    """Folders of subprograms that are not in the program's own file."""
     block_skip: tuple[int, ...] = ()
     """Levels of ``/`` that are switched on (1 is the plain ``/``)."""
     block_limit: Annotated[int, Range(least=1, finite=False, unit="blocks")] = 1_000_000

@@ -91,10 +91,10 @@ class Control:
     """Flow control of a line."""
 
     kind: str
-    """``goto``, ``if_goto``, ``if_then``, ``while_do``, ``do``, ``end`` (Macro B) or, of O-words,
-    ``sub``, ``endsub``, ``call``, ``return``, ``if``, ``elseif``, ``else``, ``endif``, ``while``,
-    ``endwhile``, ``repeat``, ``endrepeat``, ``break``, ``continue``, ``program`` (``O1000`` that
-    names a program)."""
+    """Kind: ``goto``, ``if_goto``, ``if_then``, ``while_do``, ``do``, ``end`` (Macro B) or, of
+    O-words, ``sub``, ``endsub``, ``call``, ``return``, ``if``, ``elseif``, ``else``, ``endif``,
+    ``while``, ``endwhile``, ``repeat``, ``endrepeat``, ``break``, ``continue``, ``program``
+    (``O1000`` that names a program)."""
     label: "Expression | str | None"
     """Name or number of an O-word as text (``"100"`` for ``O0100``), an expression where it is
     computed; loop number of DO and END; target of GOTO."""

@@ -242,7 +242,7 @@ class TrainedGan:
     """A trained generator: windows at conditions."""
 
     settings: GanSettings
-    """Sizes."""
+    """Sizes of the networks."""
     training: GanTraining
     """Settings of its training."""
     space: ConditionSpace

@@ -36,8 +36,8 @@ class GanSettings(Ranged, section="gan"):
     dropout: Annotated[float, Range(least=0.0, below=1.0)] = 0.5
     """Share of the discriminator's activations that are dropped [1]."""
     condition: str = "film"
-    """``film``: feature-wise linear modulation in the generator and projection in the
-    discriminator.  ``multiply``, as published: noise and window are multiplied by the embedded
+    """Conditioning; ``film``: feature-wise linear modulation in the generator and projection in the
+    discriminator; ``multiply``, as published: noise and window multiplied by the embedded
     conditions, which scales an amplitude and no more."""
     embedding: Count = 32
     """Numbers that stand for the conditions inside the networks."""
@@ -72,7 +72,7 @@ class GanTraining(Ranged, section="gan_training"):
     beta2: Annotated[float, Range(least=0.0, below=1.0)] = 0.999
     """Shares of the mean gradient and of its mean square that a step of Adam keeps [1]."""
     loss: str = "hinge"
-    """``hinge`` or ``cross_entropy`` (as published)."""
+    """Loss: ``hinge`` or ``cross_entropy`` (as published)."""
     r1: NotNegative = 0.0
     """Factor of the mean squared gradient of the score with respect to recorded windows [1]; 0 for
     none."""
@@ -94,7 +94,7 @@ class GanTraining(Ranged, section="gan_training"):
     every: Count = 200
     """Steps of which one row of the history is the mean, and after which a watch is called."""
     precision: str = "float32"
-    """``float32``, or ``bfloat16`` where the processor has such products."""
+    """Precision: ``float32``, or ``bfloat16`` where the processor has such products."""
     seed: Whole = 0
     """Seed of weights, noise, order of windows."""
 

@@ -38,7 +38,7 @@ class Trained:
     method: str
     """Method of the training."""
     settings: TrainingSettings
-    """Budget and the like."""
+    """Settings of the training."""
     x_scaling: Scaling
     """Scaling of the temperatures [K]: all the same for bands over the channels, which compare
     them; each its own for the sigmoid network."""

@@ -78,7 +78,7 @@ class Tuned:
     names: tuple[str, ...]
     """Names of the tuned settings."""
     candidates: tuple[Candidate, ...]
-    """All that were trained, in the order of the search."""
+    """Candidates that were trained, in the order of the search."""
     history: Floats
     """Least validation RMSE of the candidates up to each generation; shape (G,)."""
     evaluations: int
@@ -86,7 +86,7 @@ class Tuned:
     retrained: tuple[TrainedSequence, ...]
     """Networks trained in full, the best by validation error first."""
     bounds_hit: dict[str, str]
-    """``low`` or ``high`` for what lies at a bound of its range in the best of them."""
+    """Bound, ``low`` or ``high``, at which a value of the best settings lies."""
 
     @property
     def network(self) -> TrainedSequence:

@@ -27,7 +27,7 @@ class Recording(Ranged):
     step_s: Positive
     """Time between samples [s]."""
     signals: Mapping[str, Floats]
-    """All with as many samples; shape (N,)."""
+    """Signals with as many samples; shape (N,)."""
     measured: frozenset[str] = frozenset()
     """Signals that are measured, or made of what is measured; they are not known before the motion,
     whatever an input declares."""

@@ -134,7 +134,7 @@ class Result:
     problem: Problem = field(repr=False)
     """Problem in its last form, after tightening."""
     blockwise: Decision = field(repr=False)
-    """The blockwise optimum."""
+    """Blockwise optimum."""
     answer: TwinAnswer = field(repr=False)
     """The answer with its text, as the whole twin sees it."""
     proof: Proof

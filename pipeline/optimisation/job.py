@@ -52,7 +52,7 @@ class MachineModels:
     residual: Residual | None = field(default=None, repr=False)
     """Network for what the drives leave over; None where it is not used."""
     residual_name: str = ""
-    """Name of its model."""
+    """Name of the residual's model."""
 
     @property
     def judged(self) -> Verdict | None:

@@ -119,7 +119,8 @@ class Part(Ranged, section="parts"):
     """Name of the files that are written for it; the program's own without its ending by default.
     """
     objective: Objective = "time"
-    """``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their front."""
+    """Objective: ``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their
+    front."""
     limits: CutLimit = field(default_factory=CutLimit)
     """Limits of the cut."""
     resolution_mm: Annotated[float, Range(least=0.001, most=100.0, unit="mm")] = 0.2

@@ -299,7 +299,7 @@ class CuttingModel(Model):
     correlation: Correlation
     """Correlation of the waveform's unknowns."""
     fit: CuttingFitFacts | None
-    """None without a fit."""
+    """Facts of the fit; None without one."""
     terms: tuple[TermsTried, ...]
     methods: tuple[MethodTried, ...]
     """Models and methods that were compared."""
@@ -314,7 +314,7 @@ class CuttingModel(Model):
     folds: tuple[FoldModel, ...]
     """Fits without some of the training recordings."""
     spindle: SpindleLoad | None
-    """None without logs of the spindle's load."""
+    """Identification from spindle load; None without logs of it."""
 
     @property
     def coefficients(self) -> Mapping[str, Parameter]:

@@ -39,7 +39,7 @@ class FrozenSet:
     """Path below ``data/raw/<machine>`` and SHA-256 of the bytes; of a part of a table,
     ``<file>#<column>=<value>``, those of the table."""
     days: Days | None = None
-    """None where no file has a clock."""
+    """Days that count; None where no file has a clock."""
     time_zone: str = "UTC"
     """Time zone of the plant, whose days they are."""
     whole: tuple[str, ...] = ()

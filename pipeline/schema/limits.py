@@ -217,7 +217,7 @@ class CutLimit(Ranged, section="limits"):
     ] = 0.0  # fmt: skip
     """Least change of S between two blocks of one tool, unless it stays [rev/min]."""
     margins: Margins = field(default_factory=Margins)
-    """Kept free of each."""
+    """Margins that are kept free of each limit."""
     practice: MachiningPractice = field(default_factory=MachiningPractice)
     """Greatest changes of F and S from the program."""
 

@@ -15,7 +15,7 @@ class Parameter:
     value: float | None
     """Value in ``unit``; None where the records do not determine it."""
     unit: str
-    """``"1"`` for none."""
+    """Unit, ``"1"`` for none."""
     interval_95: tuple[float, float] | None
     """Lower and upper end of its 95 % confidence interval."""
     determined: bool

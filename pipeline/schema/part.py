@@ -56,7 +56,7 @@ class Totals:
     beyond: int | None = None
     """Blocks that pass a limit."""
     beyond_of: Mapping[str, int] = field(default_factory=dict)
-    """Number of them by the name of the limit; limits that no block passes are left out."""
+    """Number of blocks beyond each limit, by its name; limits that no block passes are left out."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,11 +238,11 @@ class StoredProof:
     """Proof that nothing but F and S words differs."""
 
     same: bool
-    """Whether it holds."""
+    """Whether the proof holds."""
     sha256: str
     """Hash of everything that both programs do but F and S."""
     moves: int
-    """Compared."""
+    """Number of compared moves."""
     before_sha256: str
     after_sha256: str
     """Hashes of the two texts."""
@@ -311,7 +311,7 @@ class OptimisedPart:
     origin: str
     """Origin of the machine's records."""
     control: str
-    """``identified``, or ``conf/machine`` where the control's values are as written there."""
+    """Origin of the control: ``identified``, or ``conf/machine`` as written there."""
     objective: Objective
     """Objective that was minimised."""
     currency: str | None

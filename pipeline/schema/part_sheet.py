@@ -29,7 +29,7 @@ class ToolUse:
     """One tool in one operation before and after, beside the range that is usual for it."""
 
     tool: int
-    """Number."""
+    """Number of the tool."""
     name: str
     """Name for people."""
     operation: str = ""
@@ -67,17 +67,17 @@ class FeedChange:
     last_line: int
     """First and last line of the program."""
     tool: int
-    """Number."""
+    """Number of the tool."""
     operation: str = ""
     """Kind of machining; empty where it was not recognised."""
     feed_unit: FeedUnit = "mm/min"
     """Unit of F."""
     feed_before: float
     feed_after: float
-    """F."""
+    """F before and after."""
     speed_before: float
     speed_after: float
-    """S."""
+    """S before and after [rev/min]."""
     feed_per_tooth_before_mm: Feed
     feed_per_tooth_after_mm: Feed
     """F / (N S) of what is commanded [mm]; None in air."""
@@ -112,7 +112,7 @@ class PathTrace:
     x_mm: tuple[float, ...]
     y_mm: tuple[float, ...]
     z_mm: tuple[float, ...]
-    """V points [mm]."""
+    """Coordinates of the V points of the path [mm]."""
     starts: tuple[int, ...]
     """Points that begin a new stroke, ascending."""
     column: tuple[int, ...]
@@ -131,13 +131,13 @@ class SetupTool:
     """A tool that the program calls."""
 
     tool: int
-    """Number."""
+    """Number of the tool."""
     name: str
     kind: str
     """Kind for people; empty where the tool table does not hold it."""
     diameter_mm: float | None
     stickout_mm: float | None
-    """[mm]."""
+    """Diameter and stick-out [mm]."""
     flutes: int | None
     """Number of teeth."""
     length_mm: float | None
@@ -156,7 +156,7 @@ class WorkOffset:
     """A work offset that the program uses, as it was assumed."""
 
     name: str
-    """``"G54"``, …"""
+    """Name of the work offset, ``"G54"``, …"""
     position_mm: tuple[float, float, float] | None
     """X, Y, Z of its zero in the machine's frame [mm]; None where the set-up does not give it."""
 

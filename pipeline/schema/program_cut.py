@@ -87,7 +87,7 @@ class CutQuantities:
     in_material_s: float | None
     """Time in the material [s]."""
     volume_cm3: float | None
-    """Removed [cm^3]."""
+    """Volume removed [cm^3]."""
     removal_rate_cm3_min: float | None
     """While cutting [cm^3/min]."""
     tool_life_share: float | None
@@ -110,7 +110,7 @@ class CutTotals(CutQuantities):
     highest_removal_rate_cm3_min: float | None
     """The greatest beside the mean [cm^3/min]."""
     cost: CutCost | None
-    """None where prices are not known."""
+    """Cost; None where prices are not known."""
     tool_life_share_low: float | None = None
     tool_life_share_high: float | None = None
     """Share of the tools' lives at the ends of their spread [1]; None where they have none."""
@@ -365,7 +365,7 @@ class ProgramCut:
     drive: DriveCurve | None
     """Drive of the spindle."""
     blocks: tuple[CutBlock, ...]
-    """Every block that cuts."""
+    """Blocks that cut."""
     axes: tuple[AxisInCut, ...] = ()
     """Following error and motor command of each axis in the cut; empty where not known."""
     edges: tuple[ToolEdge, ...] = ()

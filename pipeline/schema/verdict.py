@@ -173,7 +173,7 @@ class Verdict:
     """Judged role of the cases that decided: golden ones where there are some, else held-out
     ones."""
     golden: GoldenUsed | None
-    """None where no golden set was frozen."""
+    """Golden set used; None where none was frozen."""
     scores: tuple[Score, ...]
     """Scores by quantity, group, regime and role."""
     skills: tuple[Skill, ...] = ()
@@ -181,9 +181,9 @@ class Verdict:
     outside: tuple[OutsideConditions, ...] = ()
     """Cases outside of the conditions of training."""
     cases: tuple[JudgedCase, ...] = ()
-    """Every case that was compared."""
+    """Cases that were compared."""
     left_out: tuple[LeftOut, ...] = ()
-    """Every case that was not, with the reason."""
+    """Cases that were not compared, with the reason."""
 
     def of(
         self, quantity: str, *, group: str | None = None, role: Role | None = None
@@ -263,7 +263,7 @@ class UsedModel:
     """A sub-model that figures rest on, with what its verdict says of them."""
 
     submodel: str
-    """``control``, ``drive`` or ``cutting``."""
+    """Sub-model: ``control``, ``drive`` or ``cutting``."""
     figures: str
     """Figures that rest on it, in words."""
     status: UsedStatus

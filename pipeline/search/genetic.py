@@ -37,7 +37,7 @@ class GeneticSettings(SearchSettings, section="genetic"):
     generations: Count = 100
     """Generations at most, the first population among them."""
     selection: str = "stochastic_universal"
-    """``tournament`` or ``stochastic_universal``."""
+    """Selection: ``tournament`` or ``stochastic_universal``."""
     tournament: Count = 2
     """Competitors for each parent's place."""
     fitness: str = "exponential"
@@ -47,7 +47,7 @@ class GeneticSettings(SearchSettings, section="genetic"):
     """c of ``exponential``, exp(-(f - f_min) / (c sigma)): the smaller, the more the best alone are
     chosen [1]."""
     crossover: str = "sbx"
-    """``sbx`` (simulated binary) or ``blend``."""
+    """Crossover: ``sbx`` (simulated binary) or ``blend``."""
     crossover_eta: Annotated[float, Range(least=0.0, most=1000.0)] = 5.0
     """Distribution index of ``sbx``."""
     alpha: Annotated[float, Range(least=0.0, most=10.0)] = 0.5
@@ -66,8 +66,8 @@ class GeneticSettings(SearchSettings, section="genetic"):
     """Children of a generation as a share of the population, above 0 to 1; never so many that the
     elite had no place."""
     survival: str = "truncation"
-    """``truncation``: the best of parents and children together stay; ``replacement``: all children
-    do, in place of the worst parents."""
+    """Survival; ``truncation``: the best of parents and children together; ``replacement``: all
+    children, in place of the worst parents."""
     adaptive: bool = False
     """Rates by fitness (Srinivas and Patnaik 1994): the best are disrupted least."""
 

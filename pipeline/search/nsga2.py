@@ -69,7 +69,7 @@ class FrontResult:
     """Members of the last generation that none dominates, each once, by their first objective;
     shape (F, D)."""
     objectives: Floats = field(repr=False)
-    """Theirs; shape (F, O)."""
+    """Objectives of the front's members; shape (F, O)."""
     violation: Floats = field(repr=False)
     """Theirs: 0, or all the same where no individual keeps its limits; shape (F,)."""
     evaluations: int

@@ -26,7 +26,7 @@ class SearchSettings(Ranged, ABC, section="search"):
     """Settings that all methods with a population share."""
 
     population: Count = 30
-    """Individuals P."""
+    """Number of individuals P."""
     generations: Count = 500
     """Generations at most, the first population among them: P times as many evaluations."""
     limit: Annotated[float, Range(finite=False)] = -inf

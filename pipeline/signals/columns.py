@@ -30,7 +30,7 @@ class Column:
     """Values outside are not physical for any machine tool; they are glitches."""
     factor: float = 1.0
     offset: float = 0.0
-    """``SI = value * factor + offset``."""
+    """Offset to SI: ``SI = value * factor + offset``."""
     between: Between = "hold"
     """Value between two observations when it is resampled."""
     text: bool = False
@@ -186,7 +186,7 @@ RUNS = pa.schema(
         pa.field("rows", pa.int64(), nullable=False),
     ]
 )
-"""One row a recording; further columns are its conditions."""
+"""Table of recordings, one row each; further columns are their conditions."""
 
 AUDIT = pa.schema(
     [

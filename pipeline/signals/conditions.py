@@ -24,7 +24,7 @@ class Condition:
     value: float | str
     """Number in ``unit``, or a word."""
     unit: str = ""
-    """``""`` for none."""
+    """Unit, ``""`` for none."""
     source: str = ""
     """Place of the condition, as the end of a sentence: ``"its name"``, ``"runs.parquet"``."""
 

@@ -151,7 +151,7 @@ def write_rejected(rejected: Mapping[str, Iterable[Rejection]], path: Path) -> i
 
 
 Entry = dict[str, Any]
-"""One raw file in the manifest."""
+"""Entry of one raw file in the manifest."""
 
 LONGEST = 160
 """Bytes of a raw file's name that go into the name of its Parquet; file systems allow 255."""

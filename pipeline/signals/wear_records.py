@@ -80,7 +80,7 @@ class InCut(Ranged, section="wear_records.in_cut"):
     share: Share = 0.2
     """Level as a share of the recording's 95 % quantile where ``least`` is not given [1]."""
     over_s: Positive = 0.1
-    """Time of the RMS [s]."""
+    """Time over which the RMS is taken [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

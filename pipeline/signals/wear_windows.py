@@ -66,7 +66,7 @@ class WearWindows:
     """Values in ``units``; shape (N, C, L)."""
     channels: tuple[str, ...]
     units: tuple[str, ...]
-    """C each."""
+    """Names and units of the C channels."""
     rate_Hz: float
     """Rate of the samples [Hz]."""
     wear: Floats
@@ -75,7 +75,8 @@ class WearWindows:
     wear_unit: str
     """``"um"``, or ``"1"`` for a class."""
     measured: Bools
-    """False where the wear was interpolated between measurements of the same tool; shape (N,)."""
+    """Whether the wear was measured, or interpolated between measurements of the same tool; shape
+    (N,)."""
     conditions: Mapping[str, Any]
     """Numbers in ``condition_units``, or words; those of the settings; shape (N,)."""
     condition_units: Mapping[str, str]

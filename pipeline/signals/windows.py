@@ -16,9 +16,9 @@ class StateSegment:
     day: str
     """Day of the plant, ``YYYY-MM-DD``."""
     frame: pd.DataFrame
-    """One row a step, index the UTC time of the step's beginning."""
+    """Inputs and target, one row a step, by the UTC time of the step's beginning."""
     step: float
-    """Step [s]."""
+    """Step of time [s]."""
     bridged: int
     """Steps whose inputs were unknown and held from before."""
 

@@ -70,8 +70,8 @@ class CorrectedAxis:
     """Reference position of the axis, and the command for it [m]."""
     error_before: Floats = field(repr=False)
     error_after: Floats = field(repr=False)
-    """``reference`` less predicted position, driven with ``reference`` and with ``corrected``
-    [m]."""
+    """Error before and after: ``reference`` less predicted position, driven with ``reference`` and
+    with ``corrected`` [m]."""
     half_width: Floats | None = field(repr=False, default=None)
     """Half width of the 90 % interval of ``error_after`` [m]; None without a residual."""
     cutoff: float

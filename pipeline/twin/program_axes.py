@@ -58,7 +58,7 @@ class AxisFollowing:
     row: npt.NDArray[np.int32] = field(repr=False)
     """Row of ``Moves`` that the control is in."""
     command_unit: str
-    """A or V."""
+    """Unit of the command, A or V."""
     residual: Floats | None = field(repr=False, default=None)
     """Part of ``error`` that the drives' model leaves over [m]; None without a residual."""
     half_width: Floats | None = field(repr=False, default=None)
@@ -97,7 +97,7 @@ class AxisFigures:
     max_command: float
     """Greatest command of the motor [``command_unit``]."""
     command_unit: str
-    """A or V."""
+    """Unit of the command, A or V."""
     half_width: float | None
     """Greatest half width of the 90 % interval of the error [m]; None where it is not known."""
 

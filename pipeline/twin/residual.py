@@ -33,7 +33,7 @@ class Forest:
     used: bool
     """Whether it lowers the error of days left out, and corrects the network."""
     why: str
-    """The reason."""
+    """Reason of its use or not."""
     sources: tuple[str, ...]
     extra: tuple[str, ...]
     """Heat sources and further signals that it looks at."""

@@ -168,7 +168,7 @@ def blocks(plan: Plan) -> list[dict[str, Any]]:
 
 
 MOST = 50_000_000
-"""Positions of a trace."""
+"""Greatest number of positions of a trace."""
 
 
 def write_trace(plan: Plan, path: Path, progress: Callable[[float], None] | None = None) -> int:

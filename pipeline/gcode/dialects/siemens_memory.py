@@ -81,7 +81,7 @@ class ModalMemory:
     unit: float = 1.0
     """Millimetres in the program's unit of length."""
     plane: float = 17.0
-    """17, 18 or 19."""
+    """Plane: 17, 18 or 19."""
     frame: Matrix = field(default_factory=lambda: UNROTATED)
     """AROT: from the program's axes to the workpiece's."""
     shift: dict[str, float] = field(default_factory=dict)
@@ -123,7 +123,7 @@ class ModalMemory:
     radii: dict[int, float] = field(default_factory=dict)
     """Radius of each tool [mm]."""
     note: Callable[[int, str], None] = lambda line, what: None
-    """Tells the user something about a line."""
+    """Notice to the user about a line."""
 
     def value(self, expression: Expression) -> float | None:
         """Value of an expression; None where it is not known."""

@@ -182,7 +182,7 @@ O_WORDS = (
     "ENDREPEAT", "ENDWHILE", "CONTINUE", "ENDSUB", "ELSEIF", "RETURN", "REPEAT", "ENDIF", "WHILE",
     "BREAK", "CALL", "ELSE", "SUB", "IF", "DO",
 )  # fmt: skip
-"""Longest first, so that ENDIF is not taken for another."""
+"""O-words, longest first, so that ENDIF is not taken for another."""
 
 
 def o_word(expressions: ExpressionParser) -> Control:

@@ -369,7 +369,7 @@ _PREDEFINED: dict[str, Callable[[Run], float]] = {
     "_remap_level": lambda run: 0.0,
     "_cycle": lambda run: float(run.cycle.code if run.cycle.code != CANCELLED else 0),
 }
-"""Name -> value."""
+"""Predefined named parameter -> value."""
 
 
 class SiemensVariables:

@@ -28,9 +28,9 @@ from pipeline.schema.part import Objective
 from pipeline.schema.si import HOUR
 
 SLACK = 1e-9
-"""Kept free of the greatest F, as a share, so that no rounding of products passes a limit."""
+"""Share of the greatest F kept free, so that no rounding of products passes a limit."""
 ROUNDED = 1.01 * ROUNDING
-"""Kept free of the least F, as a share: words round F down."""
+"""Share of the least F kept free: words round F down."""
 TINY = 1e-9
 """Value below any F that a word holds."""
 REACHED = 1.0 - 1e-6
@@ -120,7 +120,7 @@ class BlockModel:
     problem: Problem = field(repr=False)
     """Limits and objectives of the rows."""
     objective: Objective
-    """``pareto`` counts as time."""
+    """Objective; ``pareto`` counts as time."""
     reach: Floats = field(repr=False)
     """Greatest speed along the path [m/s]; shape (M,)."""
     excess: Floats = field(repr=False)

@@ -219,7 +219,7 @@ class Fitness:
     """
 
     problem: Problem
-    """Evaluates them."""
+    """Problem that evaluates them."""
     genes: Genes
     """Genes of the individuals."""
     column: int

@@ -49,7 +49,7 @@ class Bounds:
     """Feed for each tooth of M rows [m], whatever the spindle's speed."""
 
     most: Floats = field(repr=False)
-    """Greatest that each of ``F_Z_CONSTRAINTS`` allows; infinite where it does not limit;
+    """Greatest feed per tooth by each of ``F_Z_CONSTRAINTS`` [m]; infinite where it does not limit;
     shape (8, M)."""
     least: Floats = field(repr=False)
     """Least feed per tooth by the least chip [m]; 0 where there is none; shape (M,)."""
@@ -80,10 +80,10 @@ class Ranges:
 
     feed_low: Floats = field(repr=False)
     feed_high: Floats = field(repr=False)
-    """F [mm/min]."""
+    """Least and greatest F [mm/min]."""
     speed_low: Floats = field(repr=False)
     speed_high: Floats = field(repr=False)
-    """S [rev/min]."""
+    """Least and greatest S [rev/min]."""
     surface_low: Floats = field(repr=False)
     surface_high: Floats = field(repr=False)
     """S that the cutting speed allows; 0 and infinite where it does not limit [rev/min]."""
@@ -96,7 +96,7 @@ class OperationRange:
     """Ranges that hold for one tool in one operation."""
 
     tool: int
-    """Number."""
+    """Number of the tool."""
     operation: Operation
     """Operation of :data:`pipeline.cutting.catalogue.OPERATIONS`."""
     range: CuttingRange
@@ -116,7 +116,7 @@ class NotRaised:
     why: str
     """Reason in words, with the values."""
     rows: Bools = field(repr=False)
-    """Shape (M,)."""
+    """Rows of these; shape (M,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

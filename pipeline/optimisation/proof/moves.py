@@ -131,7 +131,7 @@ class Splits:
     """Lines of a text that were put into another."""
 
     kept: list[bytes] = field(repr=False)
-    """The other lines."""
+    """Lines that were not put in."""
     points: dict[int, bytes] = field(repr=False)
     """Line that was put in, counting from 1 -> its text."""
     line: Rows = field(repr=False)

@@ -47,7 +47,7 @@ class WordChange:
     line: int
     """Line number, from 1."""
     letter: str
-    """``"F"`` or ``"S"``."""
+    """Letter, ``"F"`` or ``"S"``."""
     before: str | None
     """Word as written; None where it was added."""
     after: str

@@ -40,7 +40,7 @@ HIGHEST = 6.0
 STEPS = 12
 """Halvings of the level."""
 PILOT_DIVISOR = 4
-"""One of so many draws is taken to find the range of feeds."""
+"""Draws for each one that is taken to find the range of feeds."""
 LEVEL_SPAN_SD = 1.5
 """Rise of the level that the range covers [standard deviations]."""
 BESIDE = 1.1

@@ -50,7 +50,7 @@ DIMENSIONS = 11
 NODES = np.array([0.01, 0.1, 0.25, 0.42, 0.6, 0.8, 1.0])
 """Feeds at which a class is computed, over its greatest."""
 CLOSE = 1.25
-"""Two nodes next to each other, greater over less."""
+"""Ratio of two nodes next to each other, greater over less."""
 FEW, MANY = 2, 6
 DEPTHS = 7
 """Depths at which a class is computed."""
@@ -74,7 +74,7 @@ class Critical:
     own_station: Rows = field(repr=False)
     """Station with the greatest load at the middle of the table, of each candidate; shape (Q,)."""
     weight: Floats = field(repr=False)
-    """w [1]; shape (Q,)."""
+    """Weight w of each candidate [1]; shape (Q,)."""
     group: Rows = field(repr=False)
     """Class of each; shape (Q,)."""
     station: Rows = field(repr=False)
@@ -82,7 +82,7 @@ class Critical:
     tool: Rows = field(repr=False)
     """Tool of each class, an index; shape (C,)."""
     rows: int
-    """M, of the program."""
+    """Number of rows M of the program."""
 
     def __len__(self) -> int:
         return len(self.row)

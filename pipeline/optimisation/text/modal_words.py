@@ -101,7 +101,7 @@ class ModalWords:
     """K line runs that read the register of one letter, in the order of the program."""
 
     letter: str
-    """``"F"`` or ``"S"``."""
+    """Letter, ``"F"`` or ``"S"``."""
     run: Rows = field(repr=False)
     """Index among all line_runs; shape (K,)."""
     line: Rows = field(repr=False)

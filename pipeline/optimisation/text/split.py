@@ -34,7 +34,7 @@ class SplitProgram:
     """A program with points put in on its path, each a line of its own before the block's."""
 
     program: Program = field(repr=False)
-    """Text."""
+    """Program with the points."""
     added: tuple[int, ...]
     """Lines of the points, ascending; the first line is 1."""
 

@@ -46,7 +46,7 @@ class Section:
     steps: tuple[Step, ...]
     """Lines and arcs of the path."""
     motion: Profile
-    """Along the path."""
+    """Motion along the path."""
     ends: Floats
     """Path length at which each block ends [mm]."""
 

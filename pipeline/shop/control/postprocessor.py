@@ -30,7 +30,7 @@ class Step:
     """Motion or event of one line, or of a part of a canned cycle."""
 
     kind: Kind
-    """``home`` goes to the reference position of Z."""
+    """Kind of the step; ``home`` goes to the reference position of Z."""
     line: int
     """Line of the program's text, from 1."""
     end: Point

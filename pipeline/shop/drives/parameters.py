@@ -99,7 +99,7 @@ class Cascade(Ranged, section="Cascade"):
     steps_per_turn: Annotated[int, Range(least=1000, most=2**26)] = 2**20
     """Steps of the motor's encoder, from which the velocity comes."""
     velocity_filter: Annotated[float, Range(least=0.01, most=10, unit="ms")] = 0.4
-    """Time constant."""
+    """Time constant of the velocity filter."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

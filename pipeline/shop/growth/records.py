@@ -32,7 +32,7 @@ INTERVAL = 60
 OPEN = 850.0
 """Reading of a Pt100 channel without its sensor: the end of its range [degC]."""
 NAMES = ("Time", "Speed", *(f"T{k}" for k in range(1, SENSORS + 1)), "Ambient", "Growth")
-"""Columns."""
+"""Names of the columns."""
 TITLE = "Temperature and displacement logger TD-12 (simulated)"
 DEFINITION = {
     "growth": "shift of the spindle's nose towards the table [um], 0 at the first row of a record",

@@ -122,9 +122,9 @@ class Swept:
     """Part of the blank that the tool has swept, in L layers of cells."""
 
     blank: Box
-    """Blank [mm]."""
+    """Box of the blank: x, y, z from and to [mm]."""
     cell: float
-    """Cell [mm]."""
+    """Side of a cell [mm]."""
     heights: Floats
     """Heights between the layers, from below [mm]."""
     first: NDArray[np.float32]

@@ -88,7 +88,7 @@ class PlannedLife(Ranged, section="PlannedLife"):
     cuts: tuple[str, ...]
     """Cuts that it makes, one after another."""
     records: Annotated[int, Range(least=1, most=500)] | None = None
-    """Number of them of a tool that is still in the spindle; None for a whole life."""
+    """Number of records of a tool that is still in the spindle; None for a whole life."""
     speed: Annotated[float, Range(least=0.2, most=3)] = 1.0
     """Factor on the cutting speed of its cuts."""
     interval: Annotated[float, Range(least=0.05, most=100, unit="min")] = 2.5
@@ -189,7 +189,7 @@ class Sensors(Ranged, section="Sensors"):
     record to record; ends of the converter."""
     hum: Annotated[float, Range(least=0, most=50, unit="N")] = 0.8
     mains: Annotated[float, Range(least=15, most=70, unit="Hz")] = 50.0
-    """Hum in the forces."""
+    """Frequency and amplitude of the mains hum in the forces."""
     bits: Annotated[int, Range(least=8, most=24)] = 16
     """Resolution of the converter."""
     columns: tuple[str, ...] = ("Fx", "Fy", "Fz", "Ax", "Ay", "Az", "AE_env")

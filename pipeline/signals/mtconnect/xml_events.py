@@ -21,7 +21,7 @@ MOST_UNPACKED = 1 << 34
 """Bytes that a packed document may have; a small file can hold any number of zeros."""
 
 FRAGMENT = b"<fragment>"
-"""Read first where elements stand side by side without a root."""
+"""Root element read first where elements stand side by side without one."""
 
 _NO_END = expat.ErrorString(expat.errors.codes[expat.errors.XML_ERROR_NO_ELEMENTS])
 BEGIN = re.compile(rb"<\?xml\s|<!DOCTYPE|<(?:[\w.-]+:)?MTConnect(?:Streams|Devices|Assets|Error)\b")

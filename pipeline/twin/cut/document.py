@@ -80,7 +80,7 @@ class AssessedCut:
     arcs: StationArcs
     """Arcs of its stations."""
     stable: Stability | None
-    """None where no dynamics are known."""
+    """Stability; None where no dynamics are known."""
 
 
 def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:

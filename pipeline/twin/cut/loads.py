@@ -63,7 +63,7 @@ class Cut:
     force_laws: tuple[ForceLaw, ...] = field(repr=False)
     """Force laws of the tools that cut."""
     engagement: Engagement = field(repr=False)
-    """N stations."""
+    """Engagement in N stations."""
     blank: HeightMap = field(repr=False)
     left: HeightMap = field(repr=False)
     """Blank before and after."""

@@ -33,7 +33,7 @@ class WorkFrame:
     """One work offset: where the stock lies, and the tool length in each frame of the program."""
 
     name: str
-    """``"G54"``, …"""
+    """Name of the work offset, ``"G54"``, …"""
     base: Floats = field(repr=False)
     """Base of the work offset with the external one, in the machine [mm]; shape (3,)."""
     rotation: float = 0.0
