@@ -254,7 +254,7 @@ def units_assumed(program: Program, setup: Setup) -> str:
 
 
 def program_at(path: Path) -> Program:
-    """The program in a file."""
+    """Program in a file."""
     check_program(path)
     return read_program(path)
 

@@ -230,11 +230,11 @@ class CallStack:
 
     @property
     def current(self) -> Level:
-        """The innermost level."""
+        """Innermost level."""
         return self.levels[-1]
 
     def call(self, jump: Jump, line: int) -> None:
-        """M97, M98, G65 or G66."""
+        """Call by M97, M98, G65 or G66."""
         if jump.count == 0:
             return
         error = self._error(line, jump)
@@ -251,7 +251,7 @@ class CallStack:
     def call_subroutine(
         self, control: Control, label: str, arguments: list[float], line: int
     ) -> None:
-        """``o<name> call [..]``."""
+        """Call by ``o<name> call [..]``."""
         error = self._place(line, control.column, f"o<{label}> call")
         source, first = self._o_subroutine(label, error)
         self._enter(Level(source=source, line=first, first=first, label=label), error)

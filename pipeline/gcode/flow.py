@@ -57,7 +57,7 @@ class Flow:
                 raise at(str(error)) from None
 
     def follow(self, statement: Statement, control: Control) -> None:
-        """Go where the statement leads."""
+        """Follow the flow control of the statement."""
         word = control.kind.removeprefix(SIEMENS).replace("_", " ").upper()
         at = self._at(statement.line, control.column, word)
         if control.kind in ("goto", "if_goto", "if_then", "while_do", "end") or (

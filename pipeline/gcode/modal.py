@@ -204,7 +204,7 @@ GROUP_OF: dict[int, str] = {code: name for name, group in GROUPS.items() for cod
 
 
 def g_code(code: int) -> str:
-    """``G54.1`` for 541."""
+    """G code in words: ``G54.1`` for 541."""
     return f"G{code // 10}" if code % 10 == 0 else f"G{code // 10}.{code % 10}"
 
 

@@ -135,7 +135,7 @@ class Snapshot:
 
     @classmethod
     def of(cls, run: "Run", *, automatic: bool) -> "Snapshot":
-        """State that is in force now."""
+        """Snapshot of the state in force."""
         siemens = run.dialect == "siemens"
         return cls(
             values={name: getattr(run.state, name) for name in (MODES if siemens else SAVED)},
@@ -147,7 +147,7 @@ class Snapshot:
         )
 
     def restore(self, run: "Run") -> None:
-        """Put it in force again."""
+        """Put the state in force again."""
         for name, value in self.values.items():
             setattr(run.state, name, value)
         run.offsets.active, run.retract_to_r = self.active, self.retract_to_r

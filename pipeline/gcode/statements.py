@@ -141,7 +141,7 @@ class ParameterStore(Protocol):
         """Keep a value; None makes it vacant."""
 
     def exists(self, key: int | str) -> bool:
-        """Whether it was ever given."""
+        """Whether the parameter was ever given a value."""
 
 
 def constant(value: Expression) -> float | None:

@@ -97,7 +97,7 @@ class Block(nn.Module):
         self.norm = nn.InstanceNorm1d(leaving, affine=not film)
 
     def forward(self, x: Tensor, embedded: Tensor | None) -> Tensor:
-        """(N, C, T) to (N, C', 2 T)."""
+        """Output (N, C', 2 T) of input (N, C, T)."""
         x = self.norm(self._twice(x))
         if self.film is not None and embedded is not None:
             gain, shift = self.film(embedded).unsqueeze(-1).chunk(2, dim=1)
@@ -173,7 +173,7 @@ class Discriminator(nn.Module):
         self.score = bound(nn.Linear(2 * widths[-1], 1))
 
     def forward(self, x: Tensor, numbers: Tensor, words: Tensor) -> Tensor:
-        """Scores."""
+        """Scores of windows, one each."""
         if self.product is not None:
             x = x * self.product(numbers, words).unsqueeze(-1)
         # one row high and channels last: half the time of a convolution in one dimension on a CPU

@@ -68,7 +68,7 @@ class Joined:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """(B, T, C)."""
+        """Shape (B, T, C)."""
         return (len(self.rows), *self.parts[0].shape[1:])
 
     def of(self, rows: Any) -> "Joined":

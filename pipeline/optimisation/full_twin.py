@@ -79,7 +79,7 @@ class Verified:
 
     @property
     def peak_N(self) -> float:
-        """Greatest of the part [N]."""
+        """Greatest load of the part [N]."""
         return float(self.row_peak.max(initial=0.0))
 
     @property

@@ -56,7 +56,7 @@ class MachineModels:
 
     @property
     def judged(self) -> Verdict | None:
-        """The verdict on the cut."""
+        """Verdict on the cut."""
         return self.verdicts.get("cutting")
 
 

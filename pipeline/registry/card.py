@@ -17,7 +17,7 @@ MOST = 8
 
 
 def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, str]]) -> str:
-    """The card of a bundle."""
+    """Card of a bundle."""
     lines = [
         f"# Digital twin of {bundle.machine} ({bundle.origin} records)",
         "",

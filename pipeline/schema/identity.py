@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, kw_only=True)
 class MachineIdentity:
-    """Who a machine is."""
+    """Identity of a machine."""
 
     name: str
     """Name, as in its file in ``conf/machine/``."""

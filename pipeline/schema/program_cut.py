@@ -32,7 +32,7 @@ class Blank:
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialName:
-    """Material of the blank."""
+    """Name of the blank's material."""
 
     name: str
 
@@ -326,7 +326,7 @@ class DriveCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class ProgramCut:
-    """The cut of a part program."""
+    """Cut of a part program."""
 
     stock: Blank
     """Blank that is cut."""

@@ -42,12 +42,12 @@ class Hole:
 
     @property
     def bottom(self) -> float:
-        """Z of the cycle."""
+        """Bottom of the hole: Z of the cycle."""
         return self.words["Z"]
 
     @property
     def plane_r(self) -> float:
-        """R of the cycle."""
+        """Retract plane: R of the cycle."""
         return self.words["R"]
 
     def rapid(self, level: float) -> None:
@@ -66,7 +66,7 @@ class Hole:
             self.run.line_to(kind, self.line, end, code=self.run.cycle.code // 10)
 
     def dwell(self) -> None:
-        """P at the bottom."""
+        """Dwell at the bottom by P."""
         seconds = self.words.get("P", 0.0)
         if seconds > 0:
             self.run.add_row(Kind.DWELL, self.line, value=seconds)

@@ -99,7 +99,7 @@ def seconds(run: Run, block: Block, value: float) -> float:
 
 
 def straight(run: Run, block: Block, code: int, item: WordItem | None) -> None:
-    """G0, G1, G31 and G38: one row."""
+    """Straight motion of G0, G1, G31 and G38: one row."""
     run.straight_next = False
     rotary_only = AXES.keys().isdisjoint("XYZ") or block.words.keys().isdisjoint("XYZ@^")
     check_feed(run, block, code, item)

@@ -296,7 +296,7 @@ MOST_SETS = 10
 
 
 def macro_call(run: Run, block: Block, code: int, item: WordItem) -> None:
-    """G65 P L and arguments."""
+    """Macro call G65 with P, L and arguments."""
     block.flow = _call(block, item)
 
 

@@ -147,7 +147,7 @@ class ExpressionParser:
         self.fanuc = dialect == "fanuc"
 
     def bracketed(self) -> Expression:
-        """``[…]``."""
+        """Expression in brackets, ``[…]``."""
         cursor = self.cursor
         start = cursor.at
         if not cursor.take("["):

@@ -92,7 +92,7 @@ class CycleCall:
 
     @staticmethod
     def known(value: float, letter: str) -> float:
-        """F or S in force."""
+        """F or S in force, or CycleError before the first."""
         if not value:
             raise CycleError(f"the {letter} before the cycle is not known: write it as a number")
         return value

@@ -91,7 +91,7 @@ class LineReader(WordReader):
         self._in_machine()
 
     def address(self, token: Token) -> None:
-        """A letter and a number."""
+        """Word of a letter and a number."""
         if token.head == "G":
             self._g(token)
         elif token.head == "D":
@@ -111,7 +111,7 @@ class LineReader(WordReader):
             raise self.stream.error(token, f"{token.head} is no address that is known: {instead}")
 
     def named(self, token: Token) -> None:
-        """A word of its own."""
+        """Word without a value: a setting, a keyword or a subprogram."""
         if token.head in WITHOUT_MOTION:
             return
         _NAMED.get(token.head, LineReader.subprogram)(self, token)
@@ -282,7 +282,7 @@ class LineReader(WordReader):
         return given
 
     def transform(self, token: Token) -> None:
-        """TRAORI, TRAFOOF."""
+        """Transformation TRAORI or TRAFOOF."""
         self.memory.transformed = token.head == "TRAORI"
 
     def modal_call(self, token: Token) -> None:

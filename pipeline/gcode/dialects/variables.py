@@ -43,7 +43,7 @@ class FanucVariables:
         self.locals.append(dict(arguments))
 
     def leave(self) -> None:
-        """Back to the caller's."""
+        """Return to the caller's local variables."""
         self.locals.pop()
 
     def read(self, key: int | str) -> float | None:
@@ -69,7 +69,7 @@ class FanucVariables:
             store[number] = value
 
     def exists(self, key: int | str) -> bool:
-        """Whether it has a value."""
+        """Whether the variable has a value."""
         return self.read(key) is not None
 
     def _number(self, key: int | str) -> int:
@@ -189,7 +189,7 @@ class LinuxcncParameters:
         self.locals.append({number: value for number, value in arguments.items()})
 
     def leave(self) -> None:
-        """Back to the caller's."""
+        """Return to the caller's local parameters."""
         self.locals.pop()
 
     def read(self, key: int | str) -> float | None:
@@ -213,7 +213,7 @@ class LinuxcncParameters:
         raise ExpressionError(f"#<{key}> has no value: assign one before it is read")
 
     def write(self, key: int | str, value: float | None) -> None:
-        """Keep a value."""
+        """Store a value."""
         number = value or 0.0
         if isinstance(key, str):
             if key in _PREDEFINED:
@@ -392,7 +392,7 @@ class SiemensVariables:
         self.values = self._shared | {f"{ARGUMENT}{n}": value for n, value in arguments.items()}
 
     def leave(self) -> None:
-        """Its caller goes on."""
+        """Return to the caller's local variables."""
         self.values = self.callers.pop() | self._shared
 
     @property
@@ -416,7 +416,7 @@ class SiemensVariables:
         )
 
     def write(self, key: int | str, value: float | None) -> None:
-        """Keep a value."""
+        """Store a value."""
         self.values[key] = value or 0.0
 
     def exists(self, key: int | str) -> bool:

@@ -128,7 +128,7 @@ class BlockModel:
 
     @classmethod
     def alone(cls, problem: Problem, objective: Objective) -> Self:
-        """Each row at its F all along."""
+        """Model in which each row runs at its F all along."""
         cap = problem.cut.plan.path.cap
         return cls(problem=problem, objective=objective, reach=cap, excess=np.zeros(len(cap)))
 

@@ -187,12 +187,12 @@ class Groups:
 
     @property
     def feeds(self) -> int:
-        """G."""
+        """Number of groups G."""
         return int(self.feed.max(initial=-1)) + 1
 
     @property
     def speeds(self) -> int:
-        """H."""
+        """Number of stretches H."""
         return int(self.speed.max(initial=-1)) + 1
 
     def row_feeds(self, feeds: ArrayLike) -> Floats:
@@ -245,12 +245,12 @@ class Decision:
 
     @property
     def row_feeds(self) -> Floats:
-        """Shape (M,)."""
+        """F of each row in the units of ``Moves``, shape (M,)."""
         return self.groups.row_feeds(self.feeds)
 
     @property
     def row_speeds(self) -> Floats:
-        """Shape (M,)."""
+        """S of each row [rev/min], shape (M,)."""
         return self.groups.row_speeds(self.speeds)
 
 
@@ -325,15 +325,15 @@ class RowGroups:
         self._many = np.diff(np.append(self._first, len(self._order)))
 
     def total(self, values: Floats) -> Floats:
-        """Shape (P, U) of (P, M)."""
+        """Sums over the rows of each group, shape (P, U) of (P, M)."""
         return self._reduced(np.add, values)
 
     def greatest(self, values: Floats) -> Floats:
-        """Shape (P, U) of (P, M)."""
+        """Greatest values of the rows of each group, shape (P, U) of (P, M)."""
         return self._reduced(np.maximum, values)
 
     def mean(self, values: Floats) -> Floats:
-        """Shape (U,) of (M,)."""
+        """Means over the rows of each group, shape (U,) of (M,)."""
         return self.total(values[None])[0] / np.maximum(self._many, 1)
 
     def first(self, values: Floats) -> Floats:

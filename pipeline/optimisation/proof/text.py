@@ -179,7 +179,7 @@ def text_digest(lines: list[bytes]) -> bytes:
 
 
 def shown(text: bytes) -> str:
-    """Bytes for a person to read."""
+    """Bytes as text for people."""
     return text.rstrip(b"\r\n").decode("latin-1")
 
 

@@ -106,5 +106,5 @@ def judged_spread(
 
 
 def rms(errors: Sequence[float]) -> float:
-    """Root mean square; 0 of none."""
+    """Root mean square; 0 without values."""
     return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else 0.0

@@ -89,7 +89,7 @@ class Critical:
 
     @property
     def classes(self) -> int:
-        """C."""
+        """Number of classes C."""
         return len(self.station)
 
     @property
@@ -226,13 +226,13 @@ class Draws:
         return len(self.model)
 
     def first(self, many: int) -> "Draws":
-        """The first of them."""
+        """First ``many`` draws."""
         tools = {k: ToolDraws(*(part[:many] for part in one)) for k, one in self.tools.items()}
         return Draws(tools=tools, model=self.model[:many])
 
 
 def draws_of(uncertain: Uncertainty, many: int, seed: int) -> Draws:
-    """D = ``many`` draws."""
+    """Draws D = ``many`` of each tool."""
     from scipy.special import ndtri
 
     numbers = sorted(uncertain.tools)

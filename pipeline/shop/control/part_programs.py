@@ -40,7 +40,7 @@ class Work:
 
     @property
     def middle(self) -> tuple[float, float]:
-        """Its centre."""
+        """Centre of the workpiece in X and Y [mm]."""
         return self.x / 2, self.y / 2
 
 

@@ -52,7 +52,7 @@ class Network:
     flow: list[int] = field(default_factory=list)
 
     def add(self, name: str, capacity: float) -> None:
-        """A node more."""
+        """Add a node."""
         self.names.append(name)
         self.capacity.append(capacity)
 
@@ -73,7 +73,7 @@ def cell_at(place: float, growth: Growth) -> int:
 
 
 def network(parameters: ShopParameters) -> Network:
-    """The network of a machine."""
+    """Heat network of a machine."""
     growth, net = parameters.growth, Network()
     _shaft(net, growth)
     _housing(net, growth)

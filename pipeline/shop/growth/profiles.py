@@ -57,7 +57,7 @@ class Profile:
 
     @property
     def name(self) -> str:
-        """Name of its file."""
+        """Name of the profile's file."""
         return f"profile-{self.number:02d}-{self.kind}"
 
     @property

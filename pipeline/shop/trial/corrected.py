@@ -69,7 +69,7 @@ class Commands:
 
     @classmethod
     def of(cls, table: Path, parameters: ShopParameters) -> "Commands":
-        """The commands of a table."""
+        """Commands in a table."""
         axes, frequency = parameters.drives.axes, parameters.drives.x.cascade.position_frequency
         period, columns = _read(table, axes)
         letters = [letter for letter in axes if letter in columns]

@@ -38,7 +38,7 @@ class Series:
         return np.asarray(~np.isnan(self.value.astype(float)))
 
     def keep(self, mask: Bools) -> "Series":
-        """The rows where ``mask`` holds."""
+        """Rows where ``mask`` holds."""
         return Series(time=self.time[mask], value=self.value[mask], fresh=self.fresh[mask])
 
     def unknown_at(self, times: Ints) -> "Series":
@@ -52,7 +52,7 @@ class Series:
         )
 
     def before(self, end: int) -> "Series":
-        """The rows before ``end`` [ns]."""
+        """Rows before ``end`` [ns]."""
         return self.keep(self.time < end)
 
 

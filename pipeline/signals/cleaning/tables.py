@@ -204,7 +204,7 @@ def summary(
     gaps: pa.Table,
     indices: list[Index],
 ) -> dict[str, Any]:
-    """The summary of a build."""
+    """Summary of a build."""
     by_rule: dict[str, int] = {}
     states: dict[str, float] = {}
     for note in days.values():

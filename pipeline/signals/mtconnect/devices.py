@@ -185,7 +185,7 @@ def word(value: Any) -> str:
 
 
 def model_of_json(text: bytes) -> DeviceModel:
-    """The model in a JSON document."""
+    """Device model in a JSON document."""
     import orjson
 
     try:

@@ -106,7 +106,7 @@ class Rows:
     rejected: list[Rejection] = field(default_factory=list)
 
     def table(self) -> pa.Table:
-        """The rows so far as a table."""
+        """Table of the rows so far."""
         if not self.rows and self.tables:
             return pa.concat_tables(self.tables)
         return pa.concat_tables([*self.tables, _table(self.rows)])

@@ -43,11 +43,11 @@ class Content:
         self._counted = (0, 1)
 
     def everything(self) -> bytes:
-        """All of it."""
+        """Content as a whole."""
         return self.mapped[self.start :]
 
     def head(self, n: int) -> bytes:
-        """Its first ``n`` bytes."""
+        """First ``n`` bytes of the content."""
         return self.mapped[self.start : self.start + n]
 
     def line(self, at: int) -> int:

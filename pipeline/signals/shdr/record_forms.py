@@ -247,7 +247,7 @@ def condition(_: ItemPlan, rest: list[str]) -> RecordForm:
 
 
 def message(_: ItemPlan, rest: list[str]) -> RecordForm:
-    """``code|text``."""
+    """Message ``code|text``."""
     code, text = rest if len(rest) == 2 else (rest + [""])[:2]
     if is_unavailable(text) or (not text and is_unavailable(code)):
         return RecordForm("MESSAGE", [Value()], min(2, len(rest)))
