@@ -94,18 +94,8 @@ class Beyond:
 def beyond(across: Floats, values: Floats, into: Band, unit: str) -> Beyond:
     """Triangles at the band's edge above or below values (T,) that lie beyond its scale.
 
-    Values that would share a triangle are one, with the farthest of them on hover.
-
-    Parameters
-    ----------
-    across : ndarray, shape (T,)
-        Places along the width, ascending [%].
-    values : ndarray, shape (T,)
-        Values; NaN where not known.
-    into : Band
-        The band that they are drawn in.
-    unit : str
-        Unit of the values, for the words on hover.
+    Values that would share a triangle are one, with the farthest of them on hover; ``across`` (T,)
+    are their places along the width, ascending [%].
     """
     marks: list[Markup] = []
     out = {True: values > into.high, False: values < into.low}

@@ -494,9 +494,10 @@ class _Frame:
             found[one.key] = Compared(name=one.name, unit="" if unit == "1" else unit, value=value)
         if self.content.judged_count is not None:
             key, name = self.content.judged_count
-            many = [s for s in self.content.counts[0].scores(self.files.verdict)
-                    if s.group != "all"]  # fmt: skip
-            value = None if self.files.verdict is None else len(many)
+            v = self.files.verdict
+            scores = [] if v is None else self.content.counts[0].scores(v)
+            many = [s for s in scores if s.group != "all" and v and s.role == v.judged_role]
+            value = None if v is None else len(many)
             found[key] = Compared(name=name, unit="", value=value)
         return found
 

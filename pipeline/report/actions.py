@@ -28,16 +28,8 @@ def machine_actions(
 ) -> list[ActionRow]:
     """Everything that is to be done about a machine, what is urgent first.
 
-    Parameters
-    ----------
-    facts : MachineFacts
-        Of the machine.
-    grave : list of (str, str)
-        Faults that make its judgement doubtful, each with what mends it.
-    trusted : bool
-        Whether the whole twin passed; no optimised program is proposed otherwise.
-    say : Texts
-        Language of the rows.
+    ``grave`` are faults that make its judgement doubtful, each with what mends it; only of a twin
+    that is ``trusted`` as a whole optimised programs are proposed.
     """
     rows = [
         *_alarms(facts, say), *_sensors(facts, say), *_of_submodels(facts, say),

@@ -178,14 +178,7 @@ def changes(
 ) -> list[Change]:  # fmt: skip
     """Differences between two sets of key figures of one machine.
 
-    Parameters
-    ----------
-    before, now : MachineFigures
-        Of the earlier report and of this one.
-    notes : mapping of str to callable
-        By sub-model: what a change of one of its parameters means.
-    say : Texts
-        Language of the words.
+    ``notes`` says by sub-model what a change of one of its parameters means.
     """
     found = []
     for key in dict.fromkeys([*now.figures, *before.figures]):

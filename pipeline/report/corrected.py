@@ -17,10 +17,7 @@ PLACES = {"measured": "at the loop’s sensor", "carriage": "at the carriage"}
 
 
 def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | None:
-    """Following error of each axis with the command as planned and as corrected.
-
-    The JSON of the shop floor's drives is at ``path``; there is no section without it.
-    """
+    """Following error of each axis with the command as planned and as corrected, from the JSON."""
     if path is None:
         return None
     document = shelf.document(path, MADE_FROM)

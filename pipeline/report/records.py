@@ -120,33 +120,19 @@ class Changed:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordsRead:
-    """Records of a machine; a field is None where the file that it stands in is absent.
-
-    Parameters
-    ----------
-    folders : MachineFolders
-        Of the machine.
-    shelf : SourceRegistry
-        Through which its files are read.
-    files : mapping of str to FileRead, or None
-        Raw files by name.
-    reasons : list of Reason, or None
-        Of rejections, the most frequent first.
-    changes : list of Changed, or None
-        What cleaning removed or changed; the most frequent first.
-    gap_causes : list of (str, int, float), or None
-        Cause, number of gaps, longest [s].
-    longest_gaps, losses : list of Gap
-        The ten longest, and the ten longest that the machine did not announce.
-    """
+    """Records of a machine; a field is None where the file that it stands in is absent."""
 
     folders: MachineFolders
     shelf: SourceRegistry
     files: Mapping[str, FileRead] | None
     reasons: list[Reason] | None
+    """Reasons of rejections, the most frequent first."""
     changes: list[Changed] | None
+    """What cleaning removed or changed, the most frequent first."""
     gap_causes: list[tuple[str, int, float]] | None
+    """Cause, number of gaps, longest [s]."""
     longest_gaps: list[Gap]
+    """The ten longest gaps."""
     losses: list[Gap]
     unavailable_since: float | None = None
 
