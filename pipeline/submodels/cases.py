@@ -54,10 +54,7 @@ class Records:
     def files(self) -> Mapping[str, Mapping[str, Any]]:
         """Entries of the ingest's manifest by raw file: ``sha256``, ``first``, ``last``, ….
 
-        Raises
-        ------
-        ValueError
-            When the manifest is missing or is none.
+        ValueError when the manifest is missing or is none.
         """
         if self.manifest is not None:
             path = self.manifest

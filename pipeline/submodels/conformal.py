@@ -115,11 +115,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
     unless it is the only one: the band over all regimes serves it.
 
     ``alike`` are groups that are drawn alike, as days and tools are, and no kinds of their own.
-
-    Raises
-    ------
-    ValueError
-        When no residual is known.
+    ValueError when no residual is known.
     """
     known = residuals.where(np.isfinite(residuals.error))
     if not len(known.error):
@@ -227,12 +223,7 @@ def adaptive(
     it by 0.1 ``step`` when it lay inside.  Nothing of t itself or later is looked at.
 
     Times t (N,) do not fall [s]; ``measured`` and ``predicted`` (N,) are in the unit of the bands,
-    NaN where nothing was measured, which changes no factor.
-
-    Raises
-    ------
-    ValueError
-        When the times fall.
+    NaN where nothing was measured, which changes no factor. ValueError when the times fall.
     """
     if (np.diff(t) < 0).any():
         at = int(np.argmax(np.diff(t) < 0)) + 1
@@ -282,12 +273,8 @@ def chosen_step(
     weighs the same.
 
     ``residuals`` are of training groups only; a step of 0 is an interval that does not adapt; a
-    measured value is known ``delay_s`` after its time [s].
-
-    Raises
-    ------
-    ValueError
-        When there is no step to choose from.
+    measured value is known ``delay_s`` after its time [s]. ValueError when there is no step to
+    choose from.
     """
     if not steps:
         raise ValueError("there is no step to choose from: name one at least, 0 for none")

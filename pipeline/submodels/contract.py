@@ -235,13 +235,7 @@ def submodels() -> list[str]:
 
 
 def submodel(name: str) -> SubModel[Any, Any, Any]:
-    """The sub-model ``name``.
-
-    Raises
-    ------
-    ValueError
-        When there is none of that name.
-    """
+    """The sub-model ``name``; ValueError when there is none of that name."""
     if name not in submodels():
         raise ValueError(f"there is no sub-model {name!r}; there are {', '.join(submodels())}")
     found: SubModel[Any, Any, Any] = import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL

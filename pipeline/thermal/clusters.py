@@ -28,7 +28,8 @@ STARTS = 10
 def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[Floats, Floats]:
     """Centres, shape (C, D), of points, and the membership of each point in each, (N, C).
 
-    J has several minima: of those that ``STARTS`` starts lead to it is the least.
+    J has several minima: of those that ``STARTS`` starts lead to it is the least. ValueError when
+    the points lie in fewer places than there are clusters.
 
     Parameters
     ----------
@@ -38,11 +39,6 @@ def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[F
         Number of clusters C.
     seed : int
         Of the initial centres, which k-means++ draws (Arthur, Vassilvitskii 2007).
-
-    Raises
-    ------
-    ValueError
-        When the points lie in fewer places than there are clusters.
 
     Examples
     --------
@@ -108,9 +104,10 @@ def _spread_points(x: Floats, clusters: int, rng: np.random.Generator) -> Floats
 def sensor_groups(temperatures: ArrayLike, groups: int = 3, *, seed: int = 0) -> Floats:
     """Weight of each sensor in the temperature of each group, shape (C, N); rows add up to 1.
 
-    Groups are in the order of their mean place, front to rear as the sensors.  A sensor's course is
-    centred: what it reads constantly too high does not count.  Its amplitude does: sensors that
-    warm differently far are in different groups.
+    Groups are in the order of their mean place, front to rear as the sensors. A sensor's course is
+    centred: what it reads constantly too high does not count. Its amplitude does: sensors that warm
+    differently far are in different groups. ValueError when there are fewer sensors than groups or
+    fewer than two samples, or the sensors' courses are too few different ones.
 
     Parameters
     ----------
@@ -120,12 +117,6 @@ def sensor_groups(temperatures: ArrayLike, groups: int = 3, *, seed: int = 0) ->
         Number of groups C.
     seed : int
         Of the clustering.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer sensors than groups or fewer than two samples, or the sensors' courses
-        are too few different ones.
 
     Examples
     --------

@@ -150,6 +150,8 @@ class DeformationNetwork(Ranged, section="deformation"):
     ) -> Floats:
         """Growth [m], shape (..., T), from speed and ambient, and the sensors at the start alone.
 
+        ValueError when there are not as many temperatures as sensors, or the step is not positive.
+
         Parameters
         ----------
         speed_rad_s, ambient_C : array_like, shape (..., T)
@@ -158,11 +160,6 @@ class DeformationNetwork(Ranged, section="deformation"):
             What the sensors of the fit show at the first sample [degC], nan where one is missing.
         step : float
             [s].
-
-        Raises
-        ------
-        ValueError
-            When there are not as many temperatures as sensors, or the step is not positive.
         """
         ambient = np.asarray(ambient_C, float)
         start = start_of_nodes(self.sensor_shares, temperatures_C, ambient[..., 0])
@@ -175,7 +172,8 @@ def start_of_nodes(
     """Node temperatures, shape (..., 2) [degC], that sensors, (..., N), show at a start.
 
     Sensors that are missing (nan) do not count; where none is left, the nodes are at the ambient,
-    shape (...).  What the sensors leave open stays at their mean.
+    shape (...). What the sensors leave open stays at their mean. ValueError when there are not as
+    many temperatures as sensors.
 
     Parameters
     ----------
@@ -183,11 +181,6 @@ def start_of_nodes(
         Share of the spindle in each sensor's temperature [1].
     temperatures_C, ambient_C : array_like, shapes (..., N) and (...)
         [degC].
-
-    Raises
-    ------
-    ValueError
-        When there are not as many temperatures as sensors.
     """
     shares, values = np.asarray(sensor_shares, float), np.asarray(temperatures_C, float)
     if values.shape[-1] != shares.shape[-1]:
@@ -216,12 +209,7 @@ def simulate(
     """Temperatures of spindle and structure [degC], shape (2, ..., T); exact for inputs held.
 
     Inputs of shape (..., T) are held over each step [s]; ``start_C`` (..., 2) are spindle and
-    structure at the first sample.
-
-    Raises
-    ------
-    ValueError
-        When the step is not positive.
+    structure at the first sample. ValueError when the step is not positive.
     """
     start = np.asarray(start_C, float)
     return temperatures(

@@ -52,17 +52,14 @@ class LaggedExpansion(Ranged, section="expansion"):
     ) -> Floats:
         """Growth since the first sample [m], shape (T,); a sample uses no later one.
 
+        ValueError when there are not as many temperatures as expansions, or one is missing.
+
         Parameters
         ----------
         time_s, speed_rad_s : array_like, shape (T,)
             Ascending times, at any distances [s], and spindle speed [rad/s].
         temperatures_C : array_like, shape (T, C)
             Finite [degC].
-
-        Raises
-        ------
-        ValueError
-            When there are not as many temperatures as expansions, or one is missing.
         """
         values = np.asarray(temperatures_C, float)
         if values.ndim != 2 or values.shape[1] != len(self.expansions):
@@ -86,10 +83,7 @@ EVALUATIONS = 60
 def fit_expansion(records: Sequence[GrowthRecord]) -> LaggedExpansion:
     """Lags and expansions of the growth of several records by bounded least squares.
 
-    Raises
-    ------
-    ValueError
-        When there is no record, or one has other temperatures or misses one.
+    ValueError when there is no record, or one has other temperatures or misses one.
     """
     from scipy.optimize import least_squares
 

@@ -51,11 +51,8 @@ def fit_network(
 ) -> DeformationNetwork:
     """The network of records of growth.
 
-    Raises
-    ------
-    ValueError
-        When there is no record, records differ in their sensors, none has a finite growth, or the
-        spindle never turns.
+    ValueError when there is no record, records differ in their sensors, none has a finite growth,
+    or the spindle never turns.
     """
     from scipy.optimize import OptimizeResult, least_squares
 

@@ -184,6 +184,8 @@ def temperatures(
 ) -> Floats:
     """Node temperatures [degC], shape (nodes, ..., T).
 
+    ValueError when ``dt`` is not positive, or the coolant's temperature is needed and missing.
+
     Parameters
     ----------
     sources : ndarray, shape (..., T, len(SOURCES))
@@ -201,11 +203,6 @@ def temperatures(
         Temperature of the coolant [degC]; needed where ``parameters.coolant_rate`` is not 0.
     body_start : array_like, shape (...), optional
         The body's temperature at the first sample; the quasi-steady one for ``start`` by default.
-
-    Raises
-    ------
-    ValueError
-        When ``dt`` is not positive, or the coolant's temperature is needed and missing.
 
     Examples
     --------

@@ -60,6 +60,8 @@ class Energy:
 def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
     """Electrical power that the spindle's drive takes, (P_c + P_0) / (eta eta_m) [W].
 
+    ValueError when a power is negative or not finite.
+
     Parameters
     ----------
     cutting : array_like
@@ -68,11 +70,6 @@ def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) 
         P_0(n), no-load power of the spindle [W]; 0 where it stands.
     drive : SpindleDrive
         With its efficiencies eta and eta_m.
-
-    Raises
-    ------
-    ValueError
-        When a power is negative or not finite.
 
     Examples
     --------
@@ -93,6 +90,8 @@ def energy(
 ) -> Energy:  # fmt: skip
     """Electricity of each block.
 
+    ValueError when a time or power is negative or not finite, or a share is not from 0 to 1.
+
     Parameters
     ----------
     parameters : EnergyParameters
@@ -103,11 +102,6 @@ def energy(
         Mean electrical power of the spindle's drive [W], see :func:`spindle_supply`.
     moving, coolant : array_like, shape (..., B)
         Share of the time in which axes move, in which coolant is on [1].
-
-    Raises
-    ------
-    ValueError
-        When a time or power is negative or not finite, or a share is not from 0 to 1.
     """
     spent, supply = not_negative("times", times), not_negative("spindle_W", spindle_W)
     shares = not_negative("moving", moving, high=1.0), not_negative("coolant", coolant, high=1.0)
@@ -188,6 +182,8 @@ def part_cost(
 ) -> PartCost:  # fmt: skip
     """Cost of each block of a program.
 
+    ValueError when one of them is negative, infinite, or no number where that is not provided for.
+
     Parameters
     ----------
     rates : CostRates
@@ -202,11 +198,6 @@ def part_cost(
         Cost of one life of each block's tool, see :func:`life_price`.
     energy_kWh : array_like, shape (..., B)
         Electricity that each takes [kWh].
-
-    Raises
-    ------
-    ValueError
-        When one of them is negative, infinite, or no number where that is not provided for.
 
     Examples
     --------

@@ -27,11 +27,7 @@ def not_negative(
     """Values as an array, after a look at their range.
 
     ``high`` is the greatest value that is one, and infinity is none; ``unknown`` allows NaN.
-
-    Raises
-    ------
-    ValueError
-        When one is negative, infinite, above ``high`` or no number.
+    ValueError when one is negative, infinite, above ``high`` or no number.
     """
     array = np.asarray(values, dtype=np.float64)
     good = (array >= 0.0) & (array <= high) & (array < np.inf)
@@ -141,6 +137,8 @@ def life(
 ) -> Floats:
     """Time in the cut until the tool is worn [s]; shape of ``v_c`` and the conditions broadcast.
 
+    ValueError when a speed or condition is negative or no number, or one that is needed is missing.
+
     Parameters
     ----------
     taylor : Taylor
@@ -151,11 +149,6 @@ def life(
     conditions : mapping of "f_z", "a_p", "a_e" to array_like
         Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
         one is 0 there is no chip and no wear.
-
-    Raises
-    ------
-    ValueError
-        When a speed or condition is negative or no number, or one that is needed is missing.
 
     Examples
     --------

@@ -229,13 +229,8 @@ def engage(
     """Engagement along a path, and the stock that it leaves.
 
     The path is in the stock's frame, ``tools`` are those that ``path.tool`` counts; the stock is
-    not changed.  ``bins`` is the number of angles F at which the engagement is given: even, 8 to
-    720.
-
-    Raises
-    ------
-    ValueError
-        When ``bins`` is out of its range or the path names a tool that is not there.
+    not changed. ``bins`` is the number of angles F at which the engagement is given: even, 8 to
+    720. ValueError when ``bins`` is out of its range or the path names a tool that is not there.
     """
     if bins % 2 or not 8 <= bins <= 720:
         raise ValueError(f"engagement: bins = {bins} must be even and from 8 to 720")

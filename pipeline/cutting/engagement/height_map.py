@@ -66,12 +66,8 @@ class HeightMap:
 def height_map(stock: Stock, resolution_m: float) -> HeightMap:
     """Columns of a stock.
 
-    ``resolution_m`` is the edge of a cell [m].
-
-    Raises
-    ------
-    ValueError
-        When the resolution is not above 0 or the grid has too many cells, or a mesh cannot be used.
+    ``resolution_m`` is the edge of a cell [m]. ValueError when the resolution is not above 0 or the
+    grid has too many cells, or a mesh cannot be used.
     """
     if isinstance(stock, Mesh):
         return mesh_map(stock, resolution_m)
@@ -94,10 +90,7 @@ def empty_map(
 ) -> HeightMap:
     """A grid over a rectangle [m] without material.
 
-    Raises
-    ------
-    ValueError
-        When the resolution is not above 0 or the grid has too many cells.
+    ValueError when the resolution is not above 0 or the grid has too many cells.
     """
     if not 0 < resolution_m < np.inf:
         raise ValueError(
@@ -145,12 +138,8 @@ _LOST_SHARE = 0.01
 def mesh_map(stock: Mesh, resolution_m: float) -> HeightMap:
     """Columns of a mesh; its lowest point is the floor.
 
-    A notice says where cavities or undercuts count as full.
-
-    Raises
-    ------
-    ValueError
-        When trimesh is not installed, the file cannot be read, has no triangles or is not closed.
+    A notice says where cavities or undercuts count as full. ValueError when trimesh is not
+    installed, the file cannot be read, has no triangles or is not closed.
     """
     from pipeline.cutting.engagement.sweep_columns import raise_to_triangles
 

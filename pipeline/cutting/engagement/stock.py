@@ -82,6 +82,8 @@ _FORMS = {"box": (6, "box:X0,X1,Y0,Y1,Z0,Z1"), "cylinder": (5, "cylinder:X,Y,DIA
 def stock_of(text: str) -> Stock:
     """Stock as one writes it in a line.
 
+    ValueError when it is none of them, or a value is out of its range.
+
     Parameters
     ----------
     text : str
@@ -91,11 +93,6 @@ def stock_of(text: str) -> Stock:
     Returns
     -------
     Box, Cylinder or Mesh
-
-    Raises
-    ------
-    ValueError
-        When it is none of them, or a value is out of its range.
 
     Examples
     --------

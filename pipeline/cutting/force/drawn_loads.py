@@ -80,6 +80,8 @@ def drawn_loads(
 ) -> Floats:  # fmt: skip
     """Peak across the axis over a turn of the spindle [N] in D draws, at K feeds.
 
+    ValueError when the shapes do not go together.
+
     Parameters
     ----------
     turn : EdgeTurn
@@ -99,11 +101,6 @@ def drawn_loads(
     Returns
     -------
     ndarray, shape (K, D)
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not go together.
     """
     from pipeline.cutting.force.profile_kernel import drawn_loads as fill
 

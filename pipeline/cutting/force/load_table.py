@@ -131,10 +131,7 @@ class LoadTable:
     def loads(self, f_z: ArrayLike) -> BlockLoads:
         """Loads at feeds for each tooth [m] of shape (B,) or (P, B); arrays have the same shape.
 
-        Raises
-        ------
-        ValueError
-            When there is not one feed for each block.
+        ValueError when there is not one feed for each block.
         """
         return _loads(self._feeds(f_z), self.values, self.scale, self.exponent)
 
@@ -198,12 +195,8 @@ def load_table(
     of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
-    for each; ``nodes`` is K, from 3.
-
-    Raises
-    ------
-    ValueError
-        When the arguments do not go together, or a value is out of its range.
+    for each; ``nodes`` is K, from 3. ValueError when the arguments do not go together, or a value
+    is out of its range.
     """
     from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
 

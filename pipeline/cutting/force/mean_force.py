@@ -23,6 +23,9 @@ def regressors(
 ) -> Floats:
     """Mean forces for each coefficient of the linear-edge law; F_z is as on the workpiece.
 
+    ValueError when teeth leave before they enter or more than a turn later, or a value is negative
+    or not finite.
+
     Parameters
     ----------
     flutes : array_like
@@ -39,12 +42,6 @@ def regressors(
     ndarray, shape (..., 3, 6)
         Of F_x, F_y, F_z for each of ``COEFFICIENTS``: [m^2] for cutting, [m] for edge
         coefficients; leading axes are those of the arguments.
-
-    Raises
-    ------
-    ValueError
-        When teeth leave before they enter or more than a turn later, or a value is negative or
-        not finite.
 
     Examples
     --------

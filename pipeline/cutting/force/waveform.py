@@ -51,13 +51,13 @@ def basis(
 ) -> Floats:  # fmt: skip
     """Forces for each coefficient of the law, under constant engagement; F_z as on the workpiece.
 
-    Errors are those of slices of length d [rad of lag].  Without runout each has d^4 / 4320 of its
+    Errors are those of slices of length d [rad of lag]. Without runout each has d^4 / 4320 of its
     force: with m_c = 0 and 16 slices below 1e-7 of the greatest force in all where the lag of the
-    edge's end is a radian, 6e-6 where it is 4.  With m_c = 0.25 the power of a chip that begins or
-    ends with nothing is not smooth: 2.5e-5 at 0.8 rad, 1.6e-4 at 4 rad.  With runout a slice where
-    a tooth begins to miss its chip errs by d^2 / 12 or so: 16 slices over 1.7 rad or less leave
-    below 0.7 % of the edge part (0.1 % in RMS) and 0.07 % of the cutting part.  Without helix and
-    corner there is nothing to divide.
+    edge's end is a radian, 6e-6 where it is 4. With m_c = 0.25 the power of a chip that begins or
+    ends with nothing is not smooth: 2.5e-5 at 0.8 rad, 1.6e-4 at 4 rad. With runout a slice where a
+    tooth begins to miss its chip errs by d^2 / 12 or so: 16 slices over 1.7 rad or less leave below
+    0.7 % of the edge part (0.1 % in RMS) and 0.07 % of the cutting part. Without helix and corner
+    there is nothing to divide. ValueError when a value is not finite or out of its range.
 
     Parameters
     ----------
@@ -86,11 +86,6 @@ def basis(
     ndarray, shape (T, 3, 6)
         F_x, F_y, F_z for K_tc, K_rc, K_ac, K_te, K_re, K_ae: [m^2] or [m] with ``m_c = 0``.
 
-    Raises
-    ------
-    ValueError
-        When a value is not finite or out of its range.
-
     Examples
     --------
     >>> tool = Tool(kind="flat", diameter_mm=6.0, flutes=2)
@@ -111,6 +106,8 @@ def profile_basis(
     ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
     """Forces and torque for each coefficient at one station of an engagement.
+
+    ValueError when a value is not finite or out of its range.
 
     Parameters
     ----------
@@ -137,11 +134,6 @@ def profile_basis(
     -------
     ndarray, shape (T, 4, 6)
         F_x, F_y, F_z and torque; else as :func:`basis`.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite or out of its range.
     """
     from pipeline.cutting.force.profile_kernel import profile_forces
 

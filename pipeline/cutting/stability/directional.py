@@ -77,10 +77,7 @@ class RegenerativeCut(Ranged, section="cut"):
 def stiffness(law: ForceLaw, thickness: float | None = None) -> tuple[float, float]:
     """dF_t / dh and dF_r / dh for each depth of cut, K_c (1 - m_c) h^(-m_c) [N/m^2].
 
-    Raises
-    ------
-    ValueError
-        When the law is not linear (m_c > 0) and no ``thickness`` [m] above 0 is given.
+    ValueError when the law is not linear (m_c > 0) and no ``thickness`` [m] above 0 is given.
     """
     factor = _slope(law, thickness)
     return law.K_tc * factor, law.K_rc * factor
@@ -91,10 +88,7 @@ def in_plane(
 ) -> tuple[float, Floats]:
     """dF_t / dh and dF_r / dh in the plane, of an edge between heights above the tip [N/m^2].
 
-    Raises
-    ------
-    ValueError
-        When a height ``high`` is not above its ``low`` >= 0 [m]; as :func:`stiffness`.
+    ValueError when a height ``high`` is not above its ``low`` >= 0 [m]; as :func:`stiffness`.
     """
     a, b = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     if not ((a >= 0.0) & (b > a) & np.isfinite(b)).all():

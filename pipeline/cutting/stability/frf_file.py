@@ -68,10 +68,7 @@ _HEADER = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>.*)[\])])?\s*$"
 def read_csv(path: Path, direction: str) -> FrequencyResponse:
     """One direction of the receptance from a CSV file.
 
-    Raises
-    ------
-    OSError, ValueError
-        When the file cannot be read.
+    OSError, ValueError when the file cannot be read.
     """
     lines = [
         (number, line)
@@ -164,10 +161,7 @@ _RESPONSE, _TRANSLATIONS = 4, {1: "x", 2: "y"}
 def read_universal(path: Path, direction: str | None) -> FrequencyResponse:
     """All frequency responses of a universal file, as one.
 
-    Raises
-    ------
-    OSError, ValueError
-        When the file cannot be read.
+    OSError, ValueError when the file cannot be read.
     """
     try:
         import pyuff
@@ -249,6 +243,8 @@ Direction = Literal["x", "y", "xy", "yx"]
 def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResponse:
     """Frequency response of the tool's tip from a file.
 
+    ValueError when the file cannot be read, in one sentence.
+
     Parameters
     ----------
     path : Path
@@ -256,11 +252,6 @@ def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResp
     direction : {"x", "y", "xy", "yx"}, optional
         Of displacement and force in the machine's frame ("xy": displacement along x, force along
         y); a CSV file needs it, a universal file says it itself.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read, in one sentence.
 
     See Also
     --------

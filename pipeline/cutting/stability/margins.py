@@ -160,6 +160,8 @@ class StabilityTable:
     def margins(self, speed_rpm: ArrayLike) -> Floats:
         """Least margin of each block: limit / a_p - 1, at most ``most`` [1].
 
+        ValueError when a speed is outside of the table, or the number of blocks is another one.
+
         Parameters
         ----------
         speed_rpm : array_like, shape (P, B) or (B,)
@@ -169,11 +171,6 @@ class StabilityTable:
         -------
         ndarray, shape of ``speed_rpm``
             inf for blocks in the air; nan where nothing of what is in the material was judged.
-
-        Raises
-        ------
-        ValueError
-            When a speed is outside of the table, or the number of blocks is another one.
         """
         from pipeline.cutting.stability.stability_kernel import fill_margins, mark_missing
 
@@ -230,14 +227,10 @@ def stability_table(
     """The classes of a program's stations, whose depth limits are computed where they are read.
 
     Dynamics, laws and tools are one for each tool; a tool whose dynamics are not known (None) is
-    not judged.  ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
+    not judged. ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
     growing; ``thickness`` [m] is that of the chip, where a law that is not linear is taken;
     ``most`` is the greatest margin that is told apart [1]: the less, the sooner limits are known.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range.
+    ValueError when a parameter is out of its range.
     """
     nodes = np.atleast_1d(np.asarray(nodes_rpm, dtype=np.float64)) / 60
     if not len(nodes) or not (np.diff(nodes, prepend=0.0) > 0.0).all() or not nodes[-1] < np.inf:

@@ -77,13 +77,9 @@ def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
     """Modes of all directions that were measured.
 
     ``parts`` are measurements of one tip, each with its own frequencies; a direction whose
-    receptance is 0 everywhere has no modes.
-
-    Raises
-    ------
-    ValueError
-        When the modes cannot be made out: few lines, none of them in the band, noise, or a
-        response that no sum of modes along x and y explains.
+    receptance is 0 everywhere has no modes. ValueError when the modes cannot be made out: few
+    lines, none of them in the band, noise, or a response that no sum of modes along x and y
+    explains.
 
     Examples
     --------

@@ -157,10 +157,8 @@ class FrequencyResponse:
 def joined_responses(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
     """Responses of several measurements as one, at the frequencies that all of them cover.
 
-    Raises
-    ------
-    ValueError
-        When there is none, two of them hold the same direction, or they share no frequencies.
+    ValueError when there is none, two of them hold the same direction, or they share no
+    frequencies.
     """
     if not parts:
         raise ValueError("frequency response: there is none to join")

@@ -291,6 +291,8 @@ def simulate(
 ) -> DriveTraces:
     """Traces of many variants of one axis under one reference.
 
+    ValueError when reference or load has another shape or is not finite.
+
     Parameters
     ----------
     reference : (T,) array_like
@@ -317,11 +319,6 @@ def simulate(
     state : (STATES,) array, optional
         Kept from call to call, where the reference of a single axis comes in parts; NaN before its
         first part.
-
-    Raises
-    ------
-    ValueError
-        When reference or load has another shape or is not finite.
     """
     check_steps(period, substeps)
     rows, x_ref = np.ascontiguousarray(table, dtype=np.float64), samples("reference", reference)

@@ -68,6 +68,8 @@ def follow_position(
 ) -> ThreeLoopTrace:
     """Let the axis follow positions, from rest at the first of them.
 
+    ValueError when an input does not fit, or the drive runs away.
+
     Parameters
     ----------
     reference : array_like, shape (T,)
@@ -80,11 +82,6 @@ def follow_position(
         Force on the carriage against positive motion [N], held from sample to sample.
     steps : int
         Steps of the integrator in one period of the current loops.
-
-    Raises
-    ------
-    ValueError
-        When an input does not fit, or the drive runs away.
     """
     if drive.position_loop is None:
         raise ValueError("drive.position_loop is missing: give one, or follow speeds")
@@ -101,17 +98,14 @@ def follow_speed(
 ) -> ThreeLoopTrace:
     """Let the motor follow speeds, from rest; the position loop is left open.
 
+    ValueError when an input does not fit, or the drive runs away.
+
     Parameters
     ----------
     reference : array_like, shape (T,)
         Speeds of the motor [rad/s], held from sample to sample.
     period, drive, load, steps
         As in :func:`follow_position`.
-
-    Raises
-    ------
-    ValueError
-        When an input does not fit, or the drive runs away.
     """
     return _follow(reference, period, drive, load, steps, position=False)
 

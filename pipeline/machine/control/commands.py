@@ -20,6 +20,8 @@ def commanded_feeds(
 ) -> Floats:
     """F with its override in the rows that cut, the override in rapids [1]; shape (P, M).
 
+    ValueError when a row that cuts has no positive F, or an override is not positive.
+
     Parameters
     ----------
     path : Path
@@ -28,11 +30,6 @@ def commanded_feeds(
         In the units of ``Moves``; the program's own by default.
     feed_override, rapid_override : float or (M,) array
         [percent].
-
-    Raises
-    ------
-    ValueError
-        When a row that cuts has no positive F, or an override is not positive.
     """
     from pipeline.machine.control.look_ahead import scale_feeds
 
@@ -53,14 +50,9 @@ def commanded_feeds(
 def spindle_speeds(path: Path, speeds: ArrayLike | None) -> Floats:
     """Speed of the spindle in each row, 0 at rest [rev/min]; shape (P, M).
 
-    Under constant surface speed S is [m/min] at the greater of the diameters at the row's ends,
-    X counted from the origin of the work coordinates.
-
-    Raises
-    ------
-    ValueError
-        When a speed is negative or not finite, or the spindle is at rest in a row of feed per
-        revolution.
+    Under constant surface speed S is [m/min] at the greater of the diameters at the row's ends, X
+    counted from the origin of the work coordinates. ValueError when a speed is negative or not
+    finite, or the spindle is at rest in a row of feed per revolution.
     """
     moves = path.moves
     programmed = moves.speed if speeds is None else speeds
@@ -156,18 +148,14 @@ def auxiliary_time(
 ) -> tuple[npt.NDArray[np.intp], Floats]:
     """Rows that take time without moving, N of them but for the spindle's, and their time [s].
 
-    Speeds of the spindle, shape (1 or P, M), are at least 0 [rev/min].
+    Speeds of the spindle, shape (1 or P, M), are at least 0 [rev/min]. ValueError when a dwell
+    counts revolutions of a spindle that stands.
 
     Returns
     -------
     rows : (N,) array
     time : (P, N) array
         [s].
-
-    Raises
-    ------
-    ValueError
-        When a dwell counts revolutions of a spindle that stands.
     """
     dwell = np.flatnonzero(moves.kind == Kind.DWELL)
     change = np.flatnonzero(moves.kind == Kind.TOOL_CHANGE)

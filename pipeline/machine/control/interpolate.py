@@ -53,17 +53,14 @@ class Trace:
 def trace(plan: Plan, *, period: float | None = None) -> Trace:
     """All samples of a plan, from 0 to its end or up to a period beyond.
 
+    ValueError when the period is not positive, or the program has no rows.
+
     Parameters
     ----------
     plan : Plan
         Plan that is sampled.
     period : float, optional
         The control's ``interpolation_period`` by default [s].
-
-    Raises
-    ------
-    ValueError
-        When the period is not positive, or the program has no rows.
     """
     step = _period(plan, period)
     return next(traces(plan, period=step, samples=_count(plan, step)))

@@ -152,11 +152,8 @@ def fit_axes(
 ) -> dict[tuple[str, str], UseFit]:
     """Every use of every axis, by letter and use.
 
-    Raises
-    ------
-    ValueError
-        When no recording is long enough for a window, or too little is left of them to leave some
-        out.
+    ValueError when no recording is long enough for a window, or too little is left of them to leave
+    some out.
     """
     parts: dict[tuple[str, str], tuple[Sampled, bool]] = {}
     for letter, features in axes.items():

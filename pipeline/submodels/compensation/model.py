@@ -327,13 +327,7 @@ class Compensation:
 
 
 def load_compensation(folder: Path) -> Compensation:
-    """The model in a folder.
-
-    Raises
-    ------
-    StoreError
-        When a file is missing, broken or of another form.
-    """
+    """The model in a folder; StoreError when a file is missing, broken or of another form."""
     return Compensation(
         file=read_json(folder / "model.json", CompensationModel),
         documents=read_json(folder / "networks.json", NetworksFile).documents,

@@ -150,12 +150,7 @@ def read_runs(
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
     ``is_training`` says whether a recording, or a part of one, is learnt from, by its name and its
-    raw file.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits the patterns.
+    raw file. ValueError when ``signals`` has no manifest, or none of its files fits the patterns.
     """
     declared = {
         f"{letter} {name}": channel

@@ -163,10 +163,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
     ) -> Cases:
         """Recordings of axes, and parts of them.
 
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file, or the drives' model is broken.
+        ValueError when a pattern fits no file, or the drives' model is broken.
         """
         if records.signals is None or records.drive is None:
             raise ValueError("recordings stand in signals, drives beside them: name both in reads")

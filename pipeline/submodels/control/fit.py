@@ -208,12 +208,8 @@ def identify_control(
     by unit, and found again for each where they differ or runs of one alone determine it.
 
     Where ``near`` is given, a control of more runs of the same units, the search begins there in
-    place of ``start``, and what units share is not tested again.
-
-    Raises
-    ------
-    ValueError
-        When there is no run, or the runs determine no parameter.
+    place of ``start``, and what units share is not tested again. ValueError when there is no run,
+    or the runs determine no parameter.
     """
     if not sum(len(one.measured) for one in observed):
         raise ValueError(

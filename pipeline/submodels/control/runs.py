@@ -193,17 +193,13 @@ def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]
     """Runs in one recording.
 
     ``items`` maps a signal to its data item; ``execution`` and ``line`` are needed, the others of
-    :data:`SIGNAL_OF` are used where they are named.
+    :data:`SIGNAL_OF` are used where they are named. ValueError when ``items`` names no data item
+    for the line or the execution.
 
     Returns
     -------
     list of Run
         Empty when the recording says nothing of lines.
-
-    Raises
-    ------
-    ValueError
-        When ``items`` names no data item for the line or the execution.
     """
     for needed in ("execution", "line"):
         if needed not in items:

@@ -63,10 +63,7 @@ def _present(stated: StatedConditions) -> dict[str, float | str]:
 def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
     """What the sources state, in the units of the names; other conditions are left out.
 
-    Raises
-    ------
-    ValueError
-        When a value is none of the condition.
+    ValueError when a value is none of the condition.
     """
     stated: dict[str, Any] = {}
     for name, unit in UNITS.items():
@@ -82,10 +79,7 @@ def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
 def conditions_of(conditions: Mapping[str, Condition], tool: Tool) -> CutConditions:
     """Conditions of a cut in SI, from what its sources state.
 
-    Raises
-    ------
-    ValueError
-        When something is missing, out of its range or contradicts the rest.
+    ValueError when something is missing, out of its range or contradicts the rest.
     """
     stated = _stated(conditions)
     speed = _positive("speed_rpm", stated.speed_rpm) / 60

@@ -290,13 +290,7 @@ def stored(model: CutModel) -> StoredCutModel:
 
 
 def restored(document: StoredCutModel) -> CutModel:
-    """The model that :func:`stored` wrote.
-
-    Raises
-    ------
-    ValueError
-        When its tool is none.
-    """
+    """The model that :func:`stored` wrote; ValueError when its tool is none."""
     natural, damping = document.natural_Hz, document.damping
     return CutModel(
         tool=structured(document.tool, Tool, "prediction.tool"),

@@ -70,13 +70,7 @@ class CuttingRecording:
 
     @property
     def cut(self) -> tuple[CutConditions, Revolution]:
-        """Its conditions and its mean revolution.
-
-        Raises
-        ------
-        ValueError
-            When it is left out.
-        """
+        """Its conditions and its mean revolution; ValueError when it is left out."""
         if self.conditions is None or self.revolution is None:
             raise ValueError(f"{self.name} is left out: {self.reason}")
         return self.conditions, self.revolution
@@ -88,13 +82,8 @@ def read_recordings(
 ) -> list[CuttingRecording]:  # fmt: skip
     """Every dynamometer recording that the records name, in the order of their names.
 
-    One that cannot be used has the reason; a sealed one is not looked into.  The list is empty
-    without a dynamometer.
-
-    Raises
-    ------
-    ValueError
-        When none of the files fits ``cutting_records.recordings``.
+    One that cannot be used has the reason; a sealed one is not looked into. The list is empty
+    without a dynamometer. ValueError when none of the files fits ``cutting_records.recordings``.
     """
     if not records.recordings:
         return []
@@ -168,10 +157,7 @@ def _other_speed(one: CuttingRecording, setup: CuttingSetup, settings: CuttingFi
 def cut_harmonics(recording: CuttingRecording, settings: CuttingFitSettings) -> CutHarmonics:
     """Harmonics of a recording with their variance, zero included, at its measured speed.
 
-    Raises
-    ------
-    ValueError
-        When the recording is left out.
+    ValueError when the recording is left out.
     """
     conditions, revolution = recording.cut
     variance = revolution.scatter.copy()
@@ -191,12 +177,7 @@ def steady_revolution(
     """Mean revolution of the steady part, forces on the tool, and whether its zero was measured.
 
     ``force`` are the channels x, y, z, shape (T, 3) [N], sampled at ``rate`` [1/s]; conditions at
-    the set speed.
-
-    Raises
-    ------
-    ValueError
-        When the recording cannot be used.
+    the set speed. ValueError when the recording cannot be used.
     """
     _check_range(force)
     steady = steady_part(force, rate / conditions.speed, entry_time(conditions, setup.tool) * rate)
@@ -219,10 +200,7 @@ def entry_time(conditions: CutConditions, tool: Tool) -> float:
 def forces(samples: Samples) -> tuple[Floats, float, tuple[str, ...]]:
     """Channels x, y, z [N], shape (T, 3), the sampling rate [1/s], and the changes made.
 
-    Raises
-    ------
-    ValueError
-        When a channel or the time is missing or unusable.
+    ValueError when a channel or the time is missing or unusable.
     """
     if samples.lacking:
         raise UnusableRecording(next(iter(samples.lacking.values())))

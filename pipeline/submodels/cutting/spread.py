@@ -142,10 +142,7 @@ def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[floa
 def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
     """Halves of the 90 % intervals of a recording's force at each angle [N]; shape (ANGLES, 3).
 
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
+    ValueError when the model has no spread.
     """
     whole = force_wave(model, cut.conditions, cut.harmonics)
     lines = model.predicted(cut.conditions, cut.harmonics)
@@ -158,10 +155,7 @@ def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
 def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> ForceWave:
     """Force over a revolution with the error that is expected of it.
 
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
+    ValueError when the model has no spread.
     """
     spread = model.spread
     if spread is None:
@@ -190,10 +184,7 @@ def force_levels(
 ) -> tuple[ForceLevel, ForceLevel]:
     """Peak and mean force in the plane with the errors that are expected of them.
 
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
+    ValueError when the model has no spread.
     """
     whole = force_wave(model, conditions, harmonics)
     plane = whole.force[:, :2]

@@ -106,10 +106,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
     ) -> Cases:
         """Recordings of the dynamometer, then logs of the spindle's load.
 
-        Raises
-        ------
-        ValueError
-            When a pattern of the records fits no file.
+        ValueError when a pattern of the records fits no file.
         """
         files, signals, raw = records.files, records.signals, records.raw
         if signals is None or raw is None:

@@ -34,10 +34,7 @@ class Errors:
 def errors_of(predicted: Floats, measured: Floats) -> Errors:
     """Errors where both are known.
 
-    Raises
-    ------
-    ValueError
-        When no sample is known.
+    ValueError when no sample is known.
 
     Examples
     --------

@@ -147,10 +147,7 @@ class _Sums:
 def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
     """The method that serves as a sum of terms.
 
-    Raises
-    ------
-    ValueError
-        Without a recording, or when the method that serves predicts no growth at all.
+    ValueError without a recording, or when the method that serves predicts no growth at all.
     """
     file = model.file
     checked = [model.checked(one) for one in states]

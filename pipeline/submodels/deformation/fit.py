@@ -63,12 +63,8 @@ def fit_growth(
 ) -> GrowthModel:  # fmt: skip
     """Fit and compare all methods on training recordings.
 
-    ``head`` is what every model holds; its parameters are filled in.
-
-    Raises
-    ------
-    ValueError
-        With fewer than four recordings, or when a method is named that does not exist.
+    ``head`` is what every model holds; its parameters are filled in. ValueError with fewer than
+    four recordings, or when a method is named that does not exist.
     """
     if len(profiles) < FEWEST_PROFILES:
         raise ValueError(
@@ -178,10 +174,7 @@ def _seeds(name: str, many: int) -> range:
 def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
     """Methods that are compared.
 
-    Raises
-    ------
-    ValueError
-        When one is named that does not exist, or that needs a channel that is not recorded.
+    ValueError when one is named that does not exist, or that needs a channel that is not recorded.
     """
     turning = any(one.state.speed.any() for one in profiles)
     air = all(np.isfinite(one.state.ambient).all() for one in profiles)

@@ -417,13 +417,7 @@ class Ensemble:
 
 
 def restored(name: str, documents: Sequence[Mapping[str, Any]]) -> Ensemble:
-    """The ensemble of stored documents.
-
-    Raises
-    ------
-    ValueError
-        When there is no method of that name.
-    """
+    """The ensemble of stored documents; ValueError when there is no method of that name."""
     if name not in METHODS:
         raise ValueError(f"there is no method {name!r}; there are {', '.join(METHODS)}")
     return Ensemble(name, tuple(METHODS[name].restore(one) for one in documents))

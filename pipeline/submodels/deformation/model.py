@@ -267,13 +267,7 @@ def treated(sensors: SensorModel, state: State, treatment: Treatment) -> Checked
 
 
 def load_growth_model(folder: Path) -> GrowthModel:
-    """The stored model of a machine.
-
-    Raises
-    ------
-    StoreError
-        When a file is missing or of another version.
-    """
+    """The stored model of a machine; StoreError when a file is missing or of another version."""
     file = read_json(folder / "model.json", DeformationModel)
     methods = read_json(folder / "methods.json", MethodsFile)
     return GrowthModel(

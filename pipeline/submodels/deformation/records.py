@@ -402,12 +402,7 @@ def state_of_table(table: Any, wanted: Sequence[str], period: float) -> State:
     """State from a table of evenly spaced rows, ``period`` [s] apart, one column a channel.
 
     ``wanted`` are the sensors [degC], then ``ambient_temperature`` [degC] and ``spindle_speed``
-    [rev/min] where they are read.
-
-    Raises
-    ------
-    ValueError
-        When a column is missing or no number.
+    [rev/min] where they are read. ValueError when a column is missing or no number.
     """
     columns = {}
     for name in wanted:

@@ -408,12 +408,8 @@ def fit_sensors(
     """Regressions of the sensors on each other, from training recordings that may hold faults.
 
     The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
-    exceed it are replaced in their recording, and all is found anew.
-
-    Raises
-    ------
-    ValueError
-        When fewer than two recordings have all sensors.
+    exceed it are replaced in their recording, and all is found anew. ValueError when fewer than two
+    recordings have all sensors.
     """
     states = [one.state for one in profiles]
     held_s = usual_holds(states, settings)

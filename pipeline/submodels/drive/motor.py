@@ -261,6 +261,7 @@ def identify_motor(
     """Resistance, both inductances, the magnets' flux linkage, and the inverter's dead voltage.
 
     The last is left out where the record does not clearly show it: measured voltages have none.
+    ValueError when the series are too short for a window.
 
     Parameters
     ----------
@@ -277,11 +278,6 @@ def identify_motor(
         its value [1].
     held : bool
         Whether the voltages are held from their sample to the next, as an inverter's commands are.
-
-    Raises
-    ------
-    ValueError
-        When the series are too short for a window.
     """
     signals = {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}
     cut = Windows(signals, period, held=held)

@@ -75,10 +75,7 @@ def as_identified(
 ) -> ThreeLoopParameters:  # fmt: skip
     """The axis down to its currents, with the gains that it was found with.
 
-    Raises
-    ------
-    ValueError
-        When something that it needs is not determined, or not listed.
+    ValueError when something that it needs is not determined, or not listed.
     """
     own, motor = parameters[letter], parameters.get(MOTOR, {})
     servo = axis.servo

@@ -311,10 +311,7 @@ def fit_network(
 ) -> SpindleFit:
     """The network of a structure, with the sources that ``pieces`` determine.
 
-    Raises
-    ------
-    ValueError
-        When there is no stretch to fit.
+    ValueError when there is no stretch to fit.
     """
     if not pieces:
         raise ValueError(

@@ -111,12 +111,8 @@ def transfer(
 
     ``pieces`` are the sibling's training days in the order of time, ``judged`` the days that are
     not used, ``own`` the signals that it records, ``resolution_K`` the step of its temperature
-    sensor [K].
-
-    Raises
-    ------
-    ValueError
-        When no day can be judged, or the spindle never starts on the training days.
+    sensor [K]. ValueError when no day can be judged, or the spindle never starts on the training
+    days.
     """
     if not judged:
         raise ValueError(
@@ -148,10 +144,7 @@ def transfer(
 def first_minutes(pieces: Sequence[StateSegment], minutes: float) -> list[StateSegment]:
     """The beginning of a record, up to ``minutes`` after the spindle's first start.
 
-    Raises
-    ------
-    ValueError
-        When the spindle never starts.
+    ValueError when the spindle never starts.
     """
     left = 0
     for number, piece in enumerate(pieces):

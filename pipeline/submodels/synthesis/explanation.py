@@ -65,12 +65,7 @@ def explanation(
     """Wear that explains recorded windows best.
 
     ``windows`` (C, L) in the units of the channels; ``given`` are known conditions, without the
-    wear.
-
-    Raises
-    ------
-    ValueError
-        When there is no window, its shape does not fit, or a condition was not learnt.
+    wear. ValueError when there is no window, its shape does not fit, or a condition was not learnt.
     """
     if not windows:
         raise ValueError("there is no window to explain: give one at least")
@@ -89,12 +84,8 @@ def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
     """Windows of a table that has the channels as columns, CSV or Parquet, evenly spread.
 
     The rows are samples at the model's rate, in its units; a unit may stand in brackets behind a
-    name.  Where there is a column ``window``, windows do not reach over its steps.
-
-    Raises
-    ------
-    ValueError
-        When the file is no table, lacks a channel, or is shorter than a window.
+    name. Where there is a column ``window``, windows do not reach over its steps. ValueError when
+    the file is no table, lacks a channel, or is shorter than a window.
     """
     file = served.file
     try:

@@ -107,12 +107,7 @@ def trained(
     """Generator of windows, trained on all that are given.
 
     ``windows`` are of training tools, with known wear; conditions ``hidden`` are none of the
-    generator's.
-
-    Raises
-    ------
-    ValueError
-        When there are too few windows, or a condition is not known of some.
+    generator's. ValueError when there are too few windows, or a condition is not known of some.
     """
     windows = thinned(windows, settings.windows)
     not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}

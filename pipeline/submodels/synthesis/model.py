@@ -282,10 +282,7 @@ def beside(space: ConditionSpace, conditions: Mapping[str, Any]) -> Floats:
 def reference_of(stored: GeneratorFile) -> Reference:
     """Features and windows that are stored beside a generator.
 
-    Raises
-    ------
-    ValueError
-        When the file lacks one, or holds another type of number.
+    ValueError when the file lacks one, or holds another type of number.
     """
     try:
         found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
@@ -299,10 +296,7 @@ def reference_of(stored: GeneratorFile) -> Reference:
 def load_synthesis(folder: Path) -> Synthesis:
     """The generator in a folder, with what it is judged by.
 
-    Raises
-    ------
-    StoreError
-        When a file is missing, broken or of another form.
+    StoreError when a file is missing, broken or of another form.
     """
     from pipeline.nets.dcgan import restore_gan
     from pipeline.nets.wear import restore_judge

@@ -58,11 +58,8 @@ class Generated:
 def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int = 0) -> Generated:
     """Windows at conditions; a condition that had one value in training has it without being given.
 
-    Raises
-    ------
-    ValueError
-        When there is no window to make, or a condition is missing, was not learnt, or lies outside
-        of what was.
+    ValueError when there is no window to make, or a condition is missing, was not learnt, or lies
+    outside of what was.
     """
     if many < 1:
         raise ValueError(f"{many} windows are none: ask for one at least")
@@ -80,10 +77,7 @@ def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int 
 def conditions_of_words(served: Synthesis, words: Mapping[str, str]) -> dict[str, Any]:
     """Conditions from text: a number for a continuous condition, a word for a discrete one.
 
-    Raises
-    ------
-    ValueError
-        When a number is none, or there is no such condition.
+    ValueError when a number is none, or there is no such condition.
     """
     space = served.gan.space
     numbers = {one.name: one for one in space.continuous}

@@ -114,12 +114,8 @@ def load_logs(
 ) -> list[LoadLogFile]:
     """Logs that the records name: no-load logs, then those of cuts.
 
-    ``files`` are the entries of the manifest by raw file.
-
-    Raises
-    ------
-    ValueError
-        When a pattern fits none of the files, or a log fits two patterns.
+    ``files`` are the entries of the manifest by raw file. ValueError when a pattern fits none of
+    the files, or a log fits two patterns.
     """
     patterns: list[tuple[str, str, LoadCut | None]] = [
         ("no_load", pattern, None) for pattern in records.no_load
@@ -156,10 +152,7 @@ class _Reader:
     def levels(self, file: LoadLogFile) -> tuple[Levels, str]:
         """Levels of a log, and a note on the part of it that is not used.
 
-        Raises
-        ------
-        ValueError
-            When nothing of it can be used.
+        ValueError when nothing of it can be used.
         """
         output, records = file.entry.get("output"), self.records
         first = self.first.setdefault(file.sha256 or file.name, file.name)

@@ -49,10 +49,7 @@ class NoLoad:
 def no_load(levels: Levels) -> NoLoad:
     """No-load power from levels without a cut; one term less than there are speeds.
 
-    Raises
-    ------
-    ValueError
-        When there are fewer than two speeds.
+    ValueError when there are fewer than two speeds.
     """
     idle = levels.where((levels.removal == 0.0) & (levels.edge == 0.0))
     if len(idle) < 2:
@@ -102,12 +99,8 @@ class SpecificForce:
 def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     """Specific cutting force from levels with a cut at speeds of the no-load record.
 
-    The no-load power's own uncertainty is counted, common to cuts at the same speed.
-
-    Raises
-    ------
-    ValueError
-        When no cut is at a speed of the no-load record.
+    The no-load power's own uncertainty is counted, common to cuts at the same speed. ValueError
+    when no cut is at a speed of the no-load record.
     """
     cuts = _cuts(levels, idle)
     power, covariance = _above_no_load(cuts, idle)

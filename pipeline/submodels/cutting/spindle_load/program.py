@@ -63,11 +63,8 @@ class Lines:
 def program_lines(raw: Path, cut: LoadCut, setup: Setup) -> Lines:
     """Lines of the program of ``cut``.
 
-    Raises
-    ------
-    ValueError
-        When the program is not there or cannot be followed, executes lines more than once, or its
-        cut cannot be computed.
+    ValueError when the program is not there or cannot be followed, executes lines more than once,
+    or its cut cannot be computed.
     """
     path = raw / cut.program
     if not path.is_file():

@@ -122,10 +122,8 @@ def identify_feed_drive(
 ) -> FeedDriveFit:
     """Feed drive of ``axis`` from its training recordings.
 
-    Raises
-    ------
-    ValueError
-        When no training recording shows the axis moving, or their commands have different units.
+    ValueError when no training recording shows the axis moving, or their commands have different
+    units.
     """
     # one filter for motion and force, the command delayed like the motion
     training = _training(recordings, axis)

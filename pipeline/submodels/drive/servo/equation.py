@@ -372,12 +372,8 @@ def servo_equation(
     """Columns of all ``records`` below ``bandwidth`` [Hz], fed forward by a ``difference``.
 
     Stretches at the current limit are cut out: there the command is not that of the loops.
-
-    Raises
-    ------
-    ValueError
-        When no stretch is long enough for the filter, the command stands still, or a sample is no
-        number.
+    ValueError when no stretch is long enough for the filter, the command stands still, or a sample
+    is no number.
     """
     parts: list[Floats] = []
     period = max(record.period for record in records)
