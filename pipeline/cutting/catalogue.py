@@ -55,10 +55,10 @@ ball-nosed hold inserts."""
 
 
 def tool_type(tool: Tool, operation: Operation) -> ToolType:
-    """The kind of tool by which cutting data are listed.
+    """Kind of tool by which cutting data are listed.
 
-    It is the tool's role; where the tool table gives none, what the operation needs, or else what
-    the form of its end and its size say.
+    The tool's role; where the tool table gives none, by the operation, or else by the end form and
+    the size.
 
     Examples
     --------
@@ -106,10 +106,7 @@ class CuttingRange:
 class CatalogueRow(Ranged, section="catalogue.rows"):
     """Rows of a table of cutting data: one line of feeds over the diameter, one range of speed.
 
-    Raises
-    ------
-    ValueError
-        When a list has the wrong length or order.
+    ValueError when a list has the wrong length or order.
     """
 
     tools: tuple[ToolType, ...]
@@ -245,10 +242,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
 class CuttingCatalogue:
     """Cutting data of public tables.
 
-    Raises
-    ------
-    ValueError
-        When rows contradict each other, or a source is missing, empty or never used.
+    ValueError when rows contradict each other, or a source is missing, empty or never used.
     """
 
     rows: tuple[CatalogueRow, ...]

@@ -258,19 +258,14 @@ def tip_stiffness(tool: Tool) -> float:
 
 
 def tip_deflection(tool: Tool, force: ArrayLike) -> Floats:
-    """Deflection of the tip under a force across the axis [m].
+    """Deflection of the tip under a force across the axis [m]; NaN without the tool's stickout.
 
     Parameters
     ----------
     tool : Tool
-        Its stickout, flute length, diameters and modulus of elasticity count.
+        Tool with stickout, flute length, diameters and modulus of elasticity.
     force : array_like
-        On the tip, across the axis [N], any shape.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of ``force``; NaN without the tool's stickout.
+        Force on the tip, across the axis [N], any shape.
     """
     return np.asarray(force, dtype=np.float64) / tip_stiffness(tool)
 

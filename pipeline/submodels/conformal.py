@@ -139,7 +139,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
 
 
 def _fewest(groups: int) -> float:
-    """Groups that a regime needs for a band of its own."""
+    """Least number of groups of a regime with a band of its own."""
     return max(2, groups / 2)
 
 
@@ -161,10 +161,7 @@ def _quantiles(
 
 
 def _factor(size: Floats, regime: Ints, group: Ints, regimes: int) -> float:
-    """How much wider than the quantiles of the other groups a group of them needs its interval [1].
-
-    At least 1, also where the others have no error at all.
-    """
+    """Widening of the interval for a group against the quantiles of the others [1], at least 1."""
     over = np.empty(len(size))
     for k in range(int(group.max()) + 1):
         own = group == k
@@ -183,7 +180,7 @@ def _quantile(size: Floats, group: Ints) -> float:
 
 
 def _widest(size: Floats, group: Ints) -> float:
-    """The ceil(0.9 (K + 1))-th smallest of the 90 % quantiles of K groups, at most the greatest."""
+    """Value at rank ceil(0.9 (K + 1)) of the 90 % quantiles of K groups, at most the greatest."""
     own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in np.unique(group)])
     return float(own[min(int(np.ceil(LEVEL * (len(own) + 1) - 1e-9)), len(own)) - 1])
 
@@ -246,7 +243,7 @@ def _size(error: Floats, lower: Floats, upper: Floats) -> Floats:
 def _factors(
     t: list[float], size: list[float], regime: list[int], settings: AdaptiveSettings
 ) -> Floats:
-    """Factor on the half width at each sample, from what was known by then, shape (N,)."""
+    """Factor on the half width at each sample, from values measured before, shape (N,)."""
     by_regime = [1.0] * (max(regime, default=0) + 1)
     up, down = LEVEL * settings.step, (1 - LEVEL) * settings.step
     found = [1.0] * len(t)

@@ -157,7 +157,6 @@ def _table(
 
 
 def _deciding(cases: Sequence[Case]) -> Role:
-    """The role that a verdict rests on."""
     there = {case.role for case in cases}
     order: tuple[Role, ...] = ("sealed", "golden", "held_out")
     return next((role for role in order if role in there), "held_out")
@@ -237,12 +236,12 @@ def _held_against(score: Score, target: Target) -> Score:
 
 
 def _near(limit: str, spread: float, unit: str) -> str:
-    """Words for a figure that lies nearer to a limit than trainings differ."""
+    """Words for a figure nearer to a limit than the spread of trainings."""
     return f"too near to {limit}: trainings differ by \u00b1 {sized(spread, unit, 2)}, not decided"
 
 
 def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
-    """Errors that are not below a baseline's: for sure, and by less than can be told."""
+    """Errors not below a baseline's: significantly, and within the uncertainty."""
     other = score.baselines.get(name, Figures())
     spared = score.rounding.get(name, Figures())
     worse, unsure = [], []
@@ -320,7 +319,7 @@ def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Foun
 def _beaten(
     scores: Sequence[Score], targets: Sequence[Target], deciding: Role
 ) -> tuple[list[str], list[str]]:
-    """Baselines that are no worse over all groups, for sure and by less than can be told."""
+    """Baselines that are no worse over all groups: significantly, and within the uncertainty."""
     reasons: list[str] = []
     open_: list[str] = []
     for target in targets:
@@ -339,7 +338,7 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
 
 
 def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
-    """Whether a class is not told from the other."""
+    """Whether a class is not separated from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:

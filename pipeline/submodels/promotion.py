@@ -152,7 +152,6 @@ def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Co
 
 
 def _spread(scores: Sequence[Score]) -> float:
-    """Greatest spread that the mean of some groups' MAE has over trainings [unit]."""
     return float(np.mean([s.spread.get("mae", 0.0) for s in scores]))
 
 

@@ -142,7 +142,7 @@ def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
 
 
 def _recorded_step(rows: pd.DataFrame, target: Target) -> float:
-    """Resolution of the recorded signal: of the prediction's column, else of the values' grid."""
+    """Resolution of the recorded signal: of the prediction's column, else of the grid of values."""
     if not target.must_beat:
         return 0.0
     if STEP in rows:

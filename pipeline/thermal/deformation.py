@@ -150,16 +150,10 @@ class DeformationNetwork(Ranged, section="deformation"):
     ) -> Floats:
         """Growth [m], shape (..., T), from speed and ambient, and the sensors at the start alone.
 
-        ValueError when there are not as many temperatures as sensors, or the step is not positive.
-
-        Parameters
-        ----------
-        speed_rad_s, ambient_C : array_like, shape (..., T)
-            Spindle speed [rad/s] and ambient [degC], held over each step.
-        temperatures_C : array_like, shape (..., N)
-            What the sensors of the fit show at the first sample [degC], nan where one is missing.
-        step : float
-            [s].
+        Spindle speed [rad/s] and ambient [degC], (..., T), are held over each ``step`` [s];
+        ``temperatures_C`` (..., N) are the sensors of the fit at the first sample [degC], nan where
+        one is missing. ValueError when there are not as many temperatures as sensors, or the step
+        is not positive.
         """
         ambient = np.asarray(ambient_C, float)
         start = start_of_nodes(self.sensor_shares, temperatures_C, ambient[..., 0])
@@ -169,11 +163,11 @@ class DeformationNetwork(Ranged, section="deformation"):
 def start_of_nodes(
     sensor_shares: ArrayLike, temperatures_C: ArrayLike, ambient_C: ArrayLike
 ) -> Floats:
-    """Node temperatures, shape (..., 2) [degC], that sensors, (..., N), show at a start.
+    """Node temperatures, shape (..., 2) [degC], from sensors, (..., N), at a start.
 
-    Sensors that are missing (nan) do not count; where none is left, the nodes are at the ambient,
-    shape (...). What the sensors leave open stays at their mean. ValueError when there are not as
-    many temperatures as sensors.
+    Missing sensors (nan) are left out; without any, the nodes are at the ambient, shape (...). What
+    the sensors leave open stays at their mean. ValueError when there are not as many temperatures
+    as sensors.
 
     Parameters
     ----------

@@ -52,14 +52,9 @@ class LaggedExpansion(Ranged, section="expansion"):
     ) -> Floats:
         """Growth since the first sample [m], shape (T,); a sample uses no later one.
 
-        ValueError when there are not as many temperatures as expansions, or one is missing.
-
-        Parameters
-        ----------
-        time_s, speed_rad_s : array_like, shape (T,)
-            Ascending times, at any distances [s], and spindle speed [rad/s].
-        temperatures_C : array_like, shape (T, C)
-            Finite [degC].
+        Times (T,) ascend at any distances [s], with spindle speed [rad/s] and finite temperatures
+        (T, C) [degC]. ValueError when there are not as many temperatures as expansions, or one is
+        missing.
         """
         values = np.asarray(temperatures_C, float)
         if values.ndim != 2 or values.shape[1] != len(self.expansions):

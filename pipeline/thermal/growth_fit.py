@@ -123,7 +123,7 @@ class _Task:
         return int(np.argmax(rises)) if self.rise > 0 else None
 
     def _free(self) -> Ints:
-        """Places of the parameters that the records can tell."""
+        """Indices of the identifiable parameters."""
         seen = np.zeros(self.sensors, bool)
         for record in self.records:
             seen |= np.isfinite(record.temperatures_C).any(axis=0)
@@ -223,7 +223,7 @@ class _Task:
         return rest + start @ by_start, by_start, start
 
     def _start_error(self, record: GrowthRecord) -> float:
-        """Errors of a model hang together over a record: its start counts as its samples do."""
+        """Variance of the start value: model errors are correlated over a record."""
         return self.start_error_K / float(np.sqrt(len(record.time_s)))
 
     def _slopes(

@@ -108,12 +108,12 @@ class SpindleThermalParameters(Ranged):
 
 
 def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
-    """Sources h_i, shape (..., len(SOURCES)).
+    """Heat sources h_i, shape (..., len(SOURCES)).
 
     Parameters
     ----------
     speed : array_like, shape (...)
-        Spindle speed [rad/s]; its sign does not matter.
+        Spindle speed of either sign [rad/s].
     load : array_like, shape (...)
         Load over rated load [1].
     hold : array_like, shape (...)

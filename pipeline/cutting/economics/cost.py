@@ -58,18 +58,10 @@ class Energy:
 
 
 def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
-    """Electrical power that the spindle's drive takes, (P_c + P_0) / (eta eta_m) [W].
+    """Electrical power of the spindle drive, (P_c + P_0) / (eta eta_m) [W].
 
-    ValueError when a power is negative or not finite.
-
-    Parameters
-    ----------
-    cutting : array_like
-        P_c = F_t v_c at the tool [W].
-    no_load : array_like
-        P_0(n), no-load power of the spindle [W]; 0 where it stands.
-    drive : SpindleDrive
-        With its efficiencies eta and eta_m.
+    ``cutting`` is P_c = F_t v_c at the tool [W], ``no_load`` P_0(n) of the spindle [W], 0 at
+    standstill. ValueError when a power is negative or not finite.
 
     Examples
     --------
@@ -88,20 +80,12 @@ def energy(
     parameters: EnergyParameters, *, times: ArrayLike, spindle_W: ArrayLike,
     moving: ArrayLike = 1.0, coolant: ArrayLike = 0.0,
 ) -> Energy:  # fmt: skip
-    """Electricity of each block.
+    """Electrical energy of each block, all arrays of shape (..., B).
 
-    ValueError when a time or power is negative or not finite, or a share is not from 0 to 1.
-
-    Parameters
-    ----------
-    parameters : EnergyParameters
-        Of the machine.
-    times : array_like, shape (..., B)
-        Of each block [s].
-    spindle_W : array_like, shape (..., B)
-        Mean electrical power of the spindle's drive [W], see :func:`spindle_supply`.
-    moving, coolant : array_like, shape (..., B)
-        Share of the time in which axes move, in which coolant is on [1].
+    ``times`` are the blocks' [s], ``spindle_W`` the mean electrical power of the spindle drive [W]
+    (:func:`spindle_supply`), ``moving`` and ``coolant`` the shares of the time with axes in motion
+    and with coolant [1]. ValueError when a time or power is negative or not finite, or a share is
+    not from 0 to 1.
     """
     spent, supply = not_negative("times", times), not_negative("spindle_W", spindle_W)
     shares = not_negative("moving", moving, high=1.0), not_negative("coolant", coolant, high=1.0)
@@ -182,22 +166,21 @@ def part_cost(
 ) -> PartCost:  # fmt: skip
     """Cost of each block of a program.
 
-    ValueError when one of them is negative, infinite, or no number where that is not provided for.
+    ValueError when one of them is negative, infinite, or NaN where that is not allowed.
 
     Parameters
     ----------
     rates : CostRates
         Prices of time and electricity.
     times : array_like, shape (..., B)
-        Of each block, cut or not [s].
+        Block times, in the cut or not [s].
     wear : array_like, shape (..., B)
-        Share of its tool's life that each takes [1], see
-        :func:`pipeline.cutting.economics.tool_life.wear`; 0 in air, NaN where the life is not
-        known.
+        Share of the tool's life [1], see :func:`pipeline.cutting.economics.tool_life.wear`; 0 in
+        air, NaN where the life is not determined.
     life_prices : array_like, shape (B,) or ()
-        Cost of one life of each block's tool, see :func:`life_price`.
+        Cost of one life of each block's tool, :func:`life_price`.
     energy_kWh : array_like, shape (..., B)
-        Electricity that each takes [kWh].
+        Electrical energy [kWh].
 
     Examples
     --------

@@ -83,14 +83,7 @@ def power_curve(n: ArrayLike, *, rated: float, base_speed: float) -> Floats:
 
 
 def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """P_rated min(1, n / n_base) of the motor [W]; NaN above the top speed.
-
-    Parameters
-    ----------
-    n : array_like
-        Speed [rev/s], its sign does not count.
-    drive : SpindleDrive
-        Of the machine.
+    """P_rated min(1, n / n_base) of the motor [W] at n [rev/s]; NaN above the top speed.
 
     Examples
     --------

@@ -137,18 +137,9 @@ def life(
 ) -> Floats:
     """Time in the cut until the tool is worn [s]; shape of ``v_c`` and the conditions broadcast.
 
-    ValueError when a speed or condition is negative or no number, or one that is needed is missing.
-
-    Parameters
-    ----------
-    taylor : Taylor
-        Constants.
-    v_c : array_like
-        Cutting speed [m/s], any shape; a tool that stands still does not wear, its life is
-        infinite.
-    conditions : mapping of "f_z", "a_p", "a_e" to array_like
-        Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
-        one is 0 there is no chip and no wear.
+    ``v_c`` is the cutting speed [m/s]; a tool at rest has an infinite life. ``conditions`` are f_z,
+    a_p and a_e [m]; one with an exponent is needed, and where one is 0 there is no chip and no
+    wear. ValueError when a speed or condition is negative or NaN, or one that is needed is missing.
 
     Examples
     --------
@@ -167,12 +158,7 @@ def wear(
 ) -> Floats:  # fmt: skip
     """Share of a tool's life that each block takes, t_i / T(V_i) [1]; shape (..., B).
 
-    Parameters
-    ----------
-    times : array_like, shape (..., B)
-        In the cut [s].
-    taylor, v_c, conditions
-        As of :func:`life`, and what it raises.
+    ``times`` in the cut [s], shape (..., B); all else, and errors, as in :func:`life`.
     """
     spent = not_negative("times", times)
     with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time

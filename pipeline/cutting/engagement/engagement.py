@@ -74,24 +74,12 @@ class ToolPath:
 
 
 def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
-    """Entry and exit angle of the longest engaged arc.
+    """Entry phi_st, 0 to 2 pi, and exit phi_ex of the longest engaged arc [rad]; (N,) each.
 
-    Parameters
-    ----------
-    depth : ndarray, shape (N, F)
-        Height engaged at angles (k + 1/2) 2 pi / F, mean over the angle's width [m].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Entry phi_st, 0 to 2 pi [rad]; NaN where nothing is engaged.
-    ndarray, shape (N,)
-        Exit phi_ex, above the entry by at most 2 pi [rad].
-
-    Notes
-    -----
-    The first and the last angle of an arc are engaged in part: by as much of their width, seen
-    along the feed, as their depth is of their neighbour's.
+    ``depth`` (N, F) is the height engaged at angles (k + 1/2) 2 pi / F, mean over the angle's width
+    [m]; the entry is NaN where nothing is engaged. The first and the last angle of an arc are
+    engaged in part: by as much of their width, seen along the feed, as their depth is of their
+    neighbour's.
 
     Examples
     --------

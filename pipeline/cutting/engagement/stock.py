@@ -80,19 +80,10 @@ _FORMS = {"box": (6, "box:X0,X1,Y0,Y1,Z0,Z1"), "cylinder": (5, "cylinder:X,Y,DIA
 
 
 def stock_of(text: str) -> Stock:
-    """Stock as one writes it in a line.
+    """Stock from a line of text: a box, a cylinder or an STL file [mm].
 
+    ``box:X0,X1,Y0,Y1,Z0,Z1``, ``cylinder:X,Y,DIAMETER,Z0,Z1``, or the path of an STL file.
     ValueError when it is none of them, or a value is out of its range.
-
-    Parameters
-    ----------
-    text : str
-        ``box:X0,X1,Y0,Y1,Z0,Z1``, ``cylinder:X,Y,DIAMETER,Z0,Z1``, or the path of an STL file
-        [mm].
-
-    Returns
-    -------
-    Box, Cylinder or Mesh
 
     Examples
     --------

@@ -256,7 +256,7 @@ def _thin(station, radius, cell):  # type: ignore[no-untyped-def]
 
 @compiled
 def _width(cosines, a, radius):  # type: ignore[no-untyped-def]
-    """Of an angle, seen along the feed [m]."""
+    """Width of an angle's bin, seen along the feed [m]."""
     half = cosines.shape[0] - 1
     front = a if a < half else 2 * half - 1 - a
     return radius * (cosines[front] - cosines[front + 1])
@@ -386,7 +386,6 @@ def _settle(grid, profiles, tool, segment, steep, counts, station, state):  # ty
 
 @compiled
 def _clear(counts, steps, slices):  # type: ignore[no-untyped-def]
-    """Nothing counted."""
     counts.swept[:steps, :slices] = 0.0
     counts.met[:steps, :slices] = 0.0
     counts.volume[:steps] = 0.0

@@ -70,15 +70,15 @@ def local_lines(
 ) -> Floats:
     """Straight lines K_c h + K_e with the least squares to D laws over the chips of cuts.
 
-    Angles count evenly over each engagement, so that a line has the mean forces of its law in a
-    slot of one feed.
+    Angles have equal weights over each engagement, so that a line has the mean forces of its law in
+    a slot of one feed.
 
     Parameters
     ----------
     exponent, growth, values : ndarray, shapes (D, 3), (D,), (D, 6)
         m [1], h_0 [m], C [N/m^2] and E [N/m] of each law.
     each : sequence of CutConditions
-        Of the cuts.
+        Cuts in which the chips arise.
 
     Returns
     -------

@@ -78,29 +78,25 @@ def drawn_loads(
     turn: EdgeTurn, coefficients: ArrayLike, offsets: ArrayLike, f_z: ArrayLike, *,
     m_c: float = 0.0, mean: bool = False,
 ) -> Floats:  # fmt: skip
-    """Peak across the axis over a turn of the spindle [N] in D draws, at K feeds.
+    """Peak across the axis over a spindle revolution [N] in D draws, at K feeds; shape (K, D).
 
     ValueError when the shapes do not go together.
 
     Parameters
     ----------
     turn : EdgeTurn
-        Of the engagement.
+        Edge over one revolution at the engagement.
     coefficients : array_like, shape (D, 6)
         K_tc, K_rc, K_ac, K_te, K_re, K_ae [N/m^2] or with ``m_c``, [N/m].
     offsets : array_like, shape (D, 2)
-        Of the tool's axis from the spindle's, along the first tooth and a quarter turn after it in
-        the sense of ``Tool.runout_deg`` [m].
+        Tool axis from the spindle axis, along the first tooth and 90 deg after it in the sense of
+        ``Tool.runout_deg`` [m].
     f_z : array_like, shape (K,)
-        Feeds for each tooth, above 0 and rising [m].
+        Feeds per tooth, above 0 and rising [m].
     m_c : float
-        Exponent of the chip's thickness [1].
+        Exponent of the chip thickness [1].
     mean : bool
-        Means over the turn instead of peaks.
-
-    Returns
-    -------
-    ndarray, shape (K, D)
+        Means over the revolution instead of peaks.
     """
     from pipeline.cutting.force.profile_kernel import drawn_loads as fill
 

@@ -63,23 +63,10 @@ class BlockLoads:
 
 
 def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks: int) -> Floats:
-    """Loads of blocks from those of their stations.
+    """Loads of blocks, shape (6, B, K), from those of their stations; 0 without a station.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, K, 6)
-        Of each station, in the order of :class:`BlockLoads`.
-    block : ndarray of int32, shape (N,)
-        Block of each station.
-    length : ndarray, shape (N,)
-        Length in the material that each stands for [m].
-    blocks : int
-        B.
-
-    Returns
-    -------
-    ndarray, shape (6, B, K)
-        0 for blocks without a station.
+    ``values`` (N, K, 6) are in the order of :class:`BlockLoads`, ``block`` (N,) is each station's
+    block, ``length`` (N,) the length in the material that it stands for [m].
     """
     out = np.zeros((6, blocks, values.shape[1]))
     if not len(block):

@@ -441,7 +441,7 @@ def _add_piece(  # type: ignore[no-untyped-def]
 
 @compiled
 def _power(share, powers):  # type: ignore[no-untyped-def]
-    """Power of a chip that is a share of the thickest, of its table."""
+    """Power of a chip that is ``share`` of the thickest, from the table."""
     last = powers.shape[0] - 1
     place = last * sqrt(share)
     k = min(int(place), last - 1)

@@ -165,7 +165,7 @@ def _matrices(cut: RegenerativeCut, products: Floats) -> Floats:
 
 
 def _once(cut: RegenerativeCut, phi: Floats) -> Floats:
-    """Integral of sin cos, sin^2, cos^2 of a tooth in cut, up to phi; shape (3,) + phi's."""
+    """Integrals of sin cos, sin^2, cos^2 over a tooth's engagement up to phi; (3,) + its shape."""
     clipped = np.clip(phi, cut.entry, cut.exit)
     entry = _first(cut.entry).reshape((3,) + (1,) * clipped.ndim)
     once: Floats = _first(clipped) - entry

@@ -241,21 +241,12 @@ Direction = Literal["x", "y", "xy", "yx"]
 
 
 def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResponse:
-    """Frequency response of the tool's tip from a file.
+    """Frequency response of the tool's tip from a file: CSV, text or universal (uff, unv, uf).
 
-    ValueError when the file cannot be read, in one sentence.
-
-    Parameters
-    ----------
-    path : Path
-        ``.csv`` or ``.txt``; ``.uff``, ``.unv`` or ``.uf``.
-    direction : {"x", "y", "xy", "yx"}, optional
-        Of displacement and force in the machine's frame ("xy": displacement along x, force along
-        y); a CSV file needs it, a universal file says it itself.
-
-    See Also
-    --------
-    pipeline.cutting.stability.tip_dynamics.joined_responses : Several files as one response.
+    ``direction`` is that of displacement and force in the machine's frame ("xy": displacement along
+    x, force along y): needed for a CSV file, stated in a universal file. ValueError in one sentence
+    when the file cannot be read. Several files are joined by
+    :func:`pipeline.cutting.stability.tip_dynamics.joined_responses`.
     """
     if direction is not None and direction not in PLACES:
         raise ValueError(f"direction = {direction!r} is none: write x, y, xy or yx")

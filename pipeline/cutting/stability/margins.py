@@ -56,18 +56,9 @@ MOST = 3.0
 def classes(stations: Immersions, radial: Floats) -> Ints:
     """Class of each station: all that it has in common with those of the same depth limit.
 
-    Parameters
-    ----------
-    stations : Immersions
-        N of them.
-    radial : ndarray, shape (N,)
-        Radial coefficient less that of the tool's side, over the tangential one.
-
-    Returns
-    -------
-    ndarray, shape (N, 7)
-        Tool, spindle, logarithm of the marks in half a turn, then the nearest marks of entry, exit,
-        feed and radial coefficient.
+    Shape (N, 7): tool, spindle, logarithm of the marks in half a turn, then the nearest marks of
+    entry, exit, feed and radial coefficient. ``radial`` (N,) is the radial coefficient less that of
+    the tool's side, over the tangential one [1].
     """
     arc = stations.exit - stations.entry
     level = np.clip(np.ceil(np.log2(IN_ARC * pi / arc)), 0, 40)
@@ -158,19 +149,11 @@ class StabilityTable:
     """Greatest margin that is told apart [1]."""
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
-        """Least margin of each block: limit / a_p - 1, at most ``most`` [1].
+        """Least margin of each block: limit / a_p - 1, at most ``most`` [1]; ``speed_rpm``'s shape.
 
-        ValueError when a speed is outside of the table, or the number of blocks is another one.
-
-        Parameters
-        ----------
-        speed_rpm : array_like, shape (P, B) or (B,)
-            Spindle speed of each block [rev/min]; that of blocks in the air does not count.
-
-        Returns
-        -------
-        ndarray, shape of ``speed_rpm``
-            inf for blocks in the air; nan where nothing of what is in the material was judged.
+        ``speed_rpm`` is (P, B) or (B,) [rev/min]. The margin is inf for blocks in the air, at any
+        speed, and NaN where nothing in the material could be computed. ValueError when a speed is
+        outside of the table, or the number of blocks is another one.
         """
         from pipeline.cutting.stability.stability_kernel import fill_margins, mark_missing
 
@@ -273,10 +256,10 @@ def _radial(
     stations: Immersions, force_laws: Sequence[ForceLaw], tools: Sequence[Tool],
     kept: Bools, thickness: float | None,
 ) -> Floats:  # fmt: skip
-    """Radial coefficient less the side's, over the tangential one; (N,).
+    """Radial less side coefficient over the tangential one [1]; (N,).
 
-    Of the lowest part of the edge as long as the depth, or the highest, whichever is farther from
-    that of the side.
+    Averaged over the lowest or the highest part of the edge of one axial depth, whichever differs
+    more from the side.
     """
     depth = stations.depth
     low = np.zeros_like(depth) if stations.lowest is None else np.maximum(stations.lowest, 0.0)

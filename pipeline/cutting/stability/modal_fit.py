@@ -124,7 +124,6 @@ def _cross(response: FrequencyResponse) -> float:
 
 
 def _direction(frequency: Floats, measured: Complexes, name: str) -> ModalFit:
-    """Modes along one direction."""
     if len(frequency) < FEW:
         raise ValueError(
             f"frequency response along {name}: {len(frequency)} frequencies are too few to make "
@@ -270,7 +269,7 @@ def _fitted(
 
 
 def _chosen(frequency: Floats, measured: Complexes, weight: Floats) -> Floats:
-    """Parameters of as many modes as lines left out ask for; shape (M, 3)."""
+    """Parameters of the number of modes that cross-validation over lines selects; shape (M, 3)."""
     even, odd = slice(0, None, 2), slice(1, None, 2)
     fit = frequency[even], measured[even], weight[even]
 
@@ -330,7 +329,7 @@ def _candidates(
 def _error(
     mode: Mode, found: Floats, frequency: Floats, measured: Complexes, weight: Floats
 ) -> float:  # fmt: skip
-    """Error of a mode's peak [1]: what noise leaves open, and what no noise explains."""
+    """Relative error of a mode's peak [1]: from noise and from what noise does not explain."""
     rest = measured - _sum(found, frequency)
     # noise: standard deviation of the logarithm of the peak, from the curvature of the squares
     slopes = _both(weight[:, None] * _slopes(found, frequency))

@@ -111,19 +111,19 @@ def settled_limits(
     Parameters
     ----------
     modes : sequence of Mode
-        Of the tip, at least one.
+        At least one mode of the tip.
     cut : RegenerativeCut
-        Without depth and speed.
+        Cut, its depth and speed open.
     n : ndarray, shape (S,)
         Spindle speeds [1/s], above 0.
     highest : float
-        Depth up to which is looked [m], above 0.
+        Greatest depth of the search [m], above 0.
     tolerance : float
         The cells are doubled until the limit's estimated error before extrapolation is below this
-        share of it [1]; what is left after it is some tenth.
+        share of it [1]; after it about a tenth of that is left.
     ratio : float
-        Between two depths at which stability is tried first, above 1; between two of them a narrow
-        region of chatter is seen when a local maximum of the spectral radius leads to it.
+        Ratio of neighbouring depths of the first search, above 1; a narrow region of chatter
+        between two of them shows as a local maximum of the spectral radius.
     """
     from pipeline.cutting.stability.semi_discretisation_kernel import first_limits
 
@@ -171,7 +171,7 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
 
 
 def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
-    """Both eigenvalues of A Phi [1/m], in no order.
+    """Both eigenvalues of A Phi [1/m], in no order; shape (F, 2).
 
     Parameters
     ----------
@@ -179,10 +179,6 @@ def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
         A [N/m^2].
     response : ndarray of complex, shape (F, 2, 2)
         Phi [m/N].
-
-    Returns
-    -------
-    ndarray of complex, shape (F, 2)
     """
     product = matrix @ response
     half = (product[:, 0, 0] + product[:, 1, 1]) / 2

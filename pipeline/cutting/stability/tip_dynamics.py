@@ -21,12 +21,9 @@ DIRECTIONS = ("x", "y")
 
 @dataclass(frozen=True, kw_only=True)
 class Mode(Ranged, section="mode"):
-    """One mode, seen at the tool's tip.
+    """Mode of the machine as seen at the tool's tip.
 
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or not exactly one of stiffness and mass is given.
+    ValueError when a value is out of its range, or not exactly one of stiffness and mass is given.
 
     Examples
     --------
@@ -79,19 +76,10 @@ class Mode(Ranged, section="mode"):
 
 
 def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[np.complex128]:
-    """Receptance of the tip, displacement over force [m/N]; a diagonal matrix at each frequency.
+    """Receptance of the tip, displacement over force, sum of its modes [m/N]; shape (F, 2, 2).
 
-    Parameters
-    ----------
-    modes : sequence of Mode
-        Their receptances add.
-    frequency_Hz : array_like, shape (F,)
-        [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (F, 2, 2)
-        Rows: direction of the displacement; columns: of the force; x, y of the machine.
+    Diagonal at each frequency; rows: direction of the displacement, columns: of the force, x, y of
+    the machine.
     """
     frequency = np.asarray(frequency_Hz, dtype=np.float64)
     receptance = np.zeros((*frequency.shape, 2, 2), dtype=np.complex128)

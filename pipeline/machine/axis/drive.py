@@ -184,7 +184,7 @@ def presliding_step(v, z, push, up, down, per_newton, step, spring):  # type: ig
 
 @compiled
 def _followed(lag, period):  # type: ignore[no-untyped-def]
-    """Share of a step that a first-order lag has followed after one period [1]."""
+    """Share of a step that a first-order lag covers in one period [1]."""
     return -expm1(-period / lag) if lag > 0.0 else 1.0
 
 
@@ -298,11 +298,11 @@ def simulate(
     reference : (T,) array_like
         Commanded position [m].
     period : float
-        From sample to sample [s].
+        Sampling period [s].
     table : (P, 21) array_like
         The variants, rows of :func:`drive_row`.
     load : (T,) array_like, optional
-        Against positive motion, before each row's load factor; holds until the next sample [N].
+        Load against positive motion, before each row's load factor; held to the next sample [N].
     substeps : int
         Steps of the mechanics in one period.
     servo_substeps : bool
@@ -311,8 +311,8 @@ def simulate(
     start : DriveStart, optional
         At rest at the first reference by default.
     spring : tuple of two floats
-        sigma, the stiffness of friction before it slides [N/m], and the rate 1 / T at which the
-        deflection of an axis that stands is lost [1/s].
+        Presliding stiffness sigma of friction [N/m], and the rate 1 / T at which the deflection of
+        an axis at rest decays [1/s].
     rules : tuple of four floats
         Scales of the speed error [s/m] and of its change [s^2/m], and the spans of the proportional
         and of the integral gain [1], as :class:`pipeline.machine.axis.loops.FuzzyParameters`.

@@ -91,12 +91,12 @@ class TransmissionParameters(Ranged, section="transmission"):
 
 
 def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
-    """Return the torque that the motor gives to the load through the shaft [N m].
+    """Torque of the motor on the load through the shaft [N m].
 
     Parameters
     ----------
     angle, speed : array_like
-        Of the motor less those of the load [rad], [rad/s].
+        Motor less load [rad], [rad/s].
     stiffness, damping : float
         K [N m/rad], D [N m s/rad].
     """

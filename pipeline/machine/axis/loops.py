@@ -93,12 +93,12 @@ class FuzzyParameters(Ranged, section="fuzzy"):
 
 
 def increments(error: float, change: float) -> tuple[float, float]:
-    """Return the increments of K_p and K_i as shares of their spans [1].
+    """Increments of K_p and K_i as shares of their spans [1].
 
     Parameters
     ----------
     error, change : float
-        E and EC [1]; beyond [-10, 10] they count as its ends.
+        E and EC [1]; limited to [-10, 10].
 
     Examples
     --------

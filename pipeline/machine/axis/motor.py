@@ -64,16 +64,9 @@ def force_constant(torque_constant: float, lead: float) -> float:
 
 
 def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any) -> Any:
-    """Return di_d/dt and di_q/dt [A/s].
+    """di_d/dt and di_q/dt [A/s] at currents [A], voltages [V] and mechanical ``speed`` [rad/s].
 
-    Parameters
-    ----------
-    i_d, i_q, u_d, u_q : array_like
-        Currents [A] and voltages [V], shapes that broadcast.
-    speed : array_like
-        Of the rotor [rad/s], mechanical.
-    motor : MotorParameters
-        Or any other object with its names.
+    ``motor`` is a MotorParameters or any other object with its names.
     """
     w_e = motor.pole_pairs * speed
     R, L_d, L_q = motor.resistance, motor.inductance_d, motor.inductance_q
@@ -119,7 +112,7 @@ class InverterParameters(Ranged, section="inverter"):
 
 
 def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[Any, Any]:
-    """Return the voltage within the inverter's limit; its direction stays, its length is cut.
+    """Voltage within the inverter's limit [V]; its direction stays, its length is cut.
 
     Parameters
     ----------
@@ -141,14 +134,10 @@ def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[
 
 
 def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
-    """Return the shares of a carrier period for which the legs a, b, c are high [1].
+    """Shares of a carrier period for which the legs a, b, c are high [1].
 
-    Parameters
-    ----------
-    alpha, beta : array_like
-        Mean voltage in the stator's frame [V], within the hexagon (see :func:`limited`).
-    dc_link : float
-        U_dc [V].
+    ``alpha``, ``beta``: mean voltage in the stator's frame [V] within the hexagon
+    (:func:`limited`); ``dc_link`` U_dc [V].
     """
     half, whole = alpha / 2, _SQRT3 * beta / 2
     a, b, c = alpha, whole - half, -whole - half
@@ -161,7 +150,7 @@ def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
 
 
 def leg_voltage(a: Any, b: Any, c: Any, dc_link: Any) -> tuple[Any, Any]:
-    """Return the voltage in the stator's frame [V] of three legs.
+    """Voltage of three legs in the stator's frame [V].
 
     Parameters
     ----------

@@ -84,14 +84,14 @@ class StepResponse:
 
 
 def settling_time(time: Floats, error: Floats, band: float) -> float:
-    """Return the time after which an error stays within a band; nan when it is outside at the end.
+    """Time after which an error stays within a band [s]; nan when it is outside at the end.
 
     Parameters
     ----------
     time, error : ndarray, shape (T,)
         [s], and any unit.
     band : float
-        In the error's unit.
+        Half width of the band, in the error's unit.
     """
     outside = np.flatnonzero(~(np.abs(error) <= band))
     if not outside.size:
@@ -124,14 +124,9 @@ def step_response(
 
 
 def ramp(feed: float, trial: SpeedTrial) -> Floats:
-    """Return positions [m] of a ramp with constant acceleration at its ends, and a rest after it.
+    """Positions [m] of a ramp with constant acceleration at its ends, and a rest after it.
 
-    Parameters
-    ----------
-    feed : float
-        [m/s]; where the stroke is too short for it the peak is lower.
-    trial : SpeedTrial
-        Stroke, acceleration and period.
+    Where the stroke is too short for ``feed`` [m/s] the peak is lower.
     """
     a = trial.acceleration
     peak = min(feed, np.sqrt(a * trial.stroke))
@@ -215,13 +210,10 @@ def tuned(
 def compare_speed_loops(
     drive: ThreeLoopParameters, trial: SpeedTrial, search: Search | None = None
 ) -> pd.DataFrame:
-    """Return PI and fuzzy PI side by side, with Feed2025's gains and tuned.
+    """PI and fuzzy PI side by side, with Feed2025's gains and tuned.
 
-    Returns
-    -------
-    DataFrame
-        A row each for gains, speed loop and direction of the step.  Its columns carry their units;
-        errors of the ramps are the carriage's, without and with feed-forward of the velocity.
+    A row each for gains, speed loop and direction of the step. The columns carry their units;
+    errors of the ramps are the carriage's, without and with velocity feed-forward.
     """
     rows = []
     for kind in TUNED:

@@ -66,9 +66,10 @@ _TINY = 1e-12
 
 
 class _Course(NamedTuple):
-    """Course of S segments: where they start [mm, deg], their steps [m, rad], limits of speed and
-    acceleration (2, S, 6); directions at both ends and from the centre to them [m] (2, S, 3), axis
-    of arcs (S, 3) and angle [rad].
+    """Course of S segments.
+
+    Starts [mm, deg], steps [m, rad], limits of speed and acceleration (2, S, 6); directions at both
+    ends and from the centre to them [m] (2, S, 3), axis (S, 3) and angle [rad] of arcs.
     """
 
     start: Floats
@@ -148,7 +149,6 @@ def _ends(path: Path, last: Rows) -> Floats:
 
 
 def _join(path: Path, table: Floats, course: _Course) -> None:
-    """Fill in the corners."""
     blend, corner = path.control.blend, table[:, :-1]
     limits, out = course.limits[:, 1:, :3], course.out
     u_1, u_2 = course.directions[1, :-1], course.directions[0, 1:]

@@ -20,18 +20,9 @@ LEAST_SHARE = 0.05
 def follow_within(wished, period, speed, acceleration, found):  # type: ignore[no-untyped-def]
     """Fill a command that keeps its bounds, from rest at the first position that is wished for.
 
-    What is wished for and keeps the bounds itself comes back as it is.
-
-    Parameters
-    ----------
-    wished : (T,) array
-        Positions [m].
-    period : float
-        From sample to sample [s].
-    speed, acceleration : float
-        Bounds, positive [m/s], [m/s^2].
-    found : (T,) array
-        That is filled [m].
+    What is wished for and keeps the bounds itself comes back as it is. ``wished`` and the filled
+    ``found`` are positions (T,) [m] at a ``period`` [s]; ``speed`` and ``acceleration`` are
+    positive bounds [m/s], [m/s^2].
     """
     last = wished.shape[0] - 1
     x, v = wished[0], 0.0

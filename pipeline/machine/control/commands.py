@@ -18,7 +18,7 @@ from pipeline.schema.arrays import Floats
 def commanded_feeds(
     path: Path, feeds: ArrayLike | None, feed_override: ArrayLike, rapid_override: ArrayLike
 ) -> Floats:
-    """F with its override in the rows that cut, the override in rapids [1]; shape (P, M).
+    """F with its override in cutting rows, the override in rapids [1]; shape (P, M).
 
     ValueError when a row that cuts has no positive F, or an override is not positive.
 
@@ -27,7 +27,7 @@ def commanded_feeds(
     path : Path
         Path whose rows are commanded.
     feeds : (M,) or (P, M) array, optional
-        In the units of ``Moves``; the program's own by default.
+        Feeds in the units of ``Moves``; the program's own by default.
     feed_override, rapid_override : float or (M,) array
         [percent].
     """
@@ -122,7 +122,7 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
     path : Path
         From :func:`pipeline.machine.control.planner.limited_path`.
     speeds : (1 or P, M) array
-        Speed of the spindle, at least 0 [rev/min].
+        Spindle speed, at least 0 [rev/min].
     motion_time : (P, M) array
         Duration of each row's motion [s].
     """
@@ -146,16 +146,10 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
 def auxiliary_time(
     moves: Moves, parameters: AuxiliaryParameters, speeds: Floats
 ) -> tuple[npt.NDArray[np.intp], Floats]:
-    """Rows that take time without moving, N of them but for the spindle's, and their time [s].
+    """Rows that take time without motion, (N,), except spindle rows, and their time [s], (P, N).
 
-    Speeds of the spindle, shape (1 or P, M), are at least 0 [rev/min]. ValueError when a dwell
-    counts revolutions of a spindle that stands.
-
-    Returns
-    -------
-    rows : (N,) array
-    time : (P, N) array
-        [s].
+    Spindle ``speeds``, shape (1 or P, M), are at least 0 [rev/min]. ValueError when a dwell counts
+    revolutions of a spindle at rest.
     """
     dwell = np.flatnonzero(moves.kind == Kind.DWELL)
     change = np.flatnonzero(moves.kind == Kind.TOOL_CHANGE)

@@ -195,7 +195,7 @@ def _limit_acceleration(  # type: ignore[no-untyped-def]
     k, tolerance, allowance, drain, form, length, turn, next_row, last_row,
     motion, cap, acceleration, corner, pause, end_reason,
 ):  # fmt: skip
-    """Lower the acceleration about a corner, or stand still in it."""
+    """Lower the acceleration about a corner, or stop there."""
     group = _group(motion[k])
     window, reach = drain[group], allowance[2, group]
     jump = allowance[0, group] * tolerance[k] * METRE

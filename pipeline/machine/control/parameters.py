@@ -269,10 +269,10 @@ def _spread(axis: AxisParameters, filters: tuple[float, float]) -> float:
 
 
 def of_dialect(said: Mapping[str, Any], dialect: str) -> dict[str, Any]:
-    """A section ``control`` with what the dialect's own control does where the file says nothing.
+    """Section ``control`` completed by the defaults of the dialect's own control.
 
     LinuxCNC blends corners, and rapids with rapids; other corners, filters, an S-curve or rapids of
-    each axis tell of another control that reads its dialect.
+    each axis indicate another control that reads its dialect.
 
     Examples
     --------

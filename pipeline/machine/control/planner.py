@@ -62,7 +62,7 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
 
 
 def _blended(path: Path) -> Path:
-    """With the segments of a control that blends its corners, and the caps of their arcs."""
+    """Path with the segments of a control that blends its corners, and the caps of their arcs."""
     from pipeline.machine.control.blends import CAP, segments_of
     from pipeline.machine.control.geometry import ROTARY
 
@@ -195,17 +195,10 @@ def plan(
 ) -> Plan:
     """Times and speeds of a program.
 
-    ValueError when a row that cuts has no positive F (or the spindle stands under G95), a speed is
-    negative, or an override is not positive.
-
-    Parameters
-    ----------
-    path : Path
-        From :func:`limited_path`.
-    feeds, speeds : (M,) array, optional
-        F and S in force in each row, in the units of ``Moves``; the program's own by default.
-    feed_override, rapid_override : float or (M,) array
-        [percent]; threads take no override.
+    ``path`` is from :func:`limited_path`; ``feeds`` and ``speeds`` (M,) are F and S in force in
+    each row, in the units of ``Moves``, the program's own by default; overrides are in percent, and
+    threads take none. ValueError when a row that cuts has no positive F (or the spindle is at rest
+    under G95), a speed is negative, or an override is not positive.
     """
     feed = commanded_feeds(path, feeds, feed_override, rapid_override)
     spindle = spindle_speeds(path, speeds)

@@ -51,7 +51,7 @@ def attention_shown(
 
 
 def _highest(model: Compensation, letter: str) -> float:
-    """Highest speed that was learnt [mm/s]; 0 where it is not known."""
+    """Highest training speed [mm/s]; 0 where it is not recorded."""
     found = model.file.conditions.get(f"highest speed {letter}")
     return 0.0 if found is None or found.high is None else float(found.high)
 

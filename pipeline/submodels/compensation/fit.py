@@ -117,7 +117,6 @@ class _Task:
 
 
 def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
-    """Document of the network, and what it predicts of the others [m]."""
     from pipeline.nets.window_training import train_windows
 
     training = task.training

@@ -94,7 +94,7 @@ def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Ite
 
 
 def _facts(model: CompensationModel) -> Iterator[str]:
-    """What a reader must know of how it was learnt, the leak, the search."""
+    """Facts of the training: data, leakage, architecture search."""
     by_time = [axis for axis, uses in model.axes.items()
                if any(one.by_time for one in uses.values())]  # fmt: skip
     if by_time:

@@ -236,9 +236,9 @@ def _axis(letter: str, channels: ErrorChannels, samples: Samples, piece: Uniform
 
 
 def _on_grid(piece: UniformSegment, values: Floats) -> Floats:
-    """Values on the even grid, missing rows on a smooth curve through the others.
+    """Values on the even grid; gaps are filled by a smooth curve.
 
-    On a straight line the commanded acceleration would be lost, and its model's error with it.
+    Straight lines would distort the commanded acceleration.
     """
     from scipy.interpolate import CubicSpline
 

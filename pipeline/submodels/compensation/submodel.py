@@ -331,7 +331,6 @@ def _conditions(run: Run) -> dict[str, Fact]:
 
 
 def _predicted(driven: Driven, model: Compensation) -> Prediction:
-    """A recording by every network of every use."""
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {}
     for letter, uses in model.file.axes.items():

@@ -420,9 +420,9 @@ def _rates(
 
 
 def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
-    """Of the optimum, each residual weighted as the loss did; on the scale of the search.
+    """Uncertainty of the optimum on the scale of the search, residuals weighted as in the loss.
 
-    The S columns of ``jacobian`` (N, S) are of what is unknown, ``blocks`` (N,) the clusters.
+    ``jacobian`` (N, S) by the unknowns, ``blocks`` (N,) the clusters.
     """
     jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)
@@ -440,9 +440,9 @@ def _loosest(
     free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
     settings: ControlFitSettings,
 ) -> Bools:  # fmt: skip
-    """Which active parameters the logs do not determine: those unfelt, else the loosest one.
+    """Active parameters that the logs do not determine: those without effect, else the loosest one.
 
-    With no more clusters than parameters no interval is known; then the least felt one goes.
+    With no more clusters than parameters there is no interval; then the one of least effect goes.
     """
     if not active.any():
         return active

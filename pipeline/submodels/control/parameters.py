@@ -121,7 +121,6 @@ def free_parameters(
 
 
 def _of_a_machine(control: ControlParameters) -> list[FreeParameter]:
-    """The parameters of one machine."""
     found = []
     for axes in (PLANE, HEIGHT):
         letters = "".join(a for a in axes if a in control.axes)

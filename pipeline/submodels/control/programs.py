@@ -144,10 +144,7 @@ def _cutting_seconds(moves: Moves, among: Bools) -> float:
 
 
 def _sections(run: Run, moves: Moves) -> tuple[Section, ...]:
-    """Sections of another revision that are as long as in the program.
-
-    Each begins at a tool change and ends before the next.
-    """
+    """Sections of another revision as long as in the program, from tool change to tool change."""
     theirs, ours = tool_changes(run), _programmed_changes(moves)
     ours = ours[max(len(ours) - len(theirs), 0) :]  # the log may have missed the first
     same_tools = [tool for _, tool in ours] == [tool for _, tool in theirs]

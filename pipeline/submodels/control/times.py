@@ -193,7 +193,7 @@ def _opened(
     one: Observed, times: Floats, until: int, ends: Sequence[ControlParameters],
     types: Iterable[str],
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """How much shorter and longer the whole run and its ``types`` are at the ``ends`` [s]."""
+    """Differences of the times of the whole run and its ``types`` at the ``ends`` [s]."""
     kind = type_of(one.moves.kind[:until])
     change = np.zeros((1 + len(ends), until))
     for k, end in enumerate(ends, start=1):

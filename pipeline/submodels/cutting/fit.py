@@ -213,7 +213,6 @@ def aligned(problem: Problem, x: Floats, values: Floats) -> Floats:
 
 
 def _descent(problem: Problem, x: Floats, evaluations: int) -> Fit:
-    """The optimum that the descent from ``x`` reaches."""
     from scipy.optimize import least_squares
 
     low, high = problem.bounds

@@ -336,7 +336,6 @@ def recording_row(one: CuttingRecording) -> CutRecording:
 
 
 def _channel(setup: CuttingSetup, direction: int) -> str:
-    """Letter of the channel that measures a direction."""
     name: str = getattr(setup.dynamometer, DIRECTIONS[direction])
     return name.removeprefix("-")
 

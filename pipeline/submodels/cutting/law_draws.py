@@ -255,7 +255,7 @@ class _Covariances:
     crosstalk: Floats
 
     def total(self, understated: float, gain: float, wear: float, shape: float) -> Floats:
-        """Of all of them."""
+        """Sum of all covariances."""
         return (
             understated**2 * self.stated + gain**2 * self.gain + wear**2 * self.wear
             + shape**2 * self.shape + self.crosstalk
@@ -265,9 +265,9 @@ class _Covariances:
 def _covariances(
     cuts: Sequence[CutHarmonics], table: Floats, means: Floats, line: FittedLine | None
 ) -> _Covariances:
-    """Of the means, and of the six rows of a fitted line after them.
+    """Covariance of the means, and of the six rows of a fitted line after them.
 
-    ``table`` is that of a straight line, whose radial edge force the wear is a share of.
+    ``table`` is that of a straight line, to whose radial edge force the wear refers.
     """
     count, more = len(cuts), 0 if line is None else 6
     fitted = np.linalg.lstsq(table * PRIOR, means, rcond=None)[0] * PRIOR

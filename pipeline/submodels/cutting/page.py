@@ -201,7 +201,7 @@ def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
 
 
 def _causes(shown: Seen) -> str:
-    """What explains recordings that failed: faults, conditions that were not learnt."""
+    """Explanation of failed recordings: faults, conditions beyond the training data."""
     if shown.verdict is None:
         return ""
     failed = {s.group for s in shown.verdict.scores if s.status == "failed"}
@@ -282,7 +282,7 @@ def _conditions(row: ResidualConditions) -> str:
 
 
 def _tried(model: CuttingModel) -> Iterator[Tried]:
-    """Searches on the same waveforms, and terms of the model on recordings left out."""
+    """Optimisers on the same waveforms, and terms of the model on held-out recordings."""
     for row in model.methods:
         yield Tried(task="search", label=METHODS.get(row.method, row.method), unit="%",
                     error=row.rms_error_percent, evaluations=row.evaluations,
@@ -335,7 +335,7 @@ def _spindle(shown: Seen, model: CuttingModel) -> list[Block | None]:
 
 
 def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
-    """What was found from the spindle's load, and what it is good for."""
+    """Results from the spindle load, and their use."""
     in_table = {lost.reason for lost in spindle.left_out}
     reason = "; ".join(one for one in spindle.reason.split("; ") if one not in in_table)
     ends = [words.rstrip(".") for words in (spindle.assumed, reason)]
@@ -352,7 +352,7 @@ def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
 
 
 def _no_load(shown: Seen, model: CuttingModel, spindle: SpindleLoad) -> Figures | None:
-    """No-load power over speed, with the levels that it was found from."""
+    """No-load power over speed, with the measured levels."""
     strip, top = no_load_strip(model, spindle)
     if not strip.curves and not strip.dots:
         return None
@@ -413,7 +413,7 @@ def _truth(shown: Seen) -> Iterator[KnownValue]:
 
 
 def _true_powers(model: CuttingModel, truth: Any) -> Iterator[KnownValue]:
-    """No-load power at the tool at the speeds that were simulated; the truth is the motor's."""
+    """True no-load power at the tool at the simulated speeds; the truth is the motor's."""
     spindle, pairs = model.spindle, stated(truth, "spindle", "no_load_W")
     if spindle is None or not spindle.curve or not isinstance(pairs, list):
         return

@@ -142,10 +142,7 @@ class ForcePredictor:
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
 
     def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
-        """Tangential force by the spindle's load beside that of the dynamometer, if there is any.
-
-        Every recording of the dynamometer is new to the load.
-        """
+        """Tangential force from the spindle load beside that of the dynamometer, if any."""
         cut = cut_harmonics(recording, self.settings)
         found = tangential_by_load(self.load, cut.conditions)
         if found is None or self.plain is None:

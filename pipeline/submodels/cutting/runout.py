@@ -136,7 +136,7 @@ def rounded_fit(fit: Fit, most: int) -> RoundedFit:
 
 
 def _alike(fit: Fit, folds: Sequence[Fold], most: int) -> Fit | None:
-    """The fit whose teeth have edges alike; None where it predicts much worse."""
+    """Fit with alike teeth; None where it predicts much worse."""
     problem = fit.problem
     terms = replace(problem.terms, teeth=False)
     found = fit_waveform(problem.tool, problem.cuts, terms, start=fit)

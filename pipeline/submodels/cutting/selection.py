@@ -165,7 +165,6 @@ def left_out_fits(fit: Fit, most: int) -> list[Fold]:
 
 
 def _left_out_in_turn(count: int, most: int) -> list[list[int]]:
-    """Positions of the recordings that each fold leaves out."""
     if count < 2:
         return []
     folds = min(count, most)
@@ -361,7 +360,7 @@ def _values(part: Fit, whole: Fit) -> dict[str, float]:
 
 
 def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]:
-    """Standard deviations from fits to a part of the recordings; empty for too few."""
+    """Jackknife standard deviations from partial fits; empty for too few."""
     from scipy.special import ndtri, stdtrit
 
     count = len(folds)

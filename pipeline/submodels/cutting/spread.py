@@ -209,10 +209,10 @@ def force_levels(
 
 
 def _extrapolated(residual: WaveformResidual | None, f_z: float) -> float:
-    """Share of the waveform's model error that is left at a feed [1], at most 1.
+    """Share of the waveform's model error that remains at a feed [1], at most 1.
 
-    Without a residual all of it; with one the leverage of the feed in the regression over the feeds
-    that were learnt, for one feed the square of the relative distance.
+    All of it without a residual; with one, the leverage of the feed in the regression over the
+    training feeds, for one feed the square of the relative distance.
     """
     if residual is None:
         return 1.0

@@ -227,7 +227,6 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
 def _loader(
     one: CuttingRecording, settings: Fitting | Judging
 ) -> Callable[[], CuttingRecording]:  # fmt: skip
-    """Content of a recording; a sealed one is read when it is needed."""
     if one.revolution is not None:
         return lambda: one
     return lambda: with_revolution(one, settings.cutting, settings.cutting_fit)
@@ -260,7 +259,6 @@ def outside(facts: Mapping[str, Fact], learnt: Mapping[str, Condition]) -> list[
 
 
 def _facts(conditions: CutConditions | None) -> dict[str, Fact]:
-    """Conditions of a recording with their units."""
     if conditions is None:
         return {}
     values = {

@@ -103,7 +103,6 @@ def table_lines(done: Written) -> Iterator[str]:
 
 
 def _quoted(name: str) -> str:
-    """A name as a field of CSV: quoted where it holds a comma or a quotation mark."""
     return name if not set(name) & set(',"') else '"' + name.replace('"', '""') + '"'
 
 
@@ -198,20 +197,16 @@ class _Text:
     names: Mapping[str, str]
 
     def own(self, place: int) -> str:
-        """One of the text's own variables."""
         return _variable(self.on, place)
 
     def inside(self, expression: str) -> str:
-        """An expression in brackets."""
         return f"{self.on.brackets[0]}{expression}{self.on.brackets[1]}"
 
     def less(self, left: str, right: float, label: int, *, than: str = "") -> str:
-        """A jump where something is less than a number."""
         word = than or self.on.less
         return self.on.jump.format(f"{left}{_spaced(word)}{_decimal(right)}", label)
 
     def more(self, left: str, right: float, label: int) -> str:
-        """A jump where something is more than a number."""
         return self.less(left, right, label, than=self.on.more)
 
     def refusals(self) -> Iterator[str]:

@@ -190,7 +190,7 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
 
 
 def _accepted(learnt: Learnt, widening: float) -> Learnt:
-    """The range that the model accepts; what cannot be negative, a speed, ends at zero."""
+    """Accepted range of an input; a speed has 0 as its lower end."""
     low, high = learnt.accepted(widening)
     low = max(low, 0.0) if learnt.unit == "rev/min" else low
     return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{high:.5g}"))
@@ -269,14 +269,14 @@ def _rounded(value: float) -> float:
 
 
 def _terms(sums: _Sums) -> tuple[Term, ...]:
-    """Those that are not zero, by lags and then by name."""
+    """Non-zero terms, by lags and then by name."""
     every = sorted(sums.terms.items(), key=lambda one: (len(one[0][1]), one[0][1], one[0][0]))
     found = (Term(input=name, lags_s=chain, um=_rounded(um)) for (name, chain), um in every)
     return tuple(one for one in found if one.um != 0)
 
 
 def _start_terms(sums: _Sums) -> tuple[StartTerm, ...]:
-    """Those that are not zero, by lag and then by name."""
+    """Non-zero terms of the start, by lag and then by name."""
     every = sorted(sums.starts.items(), key=lambda one: (one[0][1], one[0][0]))
     found = (
         StartTerm(input=name, lag_s=constant, um=_rounded(um)) for (name, constant), um in every

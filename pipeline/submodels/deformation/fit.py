@@ -162,7 +162,6 @@ class _Task:
 
 
 def _done(task: _Task) -> tuple[dict[str, Any], list[Floats]]:
-    """Document of the fit, and growth of the other recordings."""
     fitted = METHODS[task.method].fit(task.examples, task.budget, task.seed)
     return fitted.document(), [fitted.predict(one.inputs) for one in task.others]
 
@@ -272,7 +271,6 @@ def spread(names: list[str], folds: int) -> list[str]:
 def _fitted(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, Ensemble]:
-    """Every method fitted on all recordings, once a seed."""
     budget = Budget(training=settings.training, every_s=settings.every_s)
     tasks = [
         _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))

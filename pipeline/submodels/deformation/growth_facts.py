@@ -171,7 +171,6 @@ class GrowthFacts:
 
     @cached_property
     def _files(self) -> Mapping[str, Mapping[str, Any]]:
-        """Entries of the raw files in the manifest of the machine's signals."""
         if self.shown.signals is None:
             return {}
         manifest = self.shown.shelf.document(self.shown.signals / "manifest.json", "raw files")

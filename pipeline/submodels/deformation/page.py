@@ -115,7 +115,7 @@ def _hour_words(facts: GrowthFacts) -> str:
 
 
 def _warm_words(facts: GrowthFacts) -> str:
-    """How long to warm up; empty where nothing is predicted."""
+    """Advice on the warm-up time; empty where nothing is predicted."""
     hour, verdict = facts.first_hour, facts.shown.verdict
     if hour is None:
         return ""
@@ -140,7 +140,7 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
 
 
 def _goal_words(facts: GrowthFacts) -> list[str]:
-    """Goals of the paper beside what the method that serves reaches."""
+    """Targets of the paper beside the champion's errors."""
     verdict = facts.shown.verdict
     largest = COUNTS[0].worst(verdict)
     known = [] if verdict is None else [

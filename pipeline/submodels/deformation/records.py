@@ -301,9 +301,9 @@ def _profile(
 
 
 def _planned_end(clock: Floats, speed: Floats, records: DeformationRecords) -> float:
-    """Time up to which a speed that comes with the rows is known [s]: what follows was not planned.
+    """End of the planned speed [s]: the speed in the rows is taken as planned up to it.
 
-    A spindle that stands last goes on standing; a speed that is written down as it changes holds.
+    A spindle at rest at the end stays at rest; a speed logged at its changes holds.
     """
     known = np.flatnonzero(np.isfinite(speed))
     often = len(known) > 1 and np.median(np.diff(clock[known])) <= records.longest_gap_s

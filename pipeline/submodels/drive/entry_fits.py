@@ -133,9 +133,7 @@ def _error(y: Floats, x: Floats) -> float:
 def _at_any_delay(
     columns: Callable[[float], dict[Entry, Floats]],
 ) -> Callable[[float], dict[Entry, Floats]]:
-    """The columns, computed once at each whole sample: a shift is linear between samples, and so is
-    all that follows it.
-    """
+    """Columns at any delay, linear between whole samples, each of which is computed once."""
     whole = cache(columns)
 
     def late(samples: float) -> dict[Entry, Floats]:

@@ -152,7 +152,6 @@ def axis_again(
 
 
 def _determined_of(axis: IdentifiedAxis) -> set[str]:
-    """Parameters of mechanics and loops that are determined."""
     return {name for name, one in _fitted(axis).items() if one.determined}
 
 
@@ -186,7 +185,6 @@ def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
 def _motor(
     recordings: Sequence[Recording], records: MotorRecords | None, widest: float
 ) -> tuple[MotorFit | None, str]:
-    """Motor from its longest recording, or why there is none."""
     if records is None:
         return None, ""
     shown = [one for one in recordings if one.motor]
@@ -273,7 +271,6 @@ def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parame
 
 
 def _fitted(axis: IdentifiedAxis) -> dict[str, Parameter]:
-    """Parameters of mechanics and loops."""
     fits: tuple[AxisFit, ...] = (axis.drive, axis.servo)
     return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
 

@@ -148,7 +148,7 @@ def meaning(axis: str, name: str) -> str:
 def _groups(
     shown: Shown[DriveModel], model: DriveModel
 ) -> Iterator[tuple[str, str, str, Block | None]]:
-    """Group, heading, what is said of it and its figures, of each axis and of the motor."""
+    """Group, heading, text and figures of each axis and of the motor."""
     made = made_from(shown, "model.json")
     for axis in model.parameters:
         if axis == MOTOR and model.motor is not None:
@@ -166,7 +166,7 @@ def _groups(
 
 
 def _axis_words(model: DriveModel, axis: str, one: DriveAxis) -> Iterator[str]:
-    """How well the fit holds, what of the loops is known, both ends of the axis."""
+    """Quality of the fit, determined loops and shaft of an axis."""
     yield _fitted("The residual of the fit is {error} % of the force", one.fit)
     if one.servo_reason:
         yield f"Its loops could not be found: {one.servo_reason.rstrip('.')}."

@@ -162,7 +162,6 @@ def _drives(
     prior: DrivePrior,
     constants: Mapping[str, float],
 ) -> list[Recording]:
-    """Recordings of the axes in one table."""
     channels: dict[str, dict[str, Floats]] = {}
     constants_of_axis: dict[str, AxisConstants] = {}
     units: dict[str, str] = {}
@@ -215,12 +214,10 @@ def _drives(
 
 
 def _both(channels: Mapping[str, Floats]) -> bool:
-    """Whether commanded and actual position are there."""
     return {"reference", "position"} <= set(channels)
 
 
 def _motor(samples: Samples, blank: Recording) -> list[Recording]:
-    """Recordings of the motor in one table."""
     if samples.lacking:
         raise Unusable(next(iter(samples.lacking.values())))
     found = samples.channels
@@ -237,7 +234,6 @@ def _motor(samples: Samples, blank: Recording) -> list[Recording]:
 
 
 def _shafts(samples: Samples, blank: Recording, records: ShaftRecords) -> list[Recording]:
-    """Recordings of both ends of the drive trains in one table."""
     found: dict[str, dict[str, Floats]] = {}
     for letter, channels in records.axes.items():
         recorded = {key: _recorded(samples, f"{letter} {key}") for key in SHAFT}

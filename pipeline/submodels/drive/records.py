@@ -272,7 +272,6 @@ def _cut(one: Recording, many: int) -> list[Recording]:
 
 
 def _within(one: Recording, rows: slice) -> Recording:
-    """Some rows of a recording."""
     axes = {}
     for letter, axis in one.axes.items():
         part: dict[str, Any] = {k: v[rows] for k, v in vars(axis).items() if hasattr(v, "dtype")}

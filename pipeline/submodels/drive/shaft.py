@@ -171,9 +171,9 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
 def _blocks(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Normal equations (7, 7), (7,), and what each of B ways of motion takes from them.
+    """Normal equations (7, 7), (7,), and the part of each of B phases of motion in them.
 
-    Each recording's own errors are taken out, anew of what is left without a way.
+    Each recording's own errors are removed, refitted without a phase.
     """
     found: list[tuple[Floats, Floats]] = []
     gram, product = np.zeros((7, 7)), np.zeros(7)
@@ -204,7 +204,7 @@ def _taken(kept: Floats, own: Floats) -> tuple[Floats, Floats]:
 
 
 def _ways(speed: Floats) -> list[Ints]:
-    """Samples of each way of motion: both directions, each slow, medium and quick."""
+    """Samples of each phase of motion: both directions, each slow, medium and fast."""
     found: list[Ints] = []
     for rows in (np.flatnonzero(speed > 0), np.flatnonzero(speed < 0)):
         found += np.array_split(rows[np.argsort(np.abs(speed[rows]))], WAYS)
@@ -226,7 +226,7 @@ def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
 def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     """Half width of the 95 % interval of a quantity of the factors (..., 7).
 
-    Jackknife over ways of motion, within which the equation's errors are the same.
+    Jackknife over the phases of motion, within which the equation's errors are alike.
     """
     # friction that was left out for its sign is as uncertain as any
     out, (whole, sums), count = (
@@ -279,11 +279,11 @@ def _diluted_play(found: Rounds) -> float:
 
 
 def _misfit(found: Rounds, column: int) -> float:
-    """Half width of a factor's 95 % interval, were what outlasts the filter the equation's error.
+    """Half width of a factor's 95 % interval, were errors that outlast the filter the equation's.
 
-    Such an error goes with the way of motion and does not average over samples: there are as many
-    independent ones as ways of motion.  The damping lives on a few periods of the resonance, which
-    do not outlast the filter: of it, all that is left over may be.
+    Such an error goes with the phase of motion and does not average over samples: there are as many
+    independent ones as phases.  The damping acts over a few periods of the resonance, which do not
+    outlast the filter: of it, the whole residual may be.
     """
     own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
     ways, left = len(found.ways[0]), found.left if column == DAMPING else found.lasting

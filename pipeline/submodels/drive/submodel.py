@@ -357,7 +357,6 @@ def _speed(axis: AxisRecord, period: float) -> Any:
 def _predicted(
     recording: Recording, model: DriveModel, drives: dict[str, IdentifiedDrive]
 ) -> Prediction:
-    """Force and following error of every axis that a recording shows."""
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {"length": Fact(value=round(recording.seconds, 3), unit="s")}
     frames += twist_frames(recording, model, drives)

@@ -237,8 +237,8 @@ class Choice:
     def _gains_in_hours(self, simple: LeftOut, rich: LeftOut) -> bool:
         """Whether ``rich`` is better in the hours of a rare source, and over all of them too.
 
-        The logarithms of the squared errors are compared: few hours with large errors differ far
-        from normally.  Two are enough where both gain alike: no more may ever have been recorded.
+        The logarithms of squared errors are compared, as a few hours with large errors are far from
+        normal. Two hours are enough where both gain alike: there may be no more.
         """
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():

@@ -321,7 +321,6 @@ def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]
 
 
 def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
-    """Each fitted parameter with its unit and 95 % interval."""
     units = {"capacity_ratio": "1", "ambient": "CELSIUS", "ambient_offset": "K"}
     found = {}
     for i, name in enumerate(fit.names):

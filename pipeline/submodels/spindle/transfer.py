@@ -253,7 +253,7 @@ def own_network(
 def _rmse(
     pieces: Sequence[StateSegment], records: SpindleRecords, network: SpindleThermalParameters
 ) -> float:
-    """Over free runs of the days judged [K]."""
+    """RMSE of free runs of the test days [K]."""
     error = np.concatenate(
         [
             free_run(piece, records, network)[0] - piece.frame[TARGET].to_numpy(float)

@@ -133,7 +133,6 @@ def _check_tools(windows: WearWindows, tools: list[str]) -> None:
 def _tasks(
     windows: WearWindows, tools: list[str], progress: str, settings: WearFitSettings
 ) -> list[_Task]:
-    """A task for each fold of tools left out."""
     tasks = []
     # two tools have to be left, one to learn from and one to stop by
     folds = settings.folds if len(tools) > 3 else len(tools)
@@ -152,7 +151,7 @@ def _who_serves(
     out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
     is_class: bool,
 ) -> tuple[str, str]:  # fmt: skip
-    """Champion, and the method that would serve without the guess."""
+    """Champion, and the method that would serve without the baseline."""
     methods = [name for name in METHODS if name in scores]
     best = min(methods, key=lambda name: scores[name].rmse)
     # the best of several is chosen after the fact: each has its share of the level (Bonferroni)
@@ -188,9 +187,9 @@ def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
 
 
 def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
-    """Tools so that neighbours, which are left out together, differ in wear: of a class, in turn.
+    """Tools in an order whose neighbours, which are left out together, differ in wear.
 
-    Every training then has tools of either class as far as there are enough.
+    Each training set then has tools of either class as far as there are enough.
     """
     if not windows.is_class:
         return tools
@@ -296,9 +295,9 @@ class _Told:
 
 
 def _with_blend(out: _Told) -> dict[str, float]:
-    """Adds the median and the blend to what was told, each tool's by weights of the others.
+    """Add the median and the blend, each tool's by weights of the others.
 
-    Returns the weights of all tools; none without a guess.
+    Returns the weights of all tools; none without a baseline.
     """
     out.by[MEDIAN] = median(out.by)
     names = (MEDIAN, GUESS)

@@ -294,7 +294,7 @@ class TimeLeft:
 
 
 def _left(centre: float, scale: float, dof: float, spent: float, rubbing: float) -> TimeLeft:
-    """Quantiles of what is left of a length that is known to be more than ``spent`` [m]."""
+    """Quantiles of the remaining length, of a tool that has passed ``spent`` [m]."""
     from scipy.special import stdtr, stdtrit
 
     below = float(stdtr(dof, (np.log(spent) - centre) / scale)) if spent > 0 else 0.0

@@ -70,7 +70,7 @@ def fit_ridge(x: Floats, y: Floats, tool: np.ndarray) -> Ridge:
 
 
 def _ridges(x: Floats, y: Floats, tool: np.ndarray) -> list[Ridge]:
-    """One for each penalty, from one decomposition."""
+    """Ridge regressions for all penalties, from one decomposition."""
     weight = tool_weights(tool)
     share = weight / weight.sum()
     x_mean, y_mean = share @ x, float(share @ y)

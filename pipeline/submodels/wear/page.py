@@ -74,7 +74,7 @@ def _about(model: WearModel) -> str:
 
 
 def _beaten(model: WearModel) -> str:
-    """That a guess without sensors is better on training tools left out, where it is."""
+    """Note that a baseline without sensors is better on held-out training tools, where it is."""
     simple = [model.scores[name].rmse for name in (GUESS, MEAN) if name in model.scores]
     if not simple or min(simple) > model.scores[model.champion].rmse:
         return ""
@@ -126,7 +126,7 @@ WHERE: tuple[Column[tuple[str, float, float, Any]], ...] = (
 
 
 def _where(shown: Seen, model: WearModel) -> Table | None:
-    """Errors by the wear that was measured, in thirds of what was learnt."""
+    """Errors by measured wear, in thirds of the training range."""
     rows = _rows(shown)
     if rows is None or model.is_class:
         return None

@@ -236,7 +236,6 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
 
 
 def _conditions(windows: WearWindows) -> dict[str, Condition]:
-    """Range of each condition over the training windows."""
     found = {}
     for name, values in windows.conditions.items():
         unit = windows.condition_units.get(name)
@@ -249,7 +248,6 @@ def _conditions(windows: WearWindows) -> dict[str, Condition]:
 
 
 def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
-    """A life by every method."""
     windows: WearWindows = case.load()
     file = wear.file
     mine = windows.channels, windows.units, windows.values.shape[2], windows.wear_unit

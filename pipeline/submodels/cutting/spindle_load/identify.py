@@ -150,10 +150,7 @@ class _Reader:
     first: dict[str, str] = field(default_factory=dict)
 
     def levels(self, file: LoadLogFile) -> tuple[Levels, str]:
-        """Levels of a log, and a note on the part of it that is not used.
-
-        ValueError when nothing of it can be used.
-        """
+        """Levels of a log, and a note on the unused part; ValueError where no part can be used."""
         output, records = file.entry.get("output"), self.records
         first = self.first.setdefault(file.sha256 or file.name, file.name)
         if first != file.name:
@@ -221,7 +218,6 @@ def _identified(
 
 
 def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
-    """Each level of cutting, for the report."""
     cuts = levels.where(levels.removal > 0.0)
     power = cuts.power - idle.power(cuts.speed)
     rows = zip(cuts.speed, cuts.removal, power, cuts.deviation, cuts.samples, strict=True)
@@ -299,7 +295,6 @@ def _fitted(
     name: str, fit: Regression, index: int, *, unit: str, widest: float, method: str,
     scale: float = 1.0, scale_error: float = 0.0,
 ) -> Estimate:  # fmt: skip
-    """One parameter of a regression."""
     value, half = float(fit.values[index]), float(fit.half_width[index])
     what = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
     return _estimate(
@@ -312,7 +307,6 @@ def _estimate(
     name: str, value: float, half: float, *, unit: str, widest: float, method: str,
     missing: str = "",
 ) -> Estimate:  # fmt: skip
-    """Value and interval, or why it is undetermined."""
     finite = bool(np.isfinite(half) and np.isfinite(value))
     wide = f"the 95 % interval, {digits(value - half):g} to {digits(value + half):g}"
     return Estimate(

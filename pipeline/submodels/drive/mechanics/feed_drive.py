@@ -207,7 +207,6 @@ def _chosen(
 
 
 def _training(recordings: Sequence[Recording], axis: str) -> list[Recording]:
-    """Training recordings of one unit of force."""
     training = [one for one in recordings if one.trained and axis in one.axes]
     if not training:
         raise ValueError(

@@ -327,7 +327,6 @@ def huber_weights(residuals: Floats) -> Floats:
 
 
 def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> Dynamics:
-    """Bounded search over the parameters that are fitted."""
     from scipy.optimize import least_squares
 
     low, high = bounds(rows)
