@@ -151,7 +151,7 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
 def spread_of(values: Floats) -> float:
     """Half of the 95 % interval of one more value like these: Student's t times their deviation.
 
-    ``values`` (K,) are a figure of K trainings that differ by their seeds, at least two.
+    ``values`` (K,) are of K trainings that differ by their seeds, at least two.
 
     Examples
     --------

@@ -266,12 +266,8 @@ def enough(
 ) -> tuple[list[Features], bool]:
     """Recordings, or stretches of them where they are of fewer groups than there are folds.
 
-    Returns
-    -------
-    list of Features
-        With as many groups as folds at least, and one more to stop a training by.
-    bool
-        Whether they are stretches.
+    As many groups as folds at least, and one more for early stopping; and whether they are
+    stretches.
     """
     many = len({one.group for one in features})
     if many > settings.folds:

@@ -201,14 +201,14 @@ def identify_control(
     observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
     near: ControlFit | None = None,
 ) -> ControlFit:  # fmt: skip
-    """Find the control of the runs ``observed``.
+    """Control parameters identified from the runs ``observed``.
 
-    What they do not determine is taken out one by one, the loosest first, and pulled to what is
-    known of its kind while the others are found again.  What units are taken to share is tested
-    by unit, and found again for each where they differ or runs of one alone determine it.
+    Undetermined parameters are removed one by one, the loosest first, and set to their prior, and
+    the others are fitted again.  Parameters shared by units are tested by unit, and fitted for each
+    where they differ or runs of one alone determine it.
 
     Where ``near`` is given, a control of more runs of the same units, the search begins there in
-    place of ``start``, and what units share is not tested again. ValueError when there is no run,
+    place of ``start``, and shared parameters are not tested again. ValueError when there is no run,
     or the runs determine no parameter.
     """
     if not sum(len(one.measured) for one in observed):

@@ -32,14 +32,9 @@ def joined(spans: Sequence[Span]) -> tuple[Span, ...]:
 
 
 def stopped_within(stops: Sequence[Span], begin: Floats, end: Floats) -> Floats:
-    """How much of the time from ``begin`` to ``end`` lies in ``stops`` [s].
+    """Share of the time from ``begin`` to ``end``, (N,) [s], that lies in ``stops`` [s].
 
-    Parameters
-    ----------
-    stops : sequence of (float, float)
-        In order and without overlap, as :func:`joined` gives them [s].
-    begin, end : ndarray, shape (N,)
-        [s].
+    The stops are in order and without overlap, as from :func:`joined` [s].
     """
     if not stops:
         return np.zeros_like(begin)
@@ -68,19 +63,10 @@ class Activity:
 
 
 def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
-    """What the words of a control's execution come to.
+    """Activities from a control's execution states.
 
-    Parameters
-    ----------
-    said : iterable of (float, str)
-        When [s], and the word.
-    end : float
-        Of the recording [s].
-
-    Yields
-    ------
-    Activity
-        All of the recording when no word was said: the control may say nothing of its execution.
+    ``said`` holds time [s] and state, ``end`` is that of the recording [s].  Without a state all of
+    the recording counts: the control may report no execution.
     """
     said = list(said)
     start: float | None = None if said else 0.0
@@ -190,16 +176,11 @@ class Run(Activity):
 
 
 def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]:
-    """Runs in one recording.
+    """Runs in one recording; empty when it reports no lines.
 
     ``items`` maps a signal to its data item; ``execution`` and ``line`` are needed, the others of
     :data:`SIGNAL_OF` are used where they are named. ValueError when ``items`` names no data item
     for the line or the execution.
-
-    Returns
-    -------
-    list of Run
-        Empty when the recording says nothing of lines.
     """
     for needed in ("execution", "line"):
         if needed not in items:

@@ -129,15 +129,7 @@ class Share:
 
 
 def shares(observed: Observed, times: Floats) -> dict[str, Share]:
-    """Measured and predicted time of each type of row.
-
-    Parameters
-    ----------
-    observed : Observed
-        What was measured.
-    times : ndarray, shape (rows,)
-        Predicted time of each row of the program [s].
-    """
+    """Measured and predicted time of each type of row, from row ``times``, (rows,) [s]."""
     own = {w: type_of(observed.moves.kind) == w for w in TYPES}
     time = {w: _within(observed, times * mine) for w, mine in own.items()}
     rows = {w: _within(observed, mine.astype(float)) > 0 for w, mine in own.items()}

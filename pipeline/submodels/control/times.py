@@ -203,16 +203,10 @@ def _opened(
 
 
 def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:
-    """Path over programmed feed, without acceleration or waiting: what simple estimators do [s].
+    """Path over programmed feed, without acceleration or waiting, as by simple estimators [s].
 
-    Parameters
-    ----------
-    moves : Moves
-        Of the program.
-    feed_factor : ndarray, shape (rows,)
-        Feed override [1].
-    rapid_speed : float
-        Of rapids, and of cuts whose feed is not in mm/min [mm/min].
+    ``feed_factor`` is the feed override, (rows,) [1]; ``rapid_speed`` [mm/min] that of rapids, and
+    of cuts whose feed is not in mm/min.
     """
     cutting = np.isin(moves.kind, CUTTING)
     timed = cutting & (moves.feed > 0) & (moves.feed_mode == FeedMode.PER_MINUTE)

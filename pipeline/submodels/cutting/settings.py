@@ -50,10 +50,7 @@ DIRECTIONS = ("feed", "normal", "axial")
 class Dynamometer:
     """Channel of each component of the force on the tool; a minus before the name reverses it.
 
-    Raises
-    ------
-    ValueError
-        When they are not the channels x, y and z, each once.
+    ValueError when they are not the channels x, y and z, each once.
     """
 
     feed: str = "-x"

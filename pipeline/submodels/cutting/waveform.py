@@ -142,12 +142,8 @@ def rotated(spectrum: Complexes, phase: float) -> Complexes:
 def transfer(frequencies: Floats, natural: Floats, damping: Floats) -> Complexes:
     """Frequency response of each channel to a force; shape (H + 1, 3).
 
-    Parameters
-    ----------
-    frequencies : ndarray, shape (H + 1,)
-        Of the harmonics [Hz].
-    natural, damping : ndarray, shape (3,)
-        Of the channels' modes [Hz], [1].
+    ``frequencies`` (H + 1,) of the harmonics [Hz]; ``natural`` [Hz] and ``damping`` [1] (3,) of the
+    channels' modes.
     """
     r = frequencies[:, None] / natural
     return np.asarray(1 / (1 - r**2 + 2j * damping * r))

@@ -104,10 +104,7 @@ class Correction:
     def growth(self, values: Mapping[str, Floats]) -> Floats:
         """Growth since the first row [um], shape (T,), of evenly spaced rows.
 
-        Parameters
-        ----------
-        values : mapping of str to ndarray, each shape (T,)
-            Temperatures [degC] and speed [rev/min] by the names of the inputs.
+        ``values`` are temperatures [degC] and speed [rev/min], (T,) each, by input name.
         """
         many = len(values[self.inputs[0]])
         time = self.period_s * np.arange(many)
@@ -145,10 +142,7 @@ class _Sums:
 
 
 def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
-    """The method that serves as a sum of terms.
-
-    ValueError without a recording, or when the method that serves predicts no growth at all.
-    """
+    """The champion as a sum of terms; ValueError without a recording, or with zero growth."""
     file = model.file
     checked = [model.checked(one) for one in states]
     sound = [one for one in checked if not one.faults] or checked

@@ -328,18 +328,8 @@ def _frozen_since(growth: Floats, temperatures: Floats, period: float) -> int:
 def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floats:
     """Newest value at or before each time of a grid, NaN where it is older than ``longest``.
 
-    Parameters
-    ----------
-    clock, values : ndarray, shape (N,)
-        Rows in the order of time [s]; rows without a value are passed over.
-    grid : ndarray, shape (T,)
-        Times [s].
-    longest : float
-        Greatest age of a value [s].
-
-    Returns
-    -------
-    ndarray, shape (T,)
+    Rows ``clock``, ``values`` (N,) are in the order of time; those without a value are skipped.
+    ``grid`` (T,) and ``longest`` [s].
 
     Examples
     --------

@@ -219,13 +219,10 @@ def _words(
 def law_fits(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> dict[Difference, dict[Entry, EntryFit]]:
-    """Fits of each place in the servo's law, by the differences that may be fed forward.
+    """Fits of each entry of the disturbance into the servo, by feed-forward difference.
 
-    Returns
-    -------
-    dict
-        Central differences alone where nothing is fed forward; empty without servo, reference or
-        position.
+    Central differences alone where nothing is fed forward; empty without servo, reference or
+    position.
     """
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:

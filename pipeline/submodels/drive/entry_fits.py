@@ -72,21 +72,20 @@ def entry_fits(
     weight: float,
     stretch: Ints,
 ) -> dict[Entry, EntryFit]:
-    """Factor and delay of each place from what is left over in one equation.
+    """Factor and delay of the disturbance at each entry, from the residual of one equation.
 
     Parameters
     ----------
     own : ndarray, shape (N,)
         Recorded less modelled.
     nuisance : ndarray, shape (N, M)
-        Of errors of the model.
+        Columns of errors of the model.
     scaled : dict of str to ndarray, shape (N, M)
-        What the same errors do to the disturbance at a place; nothing where it is missing.
+        Effect of the same errors on the disturbance at an entry; missing where there is none.
     columns : callable
-        Of a delay in samples: the disturbance at each place; shape (N,) each.  Linear in the
-        channel.
+        Disturbance at each entry, (N,), by the delay in samples; linear in the channel.
     period, step : float
-        Of the recorder, and between the delays that are tried first [s].
+        Sampling period, and step of the coarse search over delays [s].
     weight : float
         Half of the independent rows in one row [1].
     stretch : ndarray of int, shape (N,)

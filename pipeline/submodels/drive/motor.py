@@ -39,20 +39,17 @@ ORDERS = 4
 class Windows:
     """Windows of a record; those with a sample that is not finite are left out.
 
+    ValueError when no window is whole.
+
     Parameters
     ----------
     signals : dict of str to array_like, shape (T,)
         The record, sampled at the same times.
     period : float
-        Between samples [s].
+        Sampling period [s].
     held : bool
         Whether the driving signal (the voltage) is held from its sample to the next, as an
         inverter's command is; else it is sampled like the others.
-
-    Raises
-    ------
-    ValueError
-        When no window is whole.
     """
 
     def __init__(self, signals: dict[str, ArrayLike], period: float, *, held: bool) -> None:
@@ -149,14 +146,8 @@ class SplitFit:
 def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
     """Fit y = regressors @ values by two-stage least squares, each half the other's instrument.
 
-    Parameters
-    ----------
-    regressors : ndarray, shape (2, N, D)
-        From either half of the samples.
-    y : ndarray, shape (N,)
-        Signal to be explained.
-    blocks : ndarray of int, shape (N,)
-        Blocks within which residuals are correlated.
+    ``regressors`` (2, N, D) from either half of the samples; residuals of ``y`` (N,) are correlated
+    within ``blocks`` (N,).
     """
     # by chance the halves of pure noise agree by about 1 / sqrt(blocks)
     least = min(max(AGREEMENT, 4.0 / np.sqrt(len(np.unique(blocks)))), 0.99)
@@ -272,10 +263,9 @@ def identify_motor(
     w_e : array_like, shape (T,)
         Electrical speed [rad/s], pole pairs times the shaft's.
     period : float
-        Between samples [s].
+        Sampling period [s].
     widest : float
-        Half width of the 95 % interval beyond which a parameter is not determined, as a share of
-        its value [1].
+        Greatest relative half width of the 95 % interval of a determined parameter [1].
     held : bool
         Whether the voltages are held from their sample to the next, as an inverter's commands are.
     """

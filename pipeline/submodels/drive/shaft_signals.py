@@ -71,16 +71,7 @@ def _filtered(values: Floats, order: int = 0) -> Floats:
 def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:
     """Filtered signals of both ends of ``axis`` in a recording.
 
-    Parameters
-    ----------
-    one : Recording
-        That shows both ends.
-    axis : str
-        Its letter.
-    force_constant : float
-        k [N/A].
-    lead : float or None
-        Of the screw [m].
+    ``force_constant`` is k [N/A], ``lead`` that of the screw [m].
     """
     raw, period = one.shafts[axis], one.period
 

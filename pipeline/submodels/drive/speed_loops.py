@@ -73,7 +73,7 @@ def as_identified(
     axis: DriveAxis, letter: str, parameters: Mapping[str, Mapping[str, Parameter]],
     shaft: Shaft | None, records: MotorRecords,
 ) -> ThreeLoopParameters:  # fmt: skip
-    """The axis down to its currents, with the gains that it was found with.
+    """Axis down to its currents, with its identified gains.
 
     ValueError when something that it needs is not determined, or not listed.
     """

@@ -254,15 +254,7 @@ def estimates(
 
 
 def with_misfit(estimated: Estimates, error_percent: float) -> Estimates:
-    """Nothing is determined by a model that leaves most of the force over.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        Of the drive.
-    error_percent : float
-        RMS of what the model leaves over, of the measured force [%].
-    """
+    """Estimates of a drive, none determined where the RMS residual of the force [%] is large."""
     if not error_percent > MISFIT_PERCENT:
         return estimated
     return _undetermined(estimated, UNEXPLAINED.format(error_percent), estimated.remedy)
@@ -271,17 +263,11 @@ def with_misfit(estimated: Estimates, error_percent: float) -> Estimates:
 def with_signs(
     estimated: Estimates, acceleration: Floats, speed: Floats, force: Floats
 ) -> Estimates:
-    """Nothing is determined where the force opposes the motion that it makes.
+    """Estimates of a drive, none determined where the force opposes the motion that it makes.
 
     A motor's force rises with the acceleration and with the direction of the motion, since friction
-    takes energy; a constant force has no part in a correlation.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        Of the drive.
-    acceleration, speed, force : ndarray, shape (N,)
-        Of the rows.
+    takes energy; a constant force has no part in a correlation.  ``acceleration``, ``speed``,
+    ``force`` (N,) are those of the rows.
     """
     found = {"acceleration": _correlation(acceleration, force),
              "speed": _correlation(np.sign(speed), force)}  # fmt: skip

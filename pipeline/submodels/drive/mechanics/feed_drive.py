@@ -245,15 +245,7 @@ def _compared(
 
 
 def feed_drive_of(estimated: Estimates, force_constant: float) -> FeedDriveParameters:
-    """The drive for the twin; static friction is never below Coulomb friction.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        As identified.
-    force_constant : float
-        Force for one unit of the command [N/A].
-    """
+    """Drive for the twin, by the force constant [N/A]; static is at least Coulomb friction."""
     value = dict(zip(estimated.names, np.maximum(estimated.values, 0).tolist(), strict=True))
     directions = {
         direction: DirectionFriction(

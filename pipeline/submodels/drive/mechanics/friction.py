@@ -140,18 +140,9 @@ class CurveFit:
 
 
 def curve_force(speed: Floats, values: Floats) -> Floats:
-    """Force against motion at ``speed`` > 0 [N].
+    """Force against motion at ``speed`` > 0, (N,) [m/s]; shape (N,) or (P, N) [N].
 
-    Parameters
-    ----------
-    speed : ndarray, shape (N,)
-        [m/s].
-    values : ndarray, shape (4,) or (P, 4)
-        As in :class:`CurveFit`, of one direction.
-
-    Returns
-    -------
-    ndarray, shape (N,) or (P, N)
+    ``values`` (4,) or (P, 4) are as in :class:`CurveFit`, of one direction.
     """
     level, amplitude, log_velocity, viscous = (values[..., k, None] for k in range(PARAMETERS))
     force: Floats = (

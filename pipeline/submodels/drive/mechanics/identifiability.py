@@ -75,18 +75,12 @@ def determined_dynamics(
     """Optimum in the parameters that the rows determine.
 
     A direction whose v_s or F_s - F_c is too uncertain is fitted without either, and so is one
-    where no stroke was slower than v_s: there the start of motion bends the curve, not friction.
-    A direction of one constant speed is fitted without viscous friction; its Coulomb level is the
+    where no stroke was slower than v_s: there the start of motion bends the curve, not friction. A
+    direction of one constant speed is fitted without viscous friction; its Coulomb level is the
     force at this speed.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    steady : sequence of float
-        Velocities that were held constant [m/s].
-    widest : float
-        Relative half width of the 95 % interval beyond which nothing is determined [1].
+    ``steady`` are constant velocities [m/s]; ``widest`` is the greatest relative half width of a 95
+    % interval of a determined parameter [1].
     """
     slowest, single = _steady(rows, steady)
     fitted = all_observable(rows)
@@ -234,18 +228,11 @@ def held_out_load_factor(
     bandwidth: float | None,
     delay: float = 0.0,
 ) -> Factor | None:
-    """Factor c of the load of a recording that the drive was not identified from.
+    """Factor c of the load of a held-out recording; None without a varying load in motion.
 
     Only the factor and the zero of the load channel are fitted: the motor's force is that of the
-    identified drive plus c F_d plus the zero.
-
-    ``bandwidth`` is that of the parallel filter [Hz], ``delay`` that of the motion behind the
-    command [s].
-
-    Returns
-    -------
-    Factor or None
-        None where the recording has no load that varies while the axis moves.
+    identified drive plus c F_d plus the zero.  ``bandwidth`` is that of the parallel filter [Hz],
+    ``delay`` that of the motion behind the command [s].
     """
     if recording.axes[axis].load is None:
         return None

@@ -298,14 +298,8 @@ def least_squares_dynamics(
 ) -> Dynamics:
     """Bounded least squares with Huber's weights, from several starts.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    fitted : ndarray of bool, shape (D,)
-        Parameters that are fitted; others are 0.
-    shares : ndarray, shape (N,), optional
-        Weights of the rows, before Huber's.
+    ``fitted`` (D,): parameters that are fitted, others are 0; ``shares`` (N,): weights of the rows,
+    before Huber's.
     """
     weights = np.ones(len(rows.force)) if shares is None else shares
     tried = [_search(rows, fitted, weights, one) for one in profile_starts(rows, fitted, weights)]

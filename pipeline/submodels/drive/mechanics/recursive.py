@@ -82,7 +82,7 @@ def recursive_inertia(
 ) -> RecursiveTrace:
     """Inertia, damping and load torque at every sample of a record.
 
-    Of a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
+    For a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def recursive_inertia(
     period : float
         T [s].
     settings : RecursiveSettings
-        Of the estimator.
+        Memory and thresholds of the estimator.
     """
     w = np.ascontiguousarray(speed, dtype=np.float64)
     m = np.ascontiguousarray(torque, dtype=np.float64)

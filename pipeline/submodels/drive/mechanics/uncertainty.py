@@ -235,16 +235,8 @@ def is_better(
 ) -> bool:
     """Whether least squares is biased and instruments are precise, by the mass, which noise biases.
 
-    Parameters
-    ----------
-    by_instruments : Instrumental
-        Of the same rows.
-    found : Dynamics
-        By least squares.
-    half_width : ndarray, shape (S,)
-        Of the parameters that were fitted.
-    widest : float
-        Half an interval that is wider, as a share, is no determination [1].
+    ``found`` is the least-squares optimum, ``half_width`` (S,) that of its fitted parameters,
+    ``widest`` the greatest relative half width of a determined parameter [1].
     """
     place = found.names.index("mass")
     if place not in by_instruments.index:

@@ -90,13 +90,7 @@ class ServoFit(AxisFit):
 def identify_servo(
     recordings: Sequence[Recording], axis: str, settings: DriveFitSettings
 ) -> ServoFit:
-    """Servo of ``axis`` from recordings of its commanded and measured position.
-
-    Returns
-    -------
-    ServoFit
-        Without a servo, and with the reason, where the recordings cannot give one.
-    """
+    """Servo of ``axis`` from its commanded and measured position, or the reason for none."""
     records, constants, unit, others = servo_records(recordings, axis)
     nominal = Nominal.of(constants)
     if not records:

@@ -56,15 +56,7 @@ def closed_forms(equation: ServoEquation, share: float, values: Floats) -> Float
     """Start of a search: gains by linear least squares for lags of 0 and f_v = ``share``.
 
     A = (S_vp V_p S_pp P_p) e + (S_vp V_p)(f_v r' - v) + ... is linear in the products of the gains.
-
-    Parameters
-    ----------
-    equation : ServoEquation
-        Of the recordings.
-    share : float
-        f_v [1].
-    values : ndarray, shape (D,)
-        Of all other parameters; where S_vi is 0 there is no integral part.
+    ``values`` (D,) are those of all other parameters; where S_vi is 0 there is no integral part.
     """
     e, v_ref, swept, r, _, v, x, A = equation.undelayed(equation.triangle).T
     columns = [e, share * v_ref - v]
@@ -98,18 +90,10 @@ def starts(equation: ServoEquation, values: Floats, fitted: Bools) -> Iterator[F
 def least_squares_servo(
     equation: ServoEquation, values: Floats, fitted: Bools, begin: Floats | None = None
 ) -> ServoOptimum:
-    """Bounded least squares of the ``fitted`` parameters; the others stay as in ``values``.
+    """Bounded least squares of the ``fitted`` parameters, (D,); the others stay as in ``values``.
 
-    Parameters
-    ----------
-    equation : ServoEquation
-        Of the recordings.
-    values : ndarray, shape (D,)
-        Of parameters that are not fitted, and about the start.
-    fitted : ndarray of bool, shape (D,)
-        Which are fitted.
-    begin : ndarray, shape (D,), optional
-        The only start, in place of the closed forms.
+    ``values`` (D,) are also near the start; ``begin`` (D,) is the only start, in place of the
+    closed forms.
     """
     from scipy.optimize import least_squares
 
