@@ -219,7 +219,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
     tool_material: Literal["carbide", "hss"]
     """Cutting material."""
     coatings: tuple[str, ...]
-    """As in the tool table; ``none`` is an uncoated tool."""
+    """Coatings as in the tool table; ``none`` is an uncoated tool."""
     groups: Annotated[tuple[int, int], Range(least=1, most=41)] = (1, 41)
     """First and last group of VDI 3323."""
     feed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0

@@ -46,9 +46,9 @@ class Tool(Ranged, section="tool"):
     helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
     """Helix angle of the edges [deg]; positive for a right-hand helix."""
     corner_radius_mm: Annotated[float, Range(least=0.0, most=500.0)] = 0.0
-    """Of a bull-nose end mill [mm]; a ball's is D / 2, others have none."""
+    """Corner radius of a bull-nose end mill [mm]; a ball's is D / 2, others have none."""
     point_angle_deg: Annotated[float, Range(least=30.0, most=180.0)] = 140.0
-    """Of a drill, the whole angle [deg]."""
+    """Point angle of a drill, the whole angle [deg]."""
     cutting_edge_angle_deg: Annotated[float, Range(least=1.0, most=90.0)] | None = None
     """Tool cutting edge angle kappa_r of a mill, between its edge and the surface that it makes
     (ISO 3002-1), the lead angle of face mills [deg]; by default 45 of a ``face_mill``, 90 of
@@ -60,9 +60,10 @@ class Tool(Ranged, section="tool"):
     shank_diameter_mm: Length | None = None
     """[mm]; the tool's diameter by default.  A wider one begins where the flutes end."""
     holder_diameter_mm: Length | None = None
-    """Of the holder at its face, the underside of all that is above the stickout [mm]."""
+    """Diameter of the holder at its face, the underside of all that is above the stickout [mm]."""
     youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
-    """Of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed steel."""
+    """Young's modulus of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed
+    steel."""
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     """Distance of the tool's axis from the spindle's [um]."""
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
@@ -70,10 +71,10 @@ class Tool(Ranged, section="tool"):
     material: Literal["carbide", "hss"] = "carbide"
     """Cutting material; chooses a material's constants of tool life."""
     coating: str = ""
-    """As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is not
-    known."""
+    """Coating by its maker's name, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" if
+    unspecified."""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
-    """Of a new tool, or of an insert's set of edges, in the currency of the costs."""
+    """Price of a new tool, or of an insert's set of edges, in the currency of the costs."""
     edges: Annotated[int, Range(least=1, most=1000)] = 1
     """Lives that one price buys (regrinds, edges of an insert)."""
     feed_per_tooth_mm: tuple[float, ...] | None = None
@@ -124,7 +125,7 @@ class Tool(Ranged, section="tool"):
 
     @property
     def corner_radius(self) -> float:
-        """Of the end's corner [m]: 0 for a flat end, R for a ball."""
+        """Corner radius of the end [m]: 0 for a flat end, R for a ball."""
         return self.radius if self.kind == "ball" else self.corner_radius_mm * MM
 
     @property
@@ -134,7 +135,7 @@ class Tool(Ranged, section="tool"):
 
     @property
     def point_angle(self) -> float:
-        """Of a drill [rad]."""
+        """Point angle of a drill [rad]."""
         return self.point_angle_deg * DEGREE
 
     @property

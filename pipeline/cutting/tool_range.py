@@ -67,7 +67,7 @@ def listed_range(
 def by_width(
     catalogue: CuttingCatalogue, material: Material, tool: Tool, operation: Operation
 ) -> tuple[CuttingRange, ...]:
-    """Of one operation, or of the first whose values hold for it too; narrow cuts first."""
+    """Ranges of one operation, or of the first similar operation with data; narrow cuts first."""
     names = (operation, *LIKE.get(operation, ()))
     ranges = (catalogue.by_width(tool, material, name) for name in names)
     return next((found for found in ranges if found), ())

@@ -23,7 +23,7 @@ class OddSize:
     field: str
     """Its name in the tool table."""
     value: float
-    """As it stands there."""
+    """Value as in the tool table."""
     reason: str
     """What is odd, as the end of a sentence."""
     units: tuple[str, ...] = ()

@@ -52,7 +52,7 @@ class Energy:
 
     @property
     def total(self) -> Floats:
-        """Of the program [kWh]; shape (...)."""
+        """Electrical energy of the program [kWh]; shape (...)."""
         total: Floats = self.block.sum(axis=-1)
         return total
 
@@ -108,7 +108,7 @@ class CostRates(Ranged, section="cost"):
     """Prices of time and electricity."""
 
     currency: str
-    """Of all prices, those of the tool table included."""
+    """Currency of all prices, those of the tool table included."""
     labour_per_h: Amount
     """Operator [currency / h]."""
     machine_per_h: Amount = 0.0
@@ -121,7 +121,7 @@ class CostRates(Ranged, section="cost"):
 
     @property
     def per_second(self) -> float:
-        """Of machine and operator [currency / s]."""
+        """Hourly rate of machine and operator [currency / s]."""
         return (self.labour_per_h + self.machine_per_h) / HOUR
 
     @property
@@ -150,7 +150,7 @@ class PartCost:
 
     @property
     def total(self) -> Floats:
-        """Of the part, C_p; NaN when the life of a tool that cuts is not known.  Shape (...)."""
+        """Part cost C_p; NaN when the life of a cutting tool is not determined; shape (...)."""
         total: Floats = self.block.sum(axis=-1)
         return total
 

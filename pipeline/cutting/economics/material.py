@@ -60,9 +60,9 @@ class Material(Ranged, section="material"):
     name: str
     """For people."""
     group: Annotated[int, Range(least=1, most=41)]
-    """Of VDI 3323, 1 to 41."""
+    """Group of VDI 3323, 1 to 41."""
     iso: Letter
-    """Of ISO 513."""
+    """Letter of ISO 513."""
     k_c11: Annotated[float, Range(least=10.0, most=20000.0)]
     """Specific cutting force of a chip 1 mm thick and 1 mm wide [N/mm^2]."""
     m_c: Annotated[float, Range(least=0.0, most=0.9)]
@@ -71,9 +71,9 @@ class Material(Ranged, section="material"):
     axial: Annotated[float, Range(least=-3.0, most=3.0)] = 0.0
     """Radial and axial force over the tangential one [1]."""
     source: str
-    """Of ``k_c11`` and ``m_c``."""
+    """Source of ``k_c11`` and ``m_c``."""
     ratio_source: str
-    """Of ``radial`` and ``axial``, or what is assumed."""
+    """Source of ``radial`` and ``axial``, or the assumption."""
     hardness_HB: Annotated[float, Range(least=1.0, most=1000.0)] | None = None
     strength_N_mm2: Annotated[float, Range(least=1.0, most=5000.0)] | None = None
     """Brinell hardness, tensile strength [N/mm^2]."""

@@ -42,7 +42,7 @@ class ToolPath:
 
     start: Floats
     end: Floats
-    """Of the tool's tip [m]; shape (Q, 3)."""
+    """End position of the tool tip [m]; shape (Q, 3)."""
     block: Indices
     """Which block of the program each belongs to, never falling; shape (Q,)."""
     tool: Indices
@@ -68,7 +68,7 @@ class ToolPath:
 
     @property
     def length(self) -> Floats:
-        """Of each piece [m]; shape (Q,)."""
+        """Length of each piece [m]; shape (Q,)."""
         length: Floats = np.linalg.norm(self.end - self.start, axis=1)
         return length
 

@@ -46,7 +46,7 @@ class HeightMap:
 
     @property
     def volume(self) -> float:
-        """Of the material [m^3]."""
+        """Volume of the material [m^3]."""
         floor = float(np.float32(self.floor))
         # row by row: a copy in double precision would need twice the memory of the map
         above = [float((row.astype(np.float64) - floor).sum()) for row in self.heights]

@@ -15,7 +15,7 @@ STEEPEST = 0.7
 
 
 LEAST_ARC = 1e-4
-"""Of a station that cuts at all [rad]."""
+"""Least arc of a station that cuts at all [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -47,7 +47,7 @@ class Cylinder(Ranged, section="stock"):
 
     x_mm: Finite
     y_mm: Finite
-    """Of its axis [mm]."""
+    """Position of the cylinder's axis along x and y [mm]."""
     diameter_mm: Positive
     """Diameter [mm]."""
     z_mm: Span

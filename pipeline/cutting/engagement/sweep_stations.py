@@ -154,9 +154,9 @@ SCALARS = 10
 ALONG, LENGTH, VOLUME, HEIGHT, DEEPEST, SHALLOWEST, STEPS_IN, AIR, AIR_HEIGHT, AIR_STEPS = range(
     SCALARS
 )
-"""Of the open station: where it begins, length, volume, sum of the tip's heights over its steps,
-greatest and least depth of a step, number of steps; length, heights and number of the steps in air
-since."""
+"""Columns of the open station: begin, length, volume, sum of the tip's heights over its steps,
+greatest and least depth of a step, number of steps; then length, heights and number of the steps in
+air since."""
 _DEPTH_SHARE = 0.05
 _SHIFT_CELLS = 1.0
 _THIN_CELLS = 2.0
@@ -280,8 +280,8 @@ def _same(station, peak, radius, cell):  # type: ignore[no-untyped-def]
 
 STATE = 3
 PIECE, DONE, RECENT = range(STATE)
-"""Of the state: piece; 0, or where it stopped within it 1 more than the steps before; and whether
-the counts of earlier pieces are valid."""
+"""Columns of the state: piece; 0, or 1 more than the steps before where it stopped within the
+piece; whether the counts of earlier pieces are valid."""
 _STEEP = 0.7
 """Rise over path length above which a motion is followed step by step: it is short in the plane."""
 

@@ -32,7 +32,7 @@ class EdgeTurn:
     tool: Tool
     """Whose edge it is; its runout is not used."""
     pieces: Floats
-    """As :mod:`pipeline.cutting.force.profile_kernel` has them; shape (n, 9)."""
+    """Pieces of the edge as in :mod:`pipeline.cutting.force.profile_kernel`; shape (n, 9)."""
     first: NDArray[np.intp]
     """Where those of each angle of the tip begin; shape (A + 1,)."""
 

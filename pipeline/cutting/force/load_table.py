@@ -54,7 +54,7 @@ class BlockLoads:
     peak: Floats
     mean: Floats
     rms: Floats
-    """Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
+    """RMS load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
     axial: Floats
     """Peak of |F_z| [N]; shape (..., B)."""
     torque: Floats

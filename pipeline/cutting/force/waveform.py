@@ -42,7 +42,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 
 SLICES = 16
-"""Of the corner and of the side each; two Gauss points in each."""
+"""Number of slices of the corner and of the side each, with two Gauss points in each."""
 
 
 def basis(

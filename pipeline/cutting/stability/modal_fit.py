@@ -31,7 +31,7 @@ CLOSE = 0.01
 STIFF = 0.05
 """Share of the greatest response from which on down lines count alike [1]."""
 MOST_MODES = 16
-"""Of one direction."""
+"""Greatest number of modes along one direction."""
 LESSENED = 0.9
 """Share to which each mode that is kept lessens the error on the lines left out [1]."""
 EXACT = 0.1

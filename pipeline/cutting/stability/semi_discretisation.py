@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 KRYLOV = 8
 """Dimensions of the Krylov space besides those of the modes' states."""
 CELLS_PER_WAVE = 6
-"""Of the highest mode, where refinement begins."""
+"""Cells per wave of the highest mode at the start of refinement."""
 LEAST_CELLS = 12
 MOST_CELLS = 4096
 REFINEMENTS = 6
@@ -49,7 +49,7 @@ KEPT = 1 << 14
 BELOW = 0.7
 """Share of the stable depth where the search for chatter begins [1]."""
 HARMONICS = 7
-"""Of A, the mean among them, that bound the depth."""
+"""Number of harmonics of A, the mean among them, in the bound of the depth."""
 _AROUND = np.linspace(-8.0, 8.0, 65)
 """Half widths of a mode's peak where its receptance is looked at."""
 

@@ -21,7 +21,7 @@ from pipeline.kernels import compiled
 _STRAIGHT = 1e-6
 """Lag [rad] below which an edge counts as straight."""
 _SQUARINGS = 18
-"""Of the Hessenberg matrix: its norm's growth is known to 1 / 2^17."""
+"""Number of squarings of the Hessenberg matrix: its norm's growth is exact to 1 / 2^17."""
 _FAR = 30.0
 """Logarithm of a norm beyond which the growth's sign is certain."""
 _SETTLED = 1e-6

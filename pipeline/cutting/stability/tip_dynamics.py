@@ -200,7 +200,7 @@ class TipDynamics:
 
     @classmethod
     def of_modes(cls, tip: TipModes) -> "TipDynamics":
-        """As a machine's file has them."""
+        """Tip dynamics from modes as in a machine's file."""
         return cls(
             source=tip.source, measured=tip.measured, every=tip.modes or None,
             tools=dict(tip.tools),

@@ -135,7 +135,7 @@ class FittedLine:
     values: Floats
     """Values [N/m^2], [N/m]; shape (6,)."""
     covariance: Floats
-    """Of them; shape (6, 6)."""
+    """Covariance of the values; shape (6, 6)."""
     gain: Floats
     """Their change by the gain of each recording; shape (6, R)."""
     edges: Floats
@@ -164,7 +164,7 @@ class KnownShape:
     chip: ChipShape
     """h_0 [m] and m [1], the same m for all directions."""
     covariance: Floats
-    """Of h_0 and m; shape (2, 2)."""
+    """Covariance of h_0 and m; shape (2, 2)."""
 
     def likely(self, exponents: Floats, growths: Floats) -> Floats:
         """Logarithm of the likelihood of laws of exponents (L, 3) and growths (L,); shape (L,).

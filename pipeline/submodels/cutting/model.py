@@ -54,7 +54,7 @@ class WaveformResidual:
     """Residual of the mechanics under one set of conditions."""
 
     conditions: CutConditions
-    """Of the first of its recordings."""
+    """Conditions of the first of its recordings."""
     feeds: tuple[float, ...]
     """Feeds per tooth f_z of its recordings [m]."""
     constant: Complexes
@@ -154,7 +154,8 @@ class CutModel:
     :func:`pipeline.submodels.cutting.waveform.columns` has them; shape (D,)."""
     natural: Floats | None
     damping: Floats | None
-    """Of the modes of the channels that show feed, normal and axis [Hz], [1]; shape (3,)."""
+    """Natural frequency [Hz] and damping [1] of the channel modes for feed, normal and axis; shape
+    (3,)."""
     left_out: Floats
     """Variance of the model error of each direction's harmonics [N^2]; shape (3,)."""
     residuals: Sequence[WaveformResidual] = ()
@@ -162,7 +163,7 @@ class CutModel:
     spread: ForceSpread | None = None
     """Laws of the chip that the records allow, and what intervals are made of; none without."""
     chip: ChipShape = STRAIGHT
-    """Of the law."""
+    """Chip shape of the force law."""
     line: Floats | None = None
     """Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default;
     shape (6,)."""

@@ -46,7 +46,7 @@ class CuttingRecording:
 
     name: str
     sha256: str
-    """Of the raw file."""
+    """SHA-256 of the raw file."""
     role: Role
     """What it is for."""
     conditions: CutConditions | None = None
@@ -61,7 +61,7 @@ class CuttingRecording:
     notes: tuple[str, ...] = ()
     """Changes made to its rows."""
     file: Recording | None = None
-    """As the ingest wrote it."""
+    """Recording as written by the ingest."""
 
     @property
     def is_training(self) -> bool:

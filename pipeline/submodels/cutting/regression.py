@@ -25,7 +25,7 @@ class Regression:
     values: Floats
     """Estimates; shape (D,)."""
     covariance: Floats
-    """Of them; shape (D, D)."""
+    """Covariance of the estimates; shape (D, D)."""
     half_width: Floats
     """Half of the 95 % interval; infinite without more readings than parameters; shape (D,)."""
     quantile: float

@@ -66,13 +66,15 @@ class RoundedFit:
     fit: Fit
     """To all recordings."""
     uncertainty: FitUncertainty
-    """Of it."""
+    """Uncertainty of the fit."""
     folds: Sequence[Fold]
     """Fits without some of the recordings, in the order of the selection's."""
     factor: Floats
-    """Of the deviations of its law's constants over those of the fit alone [1]; shape (6,)."""
+    """Ratio of the standard deviations of the law's constants to those of the fit alone [1]; shape
+    (6,)."""
     alike: Fit | None = None
-    """Of teeth with edges alike, where recordings left out do not tell that from ``fit``."""
+    """Fit with teeth of alike edges, where held-out recordings do not distinguish it from
+    ``fit``."""
 
     @property
     def coefficients(self) -> Floats:

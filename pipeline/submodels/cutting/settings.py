@@ -38,7 +38,7 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     genetic: GeneticSettings = field(
         default_factory=lambda: GeneticSettings(population=16, generations=10, stall=5)
     )
-    """Of the genetic algorithm."""
+    """Settings of the genetic algorithm."""
 
 
 DIRECTIONS = ("feed", "normal", "axial")
@@ -58,9 +58,10 @@ class Dynamometer:
     :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the opposite
     force: ``-x`` when its x points along the feed."""
     normal: str = "-y"
-    """Of the force on the tool to the left of the feed, F_y; with M4, to the right of it."""
+    """Channel of the force on the tool to the left of the feed, F_y; with M4, to the right of
+    it."""
     axial: str = "z"
-    """Of the force with which the edge lifts the workpiece, F_z: ``z`` of a dynamometer under the
+    """Channel of the force that lifts the workpiece, F_z: ``z`` of a dynamometer under the
     workpiece that points upwards."""
 
     def __post_init__(self) -> None:
@@ -94,9 +95,9 @@ class CuttingSetup:
     """
 
     tool: Tool
-    """That cut; what ``sought`` names of it is identified."""
+    """Tool of the cuts; its parameters in ``sought`` are identified."""
     material: str = ""
-    """Of the workpiece."""
+    """Material of the workpiece."""
     dynamometer: Dynamometer = field(default_factory=Dynamometer)
     """Orientation of its channels."""
     sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
@@ -117,9 +118,9 @@ class CuttingLimits(Ranged, section="cutting_limits"):
 
     peak_percent: Positive = 10.0
     mean_percent: Positive = 10.0
-    """Of the peak and the mean of the force in the plane over a mean revolution [%]."""
+    """Greatest error of peak and mean force in the plane over a mean revolution [%]."""
     rms_percent: Positive = 20.0
-    """Of the RMS error of the waveform in the plane, over the RMS force [%]."""
+    """Greatest RMS error of the waveform in the plane, over the RMS force [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,7 +144,7 @@ class CuttingRecords:
     conditions: StatedConditions = field(default_factory=StatedConditions)
     """Common to all recordings."""
     by_pattern: Mapping[str, StatedConditions] = field(default_factory=dict)
-    """Of the recordings whose names match a pattern."""
+    """Conditions of the recordings whose names match a pattern."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Patterns of recordings that are not used, with the reason."""
     spindle: SpindleLoadRecords | None = None

@@ -192,7 +192,7 @@ class CutHarmonics:
     lines: Complexes
     """Harmonics of the force on the tool along feed, normal, axis [N]; shape (H + 1, 3)."""
     variance: Floats
-    """Of their real and imaginary parts each, scatter and zero [N^2]; shape (H + 1, 3)."""
+    """Variance of their real and imaginary parts each, scatter and zero [N^2]; shape (H + 1, 3)."""
 
     @property
     def harmonics(self) -> int:

@@ -67,12 +67,12 @@ class Correction:
     """Growth as a sum of terms, what it was compared with, and where it holds."""
 
     inputs: tuple[str, ...]
-    """That are read: sensors from front to rear, the ambient temperature, the speed."""
+    """Input channels: sensors from front to rear, the ambient temperature, the speed."""
     period_s: float
     """Time between two rows [s]."""
     terms: tuple[Term, ...]
     starts: tuple[StartTerm, ...]
-    """Of the sum."""
+    """Start terms of the sum."""
     exact: bool
     """Whether the method that serves is such a sum."""
     largest_um: float

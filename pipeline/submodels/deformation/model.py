@@ -47,14 +47,14 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     machine that is warm when the probe is set to zero.  Of these numbers the one with which the
     linear regression errs least on recordings left out."""
     methods: tuple[str, ...] = ()
-    """That are compared; unless named all that the recorded channels allow."""
+    """Methods that are compared; by default all that the recorded channels allow."""
     training: TrainingSettings = field(default_factory=TrainingSettings)
     """Budget of each network, the same for all."""
     every_s: Positive = 360.0
     """Time between two samples that networks and physical models learn from [s]; neighbours say
     nearly the same."""
     sensors: SensorSettings = field(default_factory=SensorSettings)
-    """Of the check of the temperature sensors."""
+    """Settings of the plausibility check of the temperature sensors."""
     rate_s: Positive = 600.0
     """Time constant over which warming and cooling are told from steady [s]."""
     steady_K_h: Positive = 2.0
@@ -80,7 +80,7 @@ class MethodScore:
     """Fits on each fold [1]."""
     rmse_um: float
     max_um: float
-    """Of the mean prediction over the seeds [um]."""
+    """Greatest error of the mean prediction over the seeds [um]."""
     r: float | None
     """Correlation with what was measured [1]; None where the prediction is constant."""
     mape_percent: float
@@ -146,7 +146,7 @@ class DeformationModel(Model):
     compared: Mapping[str, MethodScore]
     """All methods, on training recordings left out."""
     treatment: Treatment
-    """Of faulty sensors."""
+    """Treatment of faulty sensors."""
     training_faults: tuple[TrainingFault, ...]
     """Found in the training recordings."""
     later_starts: int

@@ -32,9 +32,9 @@ class Recipe:
     records: SpindleRecords
     """Signals that it looks at."""
     network: SpindleFitSettings
-    """Of the network's fit."""
+    """Settings of the network's fit."""
     forest: ForestSettings
-    """Of the forest."""
+    """Settings of the forest."""
     whole: SpindleThermalParameters
     """The network of all days, from which those of fewer days start."""
 

@@ -76,7 +76,7 @@ class Run:
     regime: Labels
     """Regime of the prediction interval."""
     again: Floats
-    """Of the whole model with other seeds of its training; shape (K, T)."""
+    """Predictions of the whole model with other training seeds; shape (K, T)."""
 
     @property
     def seconds(self) -> Floats:

@@ -32,7 +32,7 @@ class ForestSettings(Ranged, section="residual_forest"):
     sample_s: Positive = 60.0
     """Time between the samples taken of a window [s]."""
     seed: Annotated[int, Range(least=0)] = 0
-    """Of the forest."""
+    """Seed of the forest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -244,7 +244,7 @@ class Wear:
     def predict_again(
         self, windows: WearWindows, draws: int = DRAWN
     ) -> tuple[Readings, dict[str, Floats], list[dict[str, Floats]]]:
-        """As :meth:`predict`, and by networks and trees that are drawn with replacement."""
+        """Predictions as :meth:`predict`, and by networks and trees drawn with replacement."""
         readings = Readings.among(windows, per_recording=self.file.per_recording)
         each, random = self.fitted.by_members(windows), np.random.default_rng(0)
 

@@ -57,7 +57,7 @@ class LoadLogFile:
 
     @property
     def sha256(self) -> str:
-        """Of the raw file."""
+        """SHA-256 of the raw file."""
         return str(self.entry.get("sha256") or "")
 
 

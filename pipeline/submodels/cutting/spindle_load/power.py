@@ -26,7 +26,8 @@ class NoLoad:
     """No-load power of a spindle."""
 
     fit: Regression
-    """Of p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds determine."""
+    """Regression for p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds
+    determine."""
     lowest: float
     highest: float
     """Speeds between which it holds [rev/s]."""
@@ -91,7 +92,7 @@ class SpecificForce:
     [N/m^2 = J/m^3], summed over levels, each for the same time; and half of its 95 % interval: by
     how much cuts of the same kind differ is counted where there is more than one level."""
     fit: Regression
-    """Of K_tc [N/m^2], then of K_te [N/m] where the cuts were to determine it."""
+    """Regression for K_tc [N/m^2], then K_te [N/m] where the cuts were to determine it."""
     cuts: int
     """Number of levels."""
 

@@ -19,9 +19,9 @@ class LoadItems:
     line: str
     """Line of the program's text that is executed, counting from 1."""
     speed: str
-    """Of the spindle [rev/min]."""
+    """Data item of the spindle speed [rev/min]."""
     load: str
-    """Of the spindle [%]."""
+    """Data item of the spindle load [%]."""
     feed: str
     """Actual speed along the path [mm/s]."""
 
@@ -48,7 +48,7 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     tools: Mapping[int, Tool]
     """Those that cut, by their number in the program."""
     resolution_mm: Annotated[float, Range(least=0.01, most=10.0, unit="mm")] = 0.5
-    """Of the blank [mm]."""
+    """Resolution of the blank [mm]."""
 
     def __post_init__(self) -> None:
         stock_of(self.stock)
@@ -90,7 +90,7 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """How long speed and cut must have been the same before a reading counts: five times the lag of
     the meter [s]."""
     setup: Setup = field(default_factory=Setup)
-    """Of the control, for the programs."""
+    """Set-up of the control, for the programs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
