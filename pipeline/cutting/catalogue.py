@@ -22,7 +22,7 @@ Operation = Literal[
     "drilling", "centre_drilling", "countersinking", "counterboring", "deep_drilling", "reaming",
     "boring", "tapping", "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
 ]  # fmt: skip
-"""What a tool does in a cut, in the terms of cutting-data tables."""
+"""Kind of cut, in the terms of cutting-data tables."""
 
 OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
@@ -123,7 +123,7 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     feed_mm: Annotated[tuple[tuple[float, ...], ...], Range(least=0.0, most=10.0)] = ()
     """Least and greatest feed in each span [mm]; none where the source has none."""
     feed_per: Literal["tooth", "revolution"] = "tooth"
-    """What ``feed_mm`` is for."""
+    """Reference of ``feed_mm``."""
     cutting_speed_m_min: Annotated[tuple[float, ...], Range(least=0.0, most=10_000.0)] | None = None
     """Least and greatest v_c [m/min]."""
     axial_over_diameter: Annotated[float, Range(above=0.0, most=100.0)] | None = None

@@ -23,7 +23,7 @@ Role = Literal[
     "", "face_mill", "spot_drill", "centre_drill", "reamer", "tap", "thread_mill", "chamfer_mill",
     "boring_bar", "engraver", "probe", "countersink", "counterbore",
 ]  # fmt: skip
-"""What a tool is made for, where the form of its end does not say it."""
+"""Purpose of a tool, where the form of its end does not show it."""
 Length = Annotated[float, Range(least=0.01, most=1000.0)]
 """Length on a tool [mm]."""
 
@@ -35,10 +35,9 @@ class Tool(Ranged, section="tool"):
     kind: Kind
     """Form of its end."""
     role: Role = ""
-    """What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
-    ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
-    ``boring_bar``, ``engraver``, ``probe``, ``countersink`` or ``counterbore``.  Geometry goes by
-    ``kind``."""
+    """Purpose, where that is neither plain milling nor drilling: ``face_mill``, ``spot_drill``,
+    ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``, ``boring_bar``,
+    ``engraver``, ``probe``, ``countersink`` or ``counterbore``. Geometry goes by ``kind``."""
     diameter_mm: Length
     """D over the cutting edges [mm]."""
     flutes: Annotated[int, Range(least=1, most=200)]
@@ -56,7 +55,7 @@ class Tool(Ranged, section="tool"):
     flute_length_mm: Length | None = None
     """Length that can cut [mm]."""
     stickout_mm: Annotated[float, Range(least=0.1, most=3000.0)] | None = None
-    """From the holder's face to the tip [mm]; without it no deflection is known."""
+    """Stickout from the holder's face to the tip [mm]; needed for the deflection."""
     shank_diameter_mm: Length | None = None
     """[mm]; the tool's diameter by default.  A wider one begins where the flutes end."""
     holder_diameter_mm: Length | None = None
@@ -94,7 +93,7 @@ class Tool(Ranged, section="tool"):
     flank_wear_um: Annotated[float, Range(least=0.0, most=2000.0)] | None = None
     """Flank wear VB that it has now, as measured [um]."""
     name: str = ""
-    """For people."""
+    """Name for readers."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -199,7 +198,7 @@ class ToolTable:
     """
 
     tools: dict[int, Tool]
-    """By the number in the program."""
+    """Tools by their number in the program."""
     description: str = ""
     """Whose tools they are, for people."""
 

@@ -25,7 +25,7 @@ class OddSize:
     value: float
     """Value as in the tool table."""
     reason: str
-    """What is odd, as the end of a sentence."""
+    """Finding, as the end of a sentence."""
     units: tuple[str, ...] = ()
     """Units in which the value would be usual."""
     beside: str = ""
@@ -33,7 +33,7 @@ class OddSize:
 
     @property
     def remedy(self) -> str:
-        """What to do, as a sentence."""
+        """Remedy, as a sentence."""
         meant = f"; {' or '.join(self.units)} seems to be meant" if self.units else ""
         fields = f"{self.field} and {self.beside}" if self.beside else self.field
         return f"Check {fields} and its unit{meant}; leave it where the tool is of that size."

@@ -104,7 +104,7 @@ def _rows_of(moves: Moves, kinds: tuple[Kind, ...]) -> Rows:
 
 
 def _speed_changes(moves: Moves, rows: Rows) -> Bools:
-    """Which spindle rows only change the speed of a rotating spindle."""
+    """Flags of spindle rows that only change the speed of a rotating spindle."""
     before = np.where(rows > 0, moves.direction[rows - 1], 0)
     same: Bools = (before == moves.direction[rows]) & (before != 0)
     return same

@@ -44,7 +44,7 @@ class Target:
 
     quantity: str
     unit: str
-    """What and in which unit."""
+    """Quantity and unit."""
     regime: str = ""
     """Regime of the prediction, such as a horizon; empty where there is one only."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class Target:
     baselines: tuple[str, ...] = ()
     """Predictions that are made beside the model's, simpler or in hindsight."""
     must_beat: tuple[str, ...] = ()
-    """Those that the model has to be better than, on MAE and on RMSE both, over all groups."""
+    """Baselines that the model has to beat, on MAE and on RMSE both, over all groups."""
     each_group: bool = False
     """Whether it has to be so in every group."""
     resolution: float = 0.0
@@ -98,13 +98,13 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a predictor says of one case."""
+    """Prediction of one case."""
 
     frame: "pd.DataFrame"
     """Long: ``quantity``, ``unit``, ``regime``, ``t``, ``measured``, ``predicted`` and, where there
     are some, ``low``, ``high``, ``scored`` and ``baseline_<name>``."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    """What else is to be said of the case."""
+    """Further facts of the case."""
     note: str = ""
     """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
@@ -122,9 +122,9 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
     name: ClassVar[str]
     """Name of its folder, its lists in the fleet, its stages."""
     title: ClassVar[str]
-    """What it models, as a person on the shop floor calls it."""
+    """Subject of the model in the words of the shop floor."""
     needs: ClassVar[str]
-    """What to record for it, in a sentence."""
+    """Required records, in a sentence."""
     reads: ClassVar[tuple[str, ...]]
     """Fields of :class:`~pipeline.submodels.cases.Records` in the order of the stages' commands."""
     model: ClassVar[type[Model]]
@@ -140,7 +140,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
     @abstractmethod
     def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
-        """What is predicted, with the limits that the settings give."""
+        """Predicted quantities, with the limits of the settings."""
 
     @abstractmethod
     def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
@@ -201,7 +201,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shown(Generic[M]):
-    """What a sub-model's page is made of; None where a file is not there."""
+    """Content of a sub-model's page; None where a file is missing."""
 
     machine: str
     origin: str
@@ -209,7 +209,7 @@ class Shown(Generic[M]):
     verdict: Verdict | None
     predictions: "pd.DataFrame | None"
     truth: Mapping[str, Any] | None = None
-    """What is true of a simulated machine."""
+    """Truth of a simulated machine."""
     shelf: Any = None
     """Reader of further files, so that the page can name its sources."""
     folder: Path = Path()

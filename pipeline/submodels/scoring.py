@@ -128,7 +128,7 @@ def trained_again(rows: pd.DataFrame) -> list[str]:
 
 
 def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
-    """What the sensor's steps leave open of the difference to what has to be beaten."""
+    """Uncertainty of the difference to the baseline from the sensor's resolution."""
     step = target.resolution or _recorded_step(rows, target)
     if step <= 0:
         return {}

@@ -33,7 +33,7 @@ def drawn_again(members: Floats) -> dict[str, Floats]:
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How well a fit determines its parameters."""
+    """Uncertainty of the parameters of a fit."""
 
     covariance: Floats
     """Covariance of the parameters, robust against residuals that hang together within a block;

@@ -135,7 +135,7 @@ class _Growth:
         return factors, table @ factors - self.measured
 
     def left(self, logarithms: Floats) -> Floats:
-        """What the best factors of lags leave, over the greatest growth."""
+        """Residual of the best factors of lags, over the greatest growth."""
         scale = max(float(np.abs(self.measured).max(initial=0.0)), 1e-9)
         return self.linear(np.exp(logarithms))[1] / scale
 
@@ -143,7 +143,7 @@ class _Growth:
 def _columns(
     time_s: ArrayLike, speed_rad_s: ArrayLike, temperatures_C: Floats, lags_s: ArrayLike
 ) -> Floats:
-    """What K_j and k multiply, shape (T, C + 1): lagged rises and the square of the speed."""
+    """Regressors of K_j and k, shape (T, C + 1): lagged rises and the square of the speed."""
     square = np.asarray(speed_rad_s, float) ** 2
     slow = [
         lag(time_s, column, float(constant)) - column[0]

@@ -142,7 +142,7 @@ class _Task:
         return low, high
 
     def first(self, fast: float, slow: float) -> Floats:
-        """Where to start: half of the spindle's heat goes to the ambient, half to the structure."""
+        """Start values: half of the spindle's heat goes to the ambient, half to the structure."""
         heat = max(self.rise, 1.0) / fast / 2
         rates = np.log([0.5 / fast, 0.5 / fast, 0.5 * fast / slow, 0.5 / slow])
         x = np.array(

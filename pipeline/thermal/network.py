@@ -161,7 +161,7 @@ def _modes(parameters: SpindleThermalParameters) -> tuple[Floats, Floats, Floats
 
 
 def slow_share(parameters: SpindleThermalParameters) -> float:
-    """How far the body is off where the measured node is off by one, in the slow mode [1].
+    """Error of the body over that of the measured node, in the slow mode [1].
 
     The error of a free run that is older than the fast mode stands in the slow one.
     """

@@ -116,8 +116,7 @@ class CostRates(Ranged, section="cost"):
     energy_per_kWh: Amount = 0.0
     """Electricity [currency / kWh]."""
     tool_change_min: Amount = 0.0
-    """To change a worn tool for a new one [min]; not the changes that the program commands, which
-    are in its time."""
+    """Time to replace a worn tool [min]; without the tool changes that the program commands."""
 
     @property
     def per_second(self) -> float:

@@ -40,7 +40,7 @@ class LinearEdge:
         self.force_law()  # refuses what is no law
 
     def force_law(self) -> ForceLaw:
-        """In SI."""
+        """Force law in SI."""
         return ForceLaw.linear(
             K_tc=self.K_tc, K_rc=self.K_rc, K_ac=self.K_ac,
             K_te=self.K_te, K_re=self.K_re, K_ae=self.K_ae,
@@ -58,7 +58,7 @@ class Material(Ranged, section="material"):
     """
 
     name: str
-    """For people."""
+    """Name for readers."""
     group: Annotated[int, Range(least=1, most=41)]
     """Group of VDI 3323, 1 to 41."""
     iso: Letter
@@ -107,7 +107,7 @@ class Material(Ranged, section="material"):
 
     @property
     def force_source(self) -> str:
-        """Where the numbers of :meth:`force_law` come from."""
+        """Source of the numbers of :meth:`force_law`."""
         return self.source if self.coefficients is None else self.coefficients.source
 
     def tool_life(self, tool: Tool) -> Taylor | None:

@@ -27,7 +27,7 @@ class SpindleDrive(Ranged, section="spindle_drive"):
     """
 
     rated_power_kW: Positive
-    """At the motor's shaft, from its base speed on [kW]."""
+    """Rated power at the motor's shaft, from the base speed on [kW]."""
     base_speed_rpm: Positive
     """[rev/min]."""
     top_speed_rpm: Positive
@@ -39,7 +39,7 @@ class SpindleDrive(Ranged, section="spindle_drive"):
     electricity depends on it; 0.9 is usual of 10 to 20 kW near the rated power, and too much for a
     motor that hardly works."""
     minimum_speed_rpm: Positive = 100.0
-    """Below it force is not determined by power [rev/min]."""
+    """Speed below which power does not determine force [rev/min]."""
     no_load_W: tuple[Finite, ...] = (0.0,)
     """p0, p1, p2, ... of P_0 = p0 + p1 n + p2 n^2 + ... [W, W s, W s^2, ...], n in rev/s; like all
     that the cut takes, reckoned at the tool."""

@@ -76,7 +76,7 @@ class Taylor(Ranged, section="taylor"):
     speed_range_m_min: tuple[float, ...] = ()
     """Lowest and highest cutting speed of the tests [m/min]."""
     source: str = ""
-    """Where the constants come from."""
+    """Source of the constants."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -24,7 +24,7 @@ BODIES = ("shank", "holder")
 
 
 class Contacts(NamedTuple):
-    """Where a body of a tool is in the material; N of them, in the order of the path.
+    """Contacts of tool bodies with the material; N of them, in the order of the path.
 
     ``piece`` of the path, ``body``: index into :data:`BODIES`, ``depth`` of its underside below the
     highest column in its way, at most along the piece [m].
@@ -49,7 +49,7 @@ def bodies(tool: Tool) -> Floats:
 
 
 def contacts(path: ToolPath, tools: Sequence[Tool], stock: HeightMap) -> Contacts:
-    """Where shank or holder of a tool is in the material along a path in the stock's frame.
+    """Contacts of a tool's shank or holder with the material along a path in the stock's frame.
 
     ``tools`` are those that ``path.tool`` counts; the stock is not changed.
     """

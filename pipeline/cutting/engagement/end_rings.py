@@ -25,11 +25,12 @@ class EndRings:
     """
 
     station: Ints
-    """Which stations of the engagement, rising; at all others the whole end counts; shape (P,)."""
+    """Indices of the stations of the engagement, rising; at all others the whole end counts; shape
+    (P,)."""
     inner: Singles
     outer: Singles
-    """From which to which distance from the axis the flat lies on material at each of F angles [m];
-    nothing where ``outer <= inner``; shape (P, F)."""
+    """Inner and outer radius of the part of the flat on material, at each of F angles [m]; none
+    where ``outer <= inner``; shape (P, F)."""
 
     def __post_init__(self) -> None:
         if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):

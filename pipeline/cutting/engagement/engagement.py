@@ -44,7 +44,7 @@ class ToolPath:
     end: Floats
     """End position of the tool tip [m]; shape (Q, 3)."""
     block: Indices
-    """Which block of the program each belongs to, never falling; shape (Q,)."""
+    """Block of the program that each belongs to, never falling; shape (Q,)."""
     tool: Indices
     """Index into the tools that go with the path; shape (Q,)."""
     feed: Bools
@@ -103,7 +103,7 @@ def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
 
 
 def arc_ends(depth: NDArray[np.floating], first: Ints, last: Ints) -> tuple[Floats, Floats]:
-    """Where arcs from angle ``first`` to ``last`` begin and end within these two, 0 to 2 pi [rad].
+    """Begin and end of arcs from angle ``first`` to ``last``, 0 to 2 pi [rad].
 
     Parameters as in :func:`engaged_arc`, which says how; ``first`` and ``last`` have shape (N,).
     """
@@ -156,7 +156,7 @@ class Engagement:
     tool: Indices
     """Piece of the path, block of the program, index of the tool; shape (N,)."""
     along: Floats
-    """Where on its piece the station begins [m]; shape (N,)."""
+    """Begin of the station on its piece [m]; shape (N,)."""
     length: Floats
     """Length of the stretch that it stands for [m]; shape (N,)."""
     lower: Singles
@@ -181,7 +181,7 @@ class Engagement:
 
     @property
     def angles(self) -> Floats:
-        """Where ``lower`` and ``upper`` are given [rad]; shape (F,)."""
+        """Angles at which ``lower`` and ``upper`` are given [rad]; shape (F,)."""
         many = self.upper.shape[1]
         return (np.arange(many) + 0.5) * (2 * np.pi / many)
 

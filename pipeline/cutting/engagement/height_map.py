@@ -53,7 +53,7 @@ class HeightMap:
         return fsum(above) * self.cell**2
 
     def shifts(self, margin: int = 0) -> tuple[Floats, Floats]:
-        """Where in their cells the columns stand, in cells.
+        """Positions of the columns in their cells, in cells.
 
         Along x by row, shape (rows + 2 margin,), and along y by column, shape (columns + 2
         margin,); ``margin`` is the number of cells around the map.
@@ -111,7 +111,7 @@ def empty_map(
 
 
 def rows_of(grid: HeightMap) -> Iterator[tuple[Floats, Floats]]:
-    """Where the columns stand along x and y [m], row by row; each of shape (columns,)."""
+    """Positions of the columns along x and y [m], row by row; each of shape (columns,)."""
     columns = grid.heights.shape[1]
     shifts, across = grid.shifts()
     along = np.arange(columns)

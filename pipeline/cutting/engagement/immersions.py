@@ -38,7 +38,7 @@ class Immersions:
     """[rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi;
     shape (N,)."""
     feed_direction: Floats
-    """From the machine's x [rad]; shape (N,)."""
+    """Angle from the machine's x [rad]; shape (N,)."""
     direction: NDArray[np.int8]
     """Direction of the spindle, 1 or -1; shape (N,)."""
     blocks: int
@@ -48,7 +48,7 @@ class Immersions:
     rapids; shape (B,)."""
     lowest: Floats | None = None
     highest: Floats | None = None
-    """Between which heights above the tip the edge is in the material [m]; from the tip to
+    """Least and greatest height above the tip of the edge in the material [m]; from the tip to
     ``depth`` where they are not given; shape (N,)."""
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ class Box:
     x_mm: Span
     y_mm: Span
     z_mm: Span
-    """From where to where [mm]; a block without height is a stock without material."""
+    """Lower and upper end [mm]; a block without height is a stock without material."""
 
     def __post_init__(self) -> None:
         _check_range("x_mm", self.x_mm)
@@ -51,7 +51,7 @@ class Cylinder(Ranged, section="stock"):
     diameter_mm: Positive
     """Diameter [mm]."""
     z_mm: Span
-    """From where to where [mm]; a bar without height is a stock without material."""
+    """Lower and upper end [mm]; a bar without height is a stock without material."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

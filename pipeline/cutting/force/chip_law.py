@@ -30,7 +30,7 @@ OTHERWISE = 0.1
 
 
 def _parts(h: Floats, exponent: Sequence[float], growth: float) -> Floats:
-    """What C and E are multiplied by [m], [1]; shape (6,) + shape of ``h``."""
+    """Factors of C and E [m], [1]; shape (6,) + shape of ``h``."""
     thick = np.maximum(h, 1e-12)
     chip = [thick * (thick / REFERENCE) ** -m for m in exponent]
     edge = 1 - np.exp(-thick / growth) if growth > 0 else np.ones_like(thick)

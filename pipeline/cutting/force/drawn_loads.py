@@ -34,7 +34,7 @@ class EdgeTurn:
     pieces: Floats
     """Pieces of the edge as in :mod:`pipeline.cutting.force.profile_kernel`; shape (n, 9)."""
     first: NDArray[np.intp]
-    """Where those of each angle of the tip begin; shape (A + 1,)."""
+    """First piece of each tip angle; shape (A + 1,)."""
 
 
 def edge_turn(

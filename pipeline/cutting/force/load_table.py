@@ -106,7 +106,7 @@ class LoadTable:
     of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`); then the
     standard deviation of each; shape (6, U, K + 1)."""
     station: Rows
-    """Which of them each station of the engagement is; shape (N,)."""
+    """Distinct station of each station of the engagement; shape (N,)."""
     block: NDArray[np.int32]
     """Block of each station; shape (N,)."""
     scale: Floats

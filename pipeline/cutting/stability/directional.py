@@ -46,11 +46,11 @@ class RegenerativeCut(Ranged, section="cut"):
     exit: float
     """Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad]."""
     feed_direction: Finite = 0.0
-    """From the machine's x, anticlockwise seen from above [rad]."""
+    """Angle from the machine's x, anticlockwise seen from above [rad]."""
     direction: Literal[1, -1] = 1
     """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4)."""
     lag: Finite = 0.0
-    """By which an edge stays behind its tip for each height, tan(helix) / R [rad/m]."""
+    """Lag of an edge behind its tip over the height, tan(helix) / R [rad/m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

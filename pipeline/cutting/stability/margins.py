@@ -46,7 +46,7 @@ SHARES = 128
 IN_ARC = 90
 """Least number of marks in an arc: its ends are known to half a mark each, 1.1 % of it in all."""
 FEED = pi / 720
-"""Between two marks of the feed's direction [rad]."""
+"""Distance between two marks of the feed's direction [rad]."""
 ROUNDED = 0.985
 """Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
 MOST = 3.0

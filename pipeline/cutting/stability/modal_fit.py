@@ -43,7 +43,7 @@ ERROR = 0.1
 FEW = 16
 """Least number of lines of a direction."""
 BELOW, ABOVE = 0.2, 2.0
-"""Where modes beyond the band are sought, over its lowest and its highest frequency [1]."""
+"""Search range of modes beyond the band, over its lowest and its highest frequency [1]."""
 DAMPING = (1e-4, 0.7)
 """Range of the damping ratio [1]."""
 UNSEEN = 0.05
@@ -70,7 +70,7 @@ class ModalFit:
     error: float
     """Greatest error of a mode's peak, over the greatest peak of its direction [1]."""
     caution: str = ""
-    """What the band does not show; empty where nothing is missing."""
+    """Note on missing parts of the band; empty where nothing is missing."""
 
 
 def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
@@ -168,7 +168,7 @@ def _taken(mode: Mode, factor: float, damping: float | None = None) -> Mode:
 
 
 def _caution(modes: Sequence[Mode], seen: Sequence[Mode], high: float, name: str) -> str:
-    """What modes above the band may do that were not measured."""
+    """Note on possible effects of modes above the band."""
     beyond = sum(1.0 / mode.stiffness for mode in modes if mode.natural_frequency_Hz > high)
     share = beyond / sum(1.0 / mode.stiffness for mode in seen)
     if share > 1.0:

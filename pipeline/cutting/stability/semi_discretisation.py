@@ -55,7 +55,7 @@ _AROUND = np.linspace(-8.0, 8.0, 65)
 
 
 def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Tip, Cut, Work]":
-    """What the kernels take, with arrays for up to ``cells``."""
+    """Arguments of the kernels, with arrays for up to ``cells``."""
     from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
 
     used = sorted({mode.axis for mode in modes})

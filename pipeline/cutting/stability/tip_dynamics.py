@@ -176,13 +176,13 @@ class TipModes:
     """The section ``dynamics`` of a machine."""
 
     source: str
-    """Where the modes come from."""
+    """Source of the modes."""
     measured: bool = False
     """Whether that is a modal test of this machine."""
     modes: tuple[Mode, ...] = ()
-    """At the tip of every tool that is not listed."""
+    """Modes at the tip of every tool that is not listed."""
     tools: dict[int, tuple[Mode, ...]] = field(default_factory=dict)
-    """By tool number."""
+    """Modes by tool number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -207,7 +207,7 @@ class TipDynamics:
         )  # fmt: skip
 
     def of(self, numbers: Sequence[int]) -> list[Sequence[Mode] | None]:
-        """For each of the tools with these numbers; None where nothing is known."""
+        """Dynamics of each of the tools with these numbers; None where there are none."""
         return [self.tools.get(number, self.every) for number in numbers]
 
 

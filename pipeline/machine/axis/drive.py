@@ -268,7 +268,7 @@ class DriveTraces:
 
     position: Floats = field(repr=False)
     velocity: Floats = field(repr=False)
-    """At the encoder [m], [m/s]."""
+    """Position [m] and velocity [m/s] at the encoder."""
     command: Floats = field(repr=False)
     """Set at the sample [A]."""
     greatest: Floats

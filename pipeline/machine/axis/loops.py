@@ -132,7 +132,7 @@ def increments(error: float, change: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedLoopParameters(Ranged, section="speed_loop"):
-    """One speed loop."""
+    """Parameters of a speed loop."""
 
     torque_limit: Positive
     """Greatest torque that is commanded [N m]."""
@@ -148,7 +148,7 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParameters(Ranged, section="position_loop"):
-    """One position loop."""
+    """Parameters of a position loop."""
 
     gain: Annotated[float, Range(above=0.0, unit="1/s")]
     """K_v [1/s]; at a constant feed v without feed-forward the error is v / K_v."""

@@ -61,9 +61,9 @@ class SpeedTrial(Ranged, section="trial"):
     stroke: Positive = 0.1
     """Length of the ramps [m]."""
     acceleration: Positive = 1.0
-    """At both ends of a ramp [m/s^2]."""
+    """Acceleration at both ends of a ramp [m/s^2]."""
     period: Positive = 1e-4
-    """Between samples [s]."""
+    """Sampling period [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

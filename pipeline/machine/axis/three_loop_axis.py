@@ -37,7 +37,7 @@ class ThreeLoopParameters:
     inverter: InverterParameters
     """Inverter that feeds it."""
     transmission: TransmissionParameters
-    """From the motor's shaft to the carriage."""
+    """Drive train from the motor's shaft to the carriage."""
     friction: FrictionParameters
     """Friction of the guideway, at the carriage."""
     current_loop: CurrentLoopParameters

@@ -61,7 +61,7 @@ RAMP_TIME = 0.01
 STRAIGHT = 1e-3
 """Half of a turn below which no tolerance binds [rad]."""
 COPLANAR = 1e-6
-"""What the planes of a corner and of its arc may differ by [1]."""
+"""Greatest difference between the planes of a corner and of its arc [1]."""
 _TINY = 1e-12
 
 

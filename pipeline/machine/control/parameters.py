@@ -54,7 +54,7 @@ class AxisParameters(Ranged):
     """Greatest speed in G0, and in G1 to G3 [mm/min]."""
     rapid_acceleration: Positive
     cutting_acceleration: Positive
-    """Along the path, in G0 and in G1 to G3 [mm/s^2]."""
+    """Acceleration along the path, in G0 and in G1 to G3 [mm/s^2]."""
     arc_acceleration: Positive
     """Towards the centre of arcs, and the average that the corners of a curve made of chords may
     reach [mm/s^2]."""
@@ -72,16 +72,16 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     """Times of auxiliary functions: spindle, tool change, M codes, stop."""
 
     spindle_acceleration: _Unbounded = np.inf
-    """Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
-    :mod:`pipeline.machine.spindle`."""
+    """Acceleration below the base speed [rev/min/s]; M3, M4 and M5 last as long as the change of
+    speed, see :mod:`pipeline.machine.spindle`."""
     spindle_base_speed: _Unbounded = np.inf
-    """Above it the motor gives constant power instead of constant torque [rev/min]."""
+    """Speed above which the motor gives constant power instead of constant torque [rev/min]."""
     spindle_deceleration: _Unbounded | None = None
     """Deceleration of a spindle that stops [rev/min/s]; ``spindle_acceleration`` by default."""
     spindle_delay: _Seconds = 0.0
     """Added to each of them [s]."""
     spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"
-    """Where the spindle is waited for: at M3, M4 and M5 themselves, before the line that follows,
+    """Place of the wait for the spindle: at M3, M4 and M5 themselves, before the line that follows,
     before the next cutting move (the axes meanwhile move on), or nowhere."""
     spindle_stop_wait: Literal["as_start", "before_change"] = "as_start"
     """Whether a spindle that is stopped is waited for as one that starts, or only by what needs it
@@ -145,7 +145,7 @@ class ControlParameters(Ranged):
     """
 
     axes: dict[str, AxisParameters]
-    """By the letters X Y Z A B C; a program that moves another axis is refused."""
+    """Axes by the letters X Y Z A B C; a program that moves another axis is refused."""
     corner: Literal["jump", "tolerance", "blend"] = "jump"
     """Whether corners are rounded as the filters happen to (Fanuc), so that the filtered path
     stays within ``tolerance``, or by arcs and parabolas of the control's own (LinuxCNC).  A
@@ -166,7 +166,7 @@ class ControlParameters(Ranged):
     rapid_mode: Literal["linear", "independent"] = "linear"
     """Whether G0 interpolates, or each axis goes as fast as it can."""
     rapid_stop: Literal["always", "change", "never"] = "always"
-    """Where rapids end at a standstill: each one, or only where rapid and feed meet."""
+    """Rapids that end at a standstill: each one, or only where rapid and feed meet."""
     settle_time: _Seconds = 0.0
     """Duration of the check that the axes are in position at an exact stop [s]."""
     interpolation_period: Positive = 0.001
@@ -229,7 +229,7 @@ class ControlParameters(Ranged):
 
     @property
     def has_axis(self) -> Bools:
-        """Which of X Y Z A B C there are; shape (6,)."""
+        """Flags of the axes X Y Z A B C that exist; shape (6,)."""
         return np.array([letter in self.axes for letter in AXES])
 
     @cached_property

@@ -83,7 +83,7 @@ class Path:
     """Speed not to be passed, by the axes' speed, arcs, and the corners of curves [m/s]."""
     acceleration: Floats = field(repr=False)
     jerk: Floats = field(repr=False)
-    """Along the path [m/s^2], [m/s^3]; ``jerk`` is empty for a trapezoid."""
+    """Acceleration [m/s^2] and jerk [m/s^3] along the path; ``jerk`` is empty for a trapezoid."""
     corner: Floats = field(repr=False)
     """Speed not to be passed at the row's end [m/s]; infinite where it runs on straight."""
     pause: Floats = field(repr=False)
@@ -99,7 +99,7 @@ class Path:
 
     @property
     def moving(self) -> Bools:
-        """Which rows move; shape (M,)."""
+        """Flags of rows that move; shape (M,)."""
         return self.motion != Motion.STILL
 
 

@@ -110,7 +110,7 @@ def _commanded(path: Path, rows: npt.NDArray[np.intp], feed: Floats, spindle: Fl
 
 
 def _blended(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> RowMotion:
-    """By segments with blends between them; a row takes its share of the segment's length."""
+    """Row motion by segments with blends; a row takes its share of the segment's length."""
     from pipeline.machine.control.blends import OVERLAP, plan_segments
 
     control, last = path.control, segments.last

@@ -54,14 +54,14 @@ SLIGHT = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features:
-    """One axis in one recording, N samples of the grid of windows."""
+    """Axis in a recording, N samples of the grid of windows."""
 
     recording: Recording
     """Signals by name, those of ``MEASURED`` among them."""
     group: str
     """Group of the recording in splits."""
     time: Floats
-    """Since the recording began [s]; shape (N,)."""
+    """Time since the recording began [s]; shape (N,)."""
     measured: Floats
     modelled: Floats
     """Following error [m]; zero where there is no model; shape (N,)."""
@@ -181,7 +181,7 @@ def features_of(
     run: Run, letter: str, drive: IdentifiedDrive | None, *, step_s: float, lead_mm: float | None,
     with_fuzzy: bool = False,
 ) -> Features:  # fmt: skip
-    """One axis of a recording as the networks see it."""
+    """Network inputs of an axis of a recording."""
     axis: AxisRun = run.axes[letter]
     stride = every(run.period, step_s)
     signals: dict[str, Floats] = {}

@@ -131,7 +131,7 @@ def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
 
 
 def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats]]:
-    """What each task gives, on all cores where that is worth it."""
+    """Result of each task, on all cores where that is worth it."""
     steps = sum(
         one.training.steps(len(one.windows.y)) for one in tasks if one.kind != ARX
     )  # fmt: skip
@@ -140,7 +140,7 @@ def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UseFit:
-    """One use on one axis with its networks' documents by kind."""
+    """Use of an axis with its networks' documents by kind."""
 
     model: UseModel
     documents: Mapping[str, tuple[Mapping[str, Any], ...]]
@@ -176,7 +176,7 @@ def fit_axes(
 
 
 def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task, Any]]:
-    """For each fold a task without its kind, and the rows that it leaves out."""
+    """Task without its kind, and rows left out, for each fold."""
     groups = _two_or_more(part, settings)
     order = [name for k in range(settings.folds) for name in groups[k :: settings.folds]]
     found = []
@@ -345,7 +345,7 @@ def searched(
 def leak_shown(
     letter: str, features: Sequence[Features], settings: CompensationFitSettings, honest: KindScore
 ) -> LeakShown:
-    """What the published inputs would seem to gain on one axis: the measured error among them.
+    """Apparent gain of the published inputs, with the measured error among them, on one axis.
 
     Feed2025 gives the network the measured displacement beside the modelled one, of which the
     target is the difference.

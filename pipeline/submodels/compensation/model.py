@@ -46,7 +46,8 @@ if TYPE_CHECKING:
     from pipeline.twin.program_axes import Residual
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
-"""Before the motion, from commands and the drives' model; with measurements of before."""
+"""Prediction before the motion, from commands and the drives' model; estimation with earlier
+measurements."""
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
@@ -67,10 +68,10 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationFitSettings(Ranged, section="compensation_fit"):
-    """How the networks are trained and compared."""
+    """Training and comparison of the networks."""
 
     step_s: Positive = 0.002
-    """From row to row of a window [s]; the nearest whole number of samples."""
+    """Row period of a window [s]; the nearest whole number of samples."""
     length: Count = 48
     """Rows of a window."""
     horizon_s: Annotated[float, Range(least=0.001)] = 0.02
@@ -135,20 +136,20 @@ class KindScore:
 
     rmse_um: float
     max_um: float
-    """Over all samples left out [um]."""
+    """Greatest error over all held-out samples [um]."""
     spread_um: float = 0.0
     """Standard deviation over the networks of the folds of the RMSE of what each left out [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UseModel:
-    """One use on one axis."""
+    """Use of a model on one axis."""
 
     champion: str
     """Kind with the least RMSE on training recordings left out, or the baseline where none is
     better."""
     scores: Mapping[str, KindScore]
-    """By kind, and of the baseline."""
+    """Scores by kind, and of the baseline."""
     bands: Mapping[str, Band]
     """Half widths of the 90 % interval by regime [um]."""
     inputs: tuple[WindowInput, ...]
@@ -160,7 +161,7 @@ class UseModel:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchFacts:
-    """What a search of the settings found."""
+    """Result of an architecture search."""
 
     kind: str
     axis: str
@@ -179,11 +180,11 @@ class SearchFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class LeakShown:
-    """What the published inputs would seem to gain: they hold the measured position."""
+    """Apparent gain of the published inputs: they hold the measured position."""
 
     axis: str
     kind: str
-    """On which it is shown."""
+    """Kind of network of the comparison."""
     inputs: tuple[str, ...]
     """Inputs that could not be known yet."""
     rmse_um: float
@@ -199,11 +200,11 @@ class AttentionShown:
     """Mean attention of the published network over its window, K parts of it."""
 
     axis: str
-    """On which it is shown."""
+    """Axis of the motion."""
     ms: tuple[float, ...]
-    """Before the time that is predicted [ms], the oldest first; shape (K,)."""
+    """Time before the predicted one [ms], the oldest first; shape (K,)."""
     weights: Mapping[str, tuple[float, ...]]
-    """By regime of the motion [1]; those of a regime add up to 1; shape (K,)."""
+    """Attention weights by regime of the motion [1]; those of a regime add up to 1; shape (K,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +212,7 @@ class CompensationModel(Model):
     """``model.json``; the networks stand in ``networks.json`` beside it."""
 
     axes: Mapping[str, Mapping[str, UseModel]]
-    """By letter and use."""
+    """Uses by axis letter and use."""
     step_s: float
     horizon_s: float
     settle_s: float
@@ -225,9 +226,9 @@ class CompensationModel(Model):
     search: SearchFacts | None = None
     """Search of the settings."""
     leak: LeakShown | None = None
-    """For comparison; nothing else uses it."""
+    """Leakage of the published inputs, for comparison only."""
     attention: AttentionShown | None = None
-    """Where the network with attention looks."""
+    """Attention of the network over time."""
 
 
 @dataclass(frozen=True, kw_only=True)

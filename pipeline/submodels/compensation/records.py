@@ -49,7 +49,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
     @property
     def channels(self) -> dict[str, Channel]:
-        """Those that are named, lengths as such."""
+        """Named channels, lengths as such."""
         named = {name: getattr(self, name) for name in (*MOTION, "command")}
         return {
             name: replace(one, quantity="position")
@@ -66,12 +66,12 @@ class CompensationRecords(Ranged, section="compensation_records"):
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
     axes: Mapping[str, ErrorChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
     parts: tuple[str, ...] = ()
     """Columns whose values tell the parts of a table apart; each part is a recording of its own,
     called ``<file>#<column>=<value>,…`` in section ``roles``."""
     group: str = ""
-    """One of ``parts`` by which recordings belong together in splits, such as the tool."""
+    """Name of the one of ``parts`` that groups recordings in splits, such as the tool."""
     last_share: Annotated[float, Range(least=0.0, below=1.0)] = 0.0
     """Share of each training recording, its end, that is held out [1]: for a machine of which one
     recording exists."""
@@ -89,7 +89,7 @@ class CompensationRecords(Ranged, section="compensation_records"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRun:
-    """One axis in one recording, T even samples in SI."""
+    """Axis in a recording, T even samples in SI."""
 
     error: Floats
     """Measured following error, commanded less measured position [m]; shape (T,)."""
@@ -118,17 +118,17 @@ class AxisRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """One recording, or a part of one."""
+    """Recording, or a part of one."""
 
     name: str
     file: str
     """Its name, and the raw file that it is of."""
     group: str
-    """What belongs together in splits."""
+    """Group that stays together in splits."""
     sha256: str
     """Hash of the raw bytes, or of the samples where it is a part of a file."""
     period: float = float("nan")
-    """Between samples [s]."""
+    """Sampling period [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
     """Axes that it shows, by letter."""
     lacking: Mapping[str, str] = field(default_factory=dict)

@@ -102,7 +102,7 @@ class Driven:
     most: int | None = None
 
     def features(self, letter: str, step_s: float, *, with_fuzzy: bool = False) -> Features:
-        """One axis as the networks see it."""
+        """Network inputs of an axis."""
         return features_of(
             self.run,
             letter,
@@ -114,7 +114,7 @@ class Driven:
 
 
 class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
-    """What the drives' model leaves over of the following error."""
+    """Residual following error beyond the drives' model."""
 
     name: ClassVar[str] = "compensation"
     title: ClassVar[str] = "following error that the drive model leaves over"

@@ -60,7 +60,7 @@ class ControlFitSettings(Ranged, section="control_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """Where a search ended."""
+    """End of a search."""
 
     values: Floats
     """Values of all parameters, in their units; shape (D,)."""
@@ -68,7 +68,7 @@ class Optimum:
     """Jacobian of the residuals, on the scale of the search [1]; 0 by what was not fitted;
     shape (N, D)."""
     residuals: Floats
-    """In units of the scale beyond which they count linearly [1]; shape (N,)."""
+    """Residuals over the scale beyond which they count linearly [1]; shape (N,)."""
 
     @property
     def weight(self) -> Floats:
@@ -79,13 +79,13 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """What the runs say of parameters that they do not determine; shapes (D,)."""
+    """Information of the runs on parameters that they do not determine; shapes (D,)."""
 
     values: Floats
-    """Where the search left each, in its unit."""
+    """Value of each at the end of the search, in its unit."""
     felt: Floats
-    """One over the half width that the residuals leave to it, were all others known; on the scale
-    of the search."""
+    """Inverse of the half width from the residuals, with all others given; on the scale of the
+    search."""
 
 
 def optimum(
@@ -151,7 +151,7 @@ class ControlFit:
     free: tuple[FreeParameter, ...]
     """The parameters that were fitted."""
     values: Floats
-    """In the units of ``free``; shape (D,)."""
+    """Values in the units of ``free``; shape (D,)."""
     low: Floats
     high: Floats
     """95 % interval; NaN of what is not determined; shape (D,)."""
@@ -169,13 +169,13 @@ class ControlFit:
     differ: frozenset[str]
     """Names with the unit of those of them that units do not share."""
     left: Left
-    """What the runs leave of parameters that are not determined."""
+    """Information of the runs on undetermined parameters."""
     uncertainty: Uncertainty
     """Uncertainty of those fitted to durations, on the scale of the search."""
     rmse_s: float
     """Rmse of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
-    """How many."""
+    """Number of segments."""
 
     def lenders(self, place: int) -> list[str]:
         """Units whose value a parameter has that the runs of its own unit do not excite."""
@@ -432,7 +432,7 @@ def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) ->
 
 
 def _reach(one: FreeParameter, value: float, settings: ControlFitSettings) -> float:
-    """What a width on the scale of the search is a share of [1, s]."""
+    """Reference of a width on the scale of the search [1, s]."""
     return 1.0 if one.log_scale else max(abs(value), 2 * settings.scales_s[-1])
 
 

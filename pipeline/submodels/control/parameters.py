@@ -1,4 +1,4 @@
-"""Which parameters of a control are found from logs, and how a vector of them makes a control."""
+"""Identifiable parameters of a control, and the control of a vector of them."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -33,11 +33,11 @@ class FreeParameter:
     high: float
     """No machine tool is outside."""
     start: float
-    """Where the search begins."""
+    """Start of the search."""
     log_scale: bool
     """Whether it is fitted on a logarithmic scale; times are not, they may be 0."""
     remedy: str
-    """What to record when it is not determined."""
+    """Record that would determine it."""
     units: tuple[str, ...] = ()
     """Machines of the kind that it holds for; all when empty."""
 
@@ -70,7 +70,7 @@ class FreeParameter:
         return self.coordinate(self.low), self.coordinate(self.high)
 
     def coordinate(self, value: float) -> float:
-        """Where ``value`` stands in the search."""
+        """Position of ``value`` on the scale of the search."""
         return float(np.log(value)) if self.log_scale else value
 
     def value(self, coordinate: float) -> float:

@@ -250,7 +250,7 @@ def _tools_agree(run: Run, moves: Moves) -> bool:
 
 
 def _spread(run: Run, moves: Moves) -> float:
-    """How far steady readings lie from the programmed feeds times one factor: a robust spread."""
+    """Robust spread of steady readings about the programmed feeds times one factor."""
     _, ratio = steady_ratios(run, moves)
     logs: NDArray[np.float64] = np.log(ratio[ratio > 0])
     if len(logs) < 3:

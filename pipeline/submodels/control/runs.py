@@ -51,11 +51,11 @@ COMPLETED = frozenset({"PROGRAM_COMPLETED"})
 
 @dataclass(frozen=True, kw_only=True)
 class Activity:
-    """From becoming active to completing or stopping."""
+    """Activity from becoming active to completing or stopping."""
 
     start: float
     end: float
-    """When the control became active and when it ceased to be, in the recording's time [s]."""
+    """Begin and end of the active state, in the recording's time [s]."""
     completed: bool
     """Whether the program ran to its end."""
     held: tuple[Span, ...] = ()
@@ -115,7 +115,7 @@ class Series:
         return Series(time=time, value=self.at(time, before=np.nan))
 
     def within(self, start: float, end: float) -> "Series":
-        """What was said from ``start`` to ``end``, and before it what was in force."""
+        """Values reported from ``start`` to ``end``, and the one in force before."""
         keep = (self.time >= start) & (self.time <= end)
         time, value = self.time[keep], self.value[keep]
         earlier = np.searchsorted(self.time, start)
@@ -135,12 +135,12 @@ UNSAID = Series(time=np.empty(0), value=np.empty(0))
 
 @dataclass(frozen=True, kw_only=True)
 class Run(Activity):
-    """One execution of a program."""
+    """Execution of a program."""
 
     recording: str
     """The file it is from."""
     number: int
-    """Which run of that file, counting from 1."""
+    """Number of the run in that file, counting from 1."""
     line: Series
     """Line of the program, as polled."""
     feed: Series = UNSAID
@@ -233,6 +233,6 @@ def _run(series: Mapping[str, Series], recording: str, number: int, active: Acti
 
 
 def _without_stale(line: Series, start: float) -> Series:
-    """Without the line at ``start`` when the next is lower: it is left from the run before."""
+    """Line numbers without one at ``start`` that is left from the run before: the next is lower."""
     stale = len(line.value) > 1 and line.time[0] <= start and line.value[0] > line.value[1]
     return Series(time=line.time[1:], value=line.value[1:]) if stale else line

@@ -26,7 +26,7 @@ TOGETHER = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """One run, or matched part of one, with the rows of its program."""
+    """Run, or matched part of one, with the rows of its program."""
 
     run: Run
     """Lines numbered as in the program."""
@@ -35,9 +35,9 @@ class Observed:
     moves: Moves
     """Moves of the program."""
     operator: Operator
-    """What the operator did."""
+    """Overrides and stops of the operator."""
     unit: str
-    """Which of several machines of a kind."""
+    """Unit among several machines of a kind."""
     begin: Floats
     end: Floats
     """Begin and end of each segment in the recording [s]; shape (N,)."""
@@ -49,7 +49,7 @@ class Observed:
 
     @property
     def overrides(self) -> Overrides:
-        """What the operator set, by row."""
+        """Overrides of the operator, by row."""
         line = self.moves.line
         return Overrides(
             feed=self.operator.feed[line],

@@ -33,7 +33,7 @@ TIME = "run time"
 DWELL = "dwell"
 """Regime of the rows that the control times by its own clock."""
 WAIT = 1.0
-"""At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
+"""Excess over the planned M0 or M1 from which the operator is taken to wait [s]."""
 NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
 """Baselines: no acceleration or waiting; overrides as recorded, feeds not read from speeds."""
 

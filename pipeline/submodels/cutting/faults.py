@@ -53,7 +53,7 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """One possible fault, as what would undo it."""
+    """Possible fault, as its correction."""
 
     words: str
     """The fault as a clause."""

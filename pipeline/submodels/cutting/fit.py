@@ -56,7 +56,7 @@ class Fit:
     """Optimum of a waveform problem."""
 
     problem: Problem
-    """With its last weights."""
+    """Problem with its last weights."""
     x: Floats
     """Nonlinear unknowns; shape (P,)."""
     solved: Solved

@@ -189,7 +189,7 @@ Forces = TypeVar("Forces", Floats, Complexes)
 
 
 def mixed(forces: Forces, to: int, of: int) -> Forces:
-    """What channel ``to`` shows of ``of``, for forces of shape (..., 3)."""
+    """Response of channel ``to`` to ``of``, for forces of shape (..., 3)."""
     shown = np.zeros_like(forces)
     shown[..., to] = forces[..., of]
     return shown

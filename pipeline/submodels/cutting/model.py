@@ -226,7 +226,7 @@ class CutModel:
         return np.asarray(table * self.shown(conditions, harmonics)[:, :, None])
 
     def shown(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """What the channels show of a force at each harmonic; shape (H + 1, 3) [1]."""
+        """Channel response to a force at each harmonic; shape (H + 1, 3) [1]."""
         if self.natural is None or self.damping is None:
             return np.ones((harmonics + 1, 3), dtype=np.complex128)
         frequencies = orders(harmonics) * conditions.speed
@@ -250,7 +250,7 @@ class CutModel:
         return rotated(model, phase_shift(model, cut.lines, self.weight(cut)))
 
     def weight(self, cut: CutHarmonics) -> Floats:
-        """One over the standard deviation of a recording's harmonics about the model [1/N]."""
+        """Inverse standard deviation of a recording's harmonics about the model [1/N]."""
         variance = cut.variance.copy()
         variance[1:] += self.left_out
         return np.asarray(1 / np.sqrt(variance))

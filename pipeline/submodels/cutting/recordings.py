@@ -42,13 +42,13 @@ class UnusableRecording(ValueError):  # noqa: N818 - a state of a recording, not
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingRecording:
-    """One recording of a cut."""
+    """Recording of a cut."""
 
     name: str
     sha256: str
     """SHA-256 of the raw file."""
     role: Role
-    """What it is for."""
+    """Role of the recording."""
     conditions: CutConditions | None = None
     """Conditions of the cut, at the set speed."""
     revolution: Revolution | None = None

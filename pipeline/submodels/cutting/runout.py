@@ -64,7 +64,7 @@ class RoundedFit:
     """Fit in which the edge's force grows with the chip and the cutting force has a size effect."""
 
     fit: Fit
-    """To all recordings."""
+    """Fit to all recordings."""
     uncertainty: FitUncertainty
     """Uncertainty of the fit."""
     folds: Sequence[Fold]
@@ -93,7 +93,7 @@ class RoundedFit:
 
     @property
     def lines_elsewhere(self) -> list[FittedLine]:
-        """Those of the folds, as well known as those of all recordings."""
+        """Lines of the folds, as uncertain as those of all recordings."""
         return [fitted_line(fold.fit, self.uncertainty.factor) for fold in self.folds]
 
     @property
@@ -103,7 +103,7 @@ class RoundedFit:
 
     @property
     def shapes(self) -> list[KnownShape | None]:
-        """Those of the folds, as well known as that of all recordings."""
+        """Shapes of the folds, as uncertain as that of all recordings."""
         return [self._shape_of(fold.fit) for fold in self.folds]
 
     def _shape_of(self, fit: Fit) -> KnownShape | None:

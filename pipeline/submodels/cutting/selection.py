@@ -48,7 +48,7 @@ class Fold:
     left_out: tuple[int, ...]
     """Positions of the recordings left out."""
     fit: Fit
-    """To the others."""
+    """Fit to the other recordings."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +56,7 @@ class Selection:
     """Fit to all recordings with the selected terms, and the comparison behind it."""
 
     fit: Fit
-    """With the terms that were selected."""
+    """Fit with the selected terms."""
     with_residual: bool
     """Whether the waveform residual is part of the model."""
     folds: Sequence[Fold]
@@ -315,7 +315,7 @@ def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
         return np.asarray(step[:, : len(shown) - 3 * len(change)] @ shown[rows[: len(shown)]])
 
     def reading(chip: ChipShape) -> Floats:
-        """What the fit reads for each constant of a law of another shape."""
+        """Reading of the fit for each constant of a law of another shape."""
         designs = fit.problem.designs(fit.x, chip)
         return answer([one[..., : len(COEFFICIENTS)] for one in designs])
 

@@ -21,7 +21,7 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     """Settings of the identification of cutting coefficients from forces."""
 
     method: Literal["least_squares", "genetic"] = "least_squares"
-    """Which optimum of the waveform's terms is taken."""
+    """Optimiser whose optimum of the waveform's terms serves."""
     compare: bool = True
     """Whether the other method is run too, for the report."""
     harmonics: Annotated[int, Range(least=1, most=64)] = 48
@@ -164,5 +164,5 @@ class CuttingRecords:
 
     @property
     def sources(self) -> ConditionSources:
-        """Where the conditions of a recording stand."""
+        """Sources of the conditions of a recording."""
         return condition_sources(self.name, self.by_pattern, self.conditions)

@@ -45,14 +45,14 @@ class ForceWave:
     """Force on the tool over a revolution, and the error that is expected of it."""
 
     force: Floats
-    """Along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
+    """Force along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
     draws: Floats
-    """By each law [N]; shape (D, ANGLES, 3)."""
+    """Force by each drawn law [N]; shape (D, ANGLES, 3)."""
     shaped: Floats
     """Variance by the model error of all harmonics [N^2]; shape (3,)."""
     recording: Floats
-    """One standard deviation by each cause that differs from recording to recording [N];
-    shape (K, ANGLES, 3)."""
+    """Standard deviation by each cause that differs from recording to recording [N]; shape (K,
+    ANGLES, 3)."""
 
     @property
     def deviation(self) -> Floats:

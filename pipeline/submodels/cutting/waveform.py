@@ -179,8 +179,8 @@ class Terms:
     teeth: bool = False
     """Runout and helix of the tool, modes of the channels, edges of single teeth."""
     edge: EdgeGrowth = "at once"
-    """How the edge's force grows with the chip; where it does, the cutting force has a size effect,
-    too."""
+    """Growth of the edge force with the chip; where there is one, the cutting force has a size
+    effect, too."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,7 +188,7 @@ class CutHarmonics:
     """Harmonics of one recording's mean revolution, with their variance."""
 
     conditions: CutConditions
-    """With the measured spindle speed."""
+    """Conditions with the measured spindle speed."""
     lines: Complexes
     """Harmonics of the force on the tool along feed, normal, axis [N]; shape (H + 1, 3)."""
     variance: Floats
@@ -324,7 +324,7 @@ class Problem:
         return designs
 
     def weights(self) -> list[Floats]:
-        """One over the standard deviation of each harmonic, by recording."""
+        """Inverse standard deviation of each harmonic, by recording."""
         weights = []
         for cut in self.cuts:
             variance = cut.variance.copy()

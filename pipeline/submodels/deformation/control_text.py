@@ -50,7 +50,7 @@ class Written:
 
 
 def _head(done: Written) -> Iterator[str]:
-    """What every file says before its content, in whole lines."""
+    """Head of every file, in whole lines."""
     found = done.found
     below, above = found.interval_um
     yield f"Kerf: correction of spindle growth, {done.machine}{done.simulated}"
@@ -108,7 +108,7 @@ def _quoted(name: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """How a control's text is written."""
+    """Syntax of a control's text."""
 
     comment: str
     variable: str
@@ -119,7 +119,7 @@ class Control:
     last: int
     """Numbers of the variables that may be used [1]."""
     brackets: tuple[str, str]
-    """Around an expression."""
+    """Brackets of an expression."""
     less: str
     more: str
     """Comparisons."""
@@ -210,7 +210,7 @@ class _Text:
         return self.less(left, right, label, than=self.on.more)
 
     def refusals(self) -> Iterator[str]:
-        """What the inputs are, and the alarm where one is out of its range."""
+        """Comments on the inputs, and the alarm where one is out of its range."""
         for each in self.found.inputs:
             words = f"{self.names[each]} = {each}, {self.found.ranges[each].unit}, set by the PLC"
             yield self.on.comment.format(_plain(words, self.on))

@@ -83,8 +83,8 @@ class Correction:
     growth_um: tuple[float, float]
     """Least and greatest growth of these recordings [um]."""
     ranges: Mapping[str, Learnt]
-    """In which the model answers: what was learnt of each input and of growth, and the share of it
-    beyond its ends that the model accepts."""
+    """Ranges of validity: training range of each input and of growth, and the accepted share beyond
+    its ends."""
     bands: Mapping[str, Band]
     """90 % intervals of the method by regime [um]."""
 

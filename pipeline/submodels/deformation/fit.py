@@ -289,7 +289,7 @@ def _treatment(
     profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
     lags_s: Sequence[float],
 ) -> Treatment:  # fmt: skip
-    """Without or in place of faulty sensors, by the linear regression on recordings left out."""
+    """Treatment of faulty sensors with the least error of a linear regression, cross-validated."""
     if not faults:
         return Treatment(chosen=REPLACED)
     lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})

@@ -134,7 +134,7 @@ class Linear(Method):
     """Ridge regression whose penalty has the least error on recordings left out in turn."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     inputs: str
     """Field of :class:`~pipeline.submodels.deformation.features.Inputs`."""
 
@@ -321,11 +321,11 @@ class Network(Method):
     """A network of :mod:`pipeline.nets` and the way in which it is trained."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     kind: NetworkSettings
-    """Which network."""
+    """Settings of the network."""
     method: str
-    """How it is trained."""
+    """Training method."""
     inputs: str = "linear"
     """Field of the inputs that its rules are linear in."""
     seeded: ClassVar[bool] = True
@@ -401,7 +401,7 @@ SIMPLE = (PERSISTENCE, "linear")
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """One method as it is served: the mean of its fits, one a seed."""
+    """Method as it is served: the mean of its fits, one a seed."""
 
     name: str
     members: tuple[Fitted, ...] = field(default_factory=tuple)

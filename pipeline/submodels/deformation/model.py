@@ -32,7 +32,7 @@ error has no meaning."""
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationFitSettings(Ranged, section="deformation_fit"):
-    """How the methods are fitted and compared."""
+    """Fit and comparison of the methods."""
 
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 2400.0, 7200.0)
     """Time constants of the lags among the inputs [s]."""
@@ -67,7 +67,7 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
     """Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed."""
     compute: Compute = "processes"
-    """Where the fits run."""
+    """Place of computation of the fits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +75,7 @@ class MethodScore:
     """Errors of a method on training recordings left out of its fit."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     seeds: int
     """Fits on each fold [1]."""
     rmse_um: float
@@ -118,10 +118,10 @@ are not read at all, others replaced; all are kept as they are."""
 
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What happens to faulty sensors, and why."""
+    """Treatment of faulty sensors, and its reason."""
 
     chosen: str
-    """One of the treatments."""
+    """Chosen treatment."""
     ignored: tuple[str, ...] = ()
     """Sensors that are not read."""
     rmse_um: Mapping[str, float] = field(default_factory=dict)
@@ -157,7 +157,7 @@ class DeformationModel(Model):
     """Share of a range by which an input may lie beyond it [1]."""
     rate_s: float
     steady_K_h: float
-    """Which tell the regimes [s], [K/h]."""
+    """Limits of the regimes [s], [K/h]."""
     bands: Mapping[str, Band]
     """90 % intervals by regime [um]."""
     adaptive_step: float
@@ -169,11 +169,11 @@ class DeformationModel(Model):
     agreement_um: float = 0.0
     """Difference between the two from which there is no correction [um]."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Where sensors sit, in words, by their names, as far as the machine's file says."""
+    """Places of sensors, in words, by their names, as far as the machine's file has them."""
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What is read: sensors from front to rear, the ambient temperature, the speed."""
+        """Input channels: sensors from front to rear, the ambient temperature, the speed."""
         used = {AMBIENT: self.uses_ambient, SPEED: self.uses_speed}
         return (*self.sensors.sensors, *(name for name in used if used[name]))
 

@@ -167,7 +167,7 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
 
 
 def _fault_words(one: SensorFault) -> str:
-    """What is wrong with a sensor and since when, without a full stop."""
+    """Defect of a sensor and its begin, without a full stop."""
     off = ""
     if one.worst_K is not None:
         side = "high" if one.worst_K > 0 else "low"
@@ -179,7 +179,7 @@ def _fault_words(one: SensorFault) -> str:
 
 
 def _cost_words(facts: GrowthFacts) -> str:
-    """What the faulty sensors cost as they are, and with the others in their place."""
+    """Errors with faulty sensors as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     return (
@@ -235,7 +235,7 @@ FAULTS: tuple[Column[SensorFault], ...] = (
 
 
 def _expected(facts: GrowthFacts) -> Section | None:
-    """What to expect: growth of the first hour, faulty sensors."""
+    """Expectation: growth of the first hour, faulty sensors."""
     hour = facts.first_hour
     text = []
     if hour is not None:

@@ -33,7 +33,7 @@ FEWEST_SAMPLES = 10
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
 """Names of the channels beside the sensors, in tables too."""
 RAD_S = 1 / RPM
-"""One rad/s in rev/min."""
+"""Factor from rad/s to rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     """Whether the probe was set to zero when the recording began; else the first reading is
     subtracted."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Where sensors sit, in words, by their names."""
+    """Places of sensors, in words, by their names."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,12 +97,12 @@ def _kind(channel: Channel, quantity: str) -> Channel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """What a prediction looks at: T samples of S sensors on an even grid."""
+    """Inputs of a prediction: T samples of S sensors on an even grid."""
 
     period: float
     """Time between two samples [s]."""
     temperatures: Floats
-    """From front to rear [degC]; NaN where a sensor gives none; shape (T, S)."""
+    """Temperatures from front to rear [degC]; NaN where a sensor gives none; shape (T, S)."""
     speed: Floats
     """Spindle speed [rev/min]; zero where none is recorded; shape (T,)."""
     ambient: Floats
@@ -113,7 +113,7 @@ class State:
 
     @property
     def time(self) -> Floats:
-        """Since the start [s]; shape (T,)."""
+        """Time since the start [s]; shape (T,)."""
         seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
         return seconds
 
@@ -142,12 +142,12 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """One recording: its state and the growth that was measured."""
+    """Recording: its state and the measured growth."""
 
     name: str
     """Name of the raw file."""
     state: State
-    """What a prediction looks at."""
+    """Inputs of a prediction."""
     growth: Floats = field(default_factory=lambda: np.zeros(0))
     """Displacement since the start [um]; NaN where there is no reading; shape (T,)."""
 

@@ -50,7 +50,7 @@ ROUNDS = 3
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSettings(Ranged, section="deformation_fit.sensors"):
-    """How sensors are checked."""
+    """Plausibility check of sensors."""
 
     range_degC: tuple[float, float] = (-30.0, 150.0)
     """Temperatures that a working sensor can show; an open or shorted line lies outside."""
@@ -60,8 +60,8 @@ class SensorSettings(Ranged, section="deformation_fit.sensors"):
     """So is one whose value has not changed at all for so long, while those of the others have
     moved by four times ``least_K`` in the median [s]."""
     settle_s: NotNegative = 1800.0
-    """What the lags hold at the start of a recording is not known; so long they settle [s], and ten
-    times the departure is tolerated."""
+    """Settling time of the lags, unknown at the start of a recording [s]; until then ten times the
+    departure is tolerated."""
     smooth_s: Positive = 600.0
     """Time constant of the mean over which a departure counts [s]."""
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
@@ -82,14 +82,14 @@ class Fault:
     kind: str
     """``"dead"``, ``"loose"``, ``"shifted"``, ``"drifting"`` or ``"erratic"``."""
     since_s: float
-    """When it was noticed, since the start of the recording [s]."""
+    """Time of detection, since the start of the recording [s]."""
     departure_K: float | None
     """Largest departure from what the other sensors say [K], above zero where it reads too high;
     None where it gives no value."""
 
     @property
     def sentence(self) -> str:
-        """What is wrong with it, for a person, without a full stop."""
+        """Defect, in words, without a full stop."""
         off = "" if self.departure_K is None else f", off by up to {self.departure_K:+.1f} K"
         return f"sensor {self.sensor} is {self.kind} from minute {self.since_s / 60:.0f}{off}"
 
@@ -99,12 +99,12 @@ class Checked:
     """A state whose faulty sensors are replaced."""
 
     states: tuple[State, ...]
-    """One for each set of faulty sensors in the order of time: every state is complete and holds
-    the whole recording as it appears once the faults of that set are known."""
+    """States, one for each set of faulty sensors in the order of time: every state is complete and
+    holds the whole recording with the faults of that set."""
     since: tuple[int, ...]
     """First sample of each state [1]."""
     faults: tuple[Fault, ...] = ()
-    """In the order in which they were noticed."""
+    """Faults in the order of detection."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ class SensorModel:
     """
 
     sensors: tuple[str, ...]
-    """From front to rear."""
+    """Sensors from front to rear."""
     channels: int
     """C [1]."""
     period_s: float
@@ -129,8 +129,8 @@ class SensorModel:
     settings: SensorSettings = field(default_factory=SensorSettings)
     """Settings of the check."""
     held_s: tuple[float, ...] = ()
-    """How long each may show the same value while the others move [s]: longer than a sensor of its
-    resolution usually does; empty for ``settings.held_s``."""
+    """Greatest time of an unchanged value while the others move [s]: longer than usual for a sensor
+    of its resolution; empty for ``settings.held_s``."""
     jump_K: tuple[float, ...] = ()
     """Change of the departure within a sample from which it is [K]; empty for any change."""
 
@@ -298,7 +298,7 @@ class SensorModel:
         self, state: State, vector: Floats, sensor: int, gone: frozenset[int], since: int,
         holes: Bools,
     ) -> Fault:  # fmt: skip
-        """What the record says of a blamed sensor."""
+        """Fault of a blamed sensor, from the record."""
         off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
         silent = bool(holes[since:, sensor].mean() > 0.5)
         # a jump is over within minutes, a drift takes longer than the mean over which it counts
@@ -382,7 +382,7 @@ def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = (
 
 
 def usual_holds(states: Sequence[State], settings: SensorSettings) -> tuple[float, ...]:
-    """How long each sensor may show one value [s], by its resolution.
+    """Usual time of an unchanged value of each sensor [s], by its resolution.
 
     Half as long again as the median, over the recordings, of its longest hold while the others
     moved; ``settings.held_s`` at least.  A sensor that is stuck in fewer than half of the

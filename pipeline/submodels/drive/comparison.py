@@ -52,11 +52,11 @@ class ForceComparison:
 
     measured: Floats = field(repr=False)
     modelled: Floats = field(repr=False)
-    """In the drive's unit of force; shape (N,)."""
+    """Force of model and recording, in the drive's unit; shape (N,)."""
     direction: Floats = field(repr=False)
     """Direction of motion, -1 or 1; shape (N,)."""
     time: Floats = field(repr=False)
-    """Since the recording began [s]; shape (N,)."""
+    """Time since the recording began [s]; shape (N,)."""
     period: float
     """Sampling period of the rows [s]."""
 
@@ -165,7 +165,7 @@ def following_comparison(
 
 
 class _Added(NamedTuple):
-    """What a disturbance adds to reference [m], command and load; shape (T * substeps,)."""
+    """Contribution of a disturbance to reference [m], command and load; shape (T * substeps,)."""
 
     reference: Floats
     command: Floats
@@ -211,7 +211,7 @@ def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoPar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisComparison:
-    """One axis in one recording against the twin."""
+    """Axis in a recording against the twin."""
 
     force: ForceComparison
     """Force of the recorded motion."""

@@ -82,7 +82,7 @@ ALIKE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """Where and how a recorded disturbance enters."""
+    """Entry, factor and delay of a recorded disturbance."""
 
     entry: Entry
     """A key of ``PLACES``."""
@@ -97,8 +97,7 @@ class Disturbance:
     share: float = 0.0
     """Share of the squared error of its equation that it explains [1]."""
     words: str = ""
-    """What is to be said, without a full stop; "" where the channel is what it was declared to
-    be."""
+    """Remark, without a full stop; "" where the channel is what it was declared to be."""
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:

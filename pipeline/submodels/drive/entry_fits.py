@@ -113,7 +113,7 @@ def entry_fits(
 
 
 def _without(nuisance: Floats) -> Callable[[Floats], Floats]:
-    """What is left of rows when the columns of errors are taken out."""
+    """Projection of rows that removes the columns of errors."""
     base = np.linalg.qr(nuisance)[0]
 
     def left(rows: Floats) -> Floats:

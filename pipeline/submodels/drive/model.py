@@ -217,7 +217,7 @@ def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recordi
 
 
 def _axis(axis: IdentifiedAxis) -> DriveAxis:
-    """One axis as it is stored, without the constant level of its force."""
+    """Axis as it is stored, without the constant level of its force."""
     fit, servo, mass, spring = axis.drive, axis.servo, axis.mass, axis.presliding
     return DriveAxis(
         command_unit=fit.command_unit,
@@ -358,7 +358,7 @@ def _determined(found: Estimate | None) -> float | None:
 
 
 def _known(value: float) -> float | None:
-    """To five significant digits; None when it is not finite."""
+    """Value to five significant digits; None when it is not finite."""
     return significant(value) if np.isfinite(value) else None
 
 

@@ -97,7 +97,7 @@ class DrivePrior:
     """Prior knowledge of the drives of a machine."""
 
     axes: Mapping[str, AxisPrior] = field(default_factory=dict)
-    """By the axis' letter."""
+    """Priors by axis letter."""
 
     def axis(self, letter: str) -> AxisPrior:
         """Prior knowledge of one axis; nothing when it is not named."""

@@ -104,7 +104,7 @@ class ShaftRecords:
     recordings: str
     """Pattern of their names below the machine's folder."""
     axes: Mapping[str, ShaftChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,7 @@ class DriveRecords:
     recordings: str
     """Pattern of their names below the machine's folder."""
     axes: Mapping[str, AxisChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
     air: AirRows | None = None
     """Rows to fit; all when absent."""
     motor: MotorRecords | None = None
@@ -143,7 +143,7 @@ class AxisConstants:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRecord:
-    """One axis in one recording, shape (T,) each; None where a channel is not recorded."""
+    """Axis in a recording, shape (T,) each; None where a channel is not recorded."""
 
     command: Floats
     """Torque command, in ``command_unit``."""
@@ -189,7 +189,7 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """One stretch of a recording on a uniform grid of T samples."""
+    """Stretch of a recording on a uniform grid of T samples."""
 
     name: str
     """Name of the raw file; " (part 2)" is added where a gap in time cuts it into parts."""

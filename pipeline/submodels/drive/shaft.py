@@ -76,7 +76,7 @@ class Rounds:
     whole: tuple[Floats, Floats]
     """Normal equations (7, 7), (7,)."""
     ways: tuple[Floats, Floats]
-    """What leaving out each way of motion takes from them, (B, 7, 7), (B, 7)."""
+    """Part of each phase of motion in the normal equations, (B, 7, 7), (B, 7)."""
     left: float
     """Root mean square of what it leaves over [m]."""
     lasting: float
@@ -241,7 +241,7 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
 
 
 def _doubt(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
-    """What a quantity differs by with friction of the motor's bearings and without."""
+    """Difference of a quantity with friction of the motor's bearings and without."""
     out = tuple(set(found.out) - {COULOMB})
     ends = derived(np.array([_solution(*found.whole, one) for one in (out, (*out, COULOMB))]))
     return float(abs(ends[1] - ends[0]))
@@ -269,7 +269,7 @@ def _dilution(found: Rounds, column: int) -> float:
 
 
 def _diluted_play(found: Rounds) -> float:
-    """What the play changes by when the compliance is raised by its dilution [m]."""
+    """Change of the play when the compliance is raised by its dilution [m]."""
     gram, product = found.whole
     raised = found.shared[C] * (1 + _dilution(found, C))
     if not np.isfinite(raised):

@@ -24,8 +24,8 @@ from pipeline.twin.drive import IdentifiedDrive
 WIDTH = 1.5
 """Standard deviation of the filter [samples]."""
 REACH = 8.0
-"""Where the filter ends [standard deviations].  Cut at 4, as is usual, its second derivative has a
-sum, which makes of a place of 30 mm at 1 kHz an acceleration of 4 m/s^2."""
+"""End of the filter [standard deviations]. Cut at 4, as is usual, its second derivative has a sum,
+which makes of a position of 30 mm at 1 kHz an acceleration of 4 m/s^2."""
 SLOW = 0.01
 """Share of the highest speed below which an axis may stand [1]."""
 FLAT = 0.15

@@ -27,7 +27,7 @@ from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How the model that is to be calibrated was made of its days."""
+    """Making of the model to be calibrated from its days."""
 
     records: SpindleRecords
     """Signals that it looks at."""
@@ -143,7 +143,7 @@ def calibrated(
 
 
 def _without_bands(settings: IntervalSettings) -> SpindleIntervals:
-    """How the regimes of the intervals are parted, before they are calibrated."""
+    """Regimes of the intervals, before they are calibrated."""
     return SpindleIntervals(
         trend_s=settings.trend_s, steady_K_h=settings.steady_K_h,
         windows_horizons_s=settings.windows_horizons_s,

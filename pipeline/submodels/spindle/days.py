@@ -55,7 +55,7 @@ class SpindleLimits(Ranged, section="spindle_limits"):
     working_day_s: Positive = 3600.0
     """A day is a working day when this much of it is known [s]."""
     bridge_s: NotNegative = 600.0
-    """In windows, unknown inputs are held this long [s]."""
+    """Longest gap over which the inputs of a window are held [s]."""
     rest_s: Positive = 3600.0
     """A spindle that turns after this long at rest, or for the first time of a day, starts [s]."""
     pause_s: Positive = 600.0

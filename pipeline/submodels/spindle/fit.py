@@ -60,7 +60,7 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
     time_constants_s: tuple[Positive, ...] = (300.0, 1500.0, 7200.0)
     """Time constants from which the fit starts; the best end is kept."""
     compute: Compute = "processes"
-    """Where networks and the models of days left out are fitted."""
+    """Place of computation of networks and of the models of held-out days."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -188,7 +188,7 @@ class Problem:
         return low, high
 
     def start(self, time_constant: float) -> Floats:
-        """Where to start from when the time constant [s] is about this."""
+        """Start of the fit at about this time constant [s]."""
         first = float(np.median([np.nanmin(t) for t in self.measured]))
         guess = {
             "cooling_rate": -np.log(time_constant),
@@ -203,7 +203,7 @@ class Problem:
         return self._inside(x)
 
     def position(self, parameters: SpindleThermalParameters) -> Floats:
-        """Where ``parameters`` lie, or the nearest place inside the bounds."""
+        """Point of ``parameters`` on the scale of the search, moved inside the bounds."""
         x = []
         for name in self.names:
             if name in self.scale:
@@ -266,7 +266,7 @@ class SpindleFit:
 
 
 def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]:
-    """Those of ``sources`` that are ever above 0 in ``pieces``."""
+    """Sources that are ever above 0 in ``pieces``."""
     return [name for name in sources if any((p.frame[name] > 0).any() for p in pieces)]
 
 

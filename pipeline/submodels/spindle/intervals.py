@@ -18,7 +18,7 @@ from pipeline.twin.spindle import TARGET, SpindleIntervals
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSettings(Ranged, section="spindle_interval"):
-    """How prediction intervals are calibrated."""
+    """Calibration of prediction intervals."""
 
     folds: Annotated[int, Range(least=2)] = 5
     """Groups of training days that are left out in turn, at most one group a day."""

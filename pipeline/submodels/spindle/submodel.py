@@ -67,7 +67,7 @@ REMEDY = {
     "windage": "record the spindle near its highest speed, 20 minutes",
     "position_hold": "record the spindle held in position (C axis) for 20 minutes",
 }
-"""What to record so that a heat source becomes determined."""
+"""Record that determines a heat source."""
 AGAIN_DRAWN = 8
 """Forests of trees drawn with replacement that a day is predicted by again [1]."""
 HELD_S = 1200.0

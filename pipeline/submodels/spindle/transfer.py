@@ -47,7 +47,7 @@ METHODS = ("pooled", "own", "golden")
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSettings(Ranged, section="spindle_transfer"):
-    """How parameters are pooled, and over which records that is shown."""
+    """Pooling of parameters, and the record lengths of its trial."""
 
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
     """Lengths of the sibling's record, from its first start [min]."""
@@ -85,14 +85,14 @@ class Transfer:
     resolution_K: float
     """Step of the sibling's temperature sensor [K]."""
     points: tuple[TransferPoint, ...]
-    """By rising length of the record."""
+    """Points by rising length of the record."""
     pooled: Mapping[str, float]
     """Parameters from both machines with the longest record, by name, in the model's units."""
     not_transferred: tuple[str, ...]
     """Heat sources of the sibling that the golden machine does not have: nothing of them is
     known."""
     sentence: str
-    """Which parameters lead, where they lead."""
+    """Leading parameters, and the range in which they lead."""
 
 
 def transfer(

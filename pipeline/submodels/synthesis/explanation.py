@@ -23,7 +23,7 @@ AS_GOOD = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """What the generator says of recorded windows."""
+    """Explanation of recorded windows by the generator."""
 
     windows: tuple[Explained, ...]
     """Each of them."""
@@ -46,7 +46,7 @@ class Explanation:
 
     @property
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """Document for JSON."""
         return {
             "wear": self.best, "as_good": list(self.as_good), "unit": self.unit,
             "profile": [

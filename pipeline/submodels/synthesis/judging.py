@@ -113,7 +113,7 @@ def served_words(windows: WearWindows, name: str) -> Any:
 
 
 def _nearest(served: Synthesis, known: Floats, wear: Floats) -> Any:
-    """For each window the training window whose conditions and wear are nearest."""
+    """Training window of the nearest conditions and wear, for each window."""
     mine = served.reference
     low, high = mine.wear.min(), mine.wear.max()
     width = max(high - low, 1e-12)
@@ -192,7 +192,7 @@ def _distances(pair: _Pair) -> list[pd.DataFrame]:
 
 
 def _neighbour(pair: _Pair) -> Any:
-    """For each window of the case another one next to it in conditions and wear."""
+    """Another window next to it in conditions and wear, for each window of the case."""
     place = np.hstack([pair.beside, _standard(np.asarray(pair.windows.wear, float))[:, None]])
     apart = squared_distances(place, place)
     np.fill_diagonal(apart, np.inf)

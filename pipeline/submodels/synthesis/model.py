@@ -34,7 +34,7 @@ SYNTHETIC = "synthetic"
 
 @dataclass(frozen=True, kw_only=True)
 class WearCurve:
-    """What a judge reads from generated windows over the wear that was asked for."""
+    """Wear read from generated windows over the requested wear."""
 
     asked: tuple[float, ...]
     mean: tuple[float, ...]
@@ -56,7 +56,7 @@ class WearCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How far the first judge followed the generator at a step of its training."""
+    """Agreement of the first wear reader with the generator at a training step."""
 
     step: int
     """Step of the training."""
@@ -84,7 +84,7 @@ class SynthesisModel(Model):
     steps: int
     """Steps of the training."""
     curves: Mapping[str, WearCurve]
-    """By name of the judge."""
+    """Curves by name of the wear reader."""
     judges: tuple[str, ...]
     """Their names, the one whose figures go first before the others."""
     within: float
@@ -94,7 +94,7 @@ class SynthesisModel(Model):
     looks: tuple[Look, ...] = ()
     """Looks of the first judge, from early in the training to its end."""
     faults: tuple[str, ...] = ()
-    """What is wrong with the training: collapse, a loss that vanished."""
+    """Faults of the training: collapse, a loss that vanished."""
     clipped: float = 0.0
     """Share of training samples that are cut to the range of the generator's output [1]."""
     judged: int = 200
@@ -142,7 +142,7 @@ class Reference:
     conditions: Floats
     """Encoded, without the wear and the tool; shape (N, D)."""
     wear: Floats
-    """In the wear's unit; shape (N,)."""
+    """Wear in its unit; shape (N,)."""
     shown: Floats
     like: Floats
     """A few recorded windows over the wear, and generated ones at their conditions;
@@ -246,7 +246,7 @@ class Synthesis:
         return kept
 
     def inside(self, conditions: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
-        """Which windows lie in the ranges that were learnt, shape (N,)."""
+        """Flags of windows within the training ranges, shape (N,)."""
         many = len(next(iter(conditions.values())))
         found = np.ones(many, bool)
         for one in self.gan.space.continuous:

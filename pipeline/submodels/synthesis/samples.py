@@ -28,7 +28,7 @@ class Generated:
     """Windows at one set of conditions."""
 
     values: Floats
-    """In the units of the channels; shape (N, C, L)."""
+    """Values in the units of the channels; shape (N, C, L)."""
     conditions: Mapping[str, Any]
     """Conditions that all of them have; the empty word is one that is not known."""
     seed: int
@@ -38,7 +38,7 @@ class Generated:
 
     @property
     def head(self) -> dict[str, Any]:
-        """What the windows are and rest on."""
+        """Description of the windows and their basis."""
         file = self.served.file
         units = {one.name: one.unit for one in self.served.gan.space.continuous}
         return {

@@ -68,7 +68,7 @@ def _file_of(life: ToolLife, window: int) -> int:
 
 
 def _copied(life: ToolLife, learnt: dict[str, str]) -> list[SourceFile]:
-    """For each training recording of which a window stands in this life, that copy."""
+    """Training recordings of which a window stands in this life, and that copy."""
     seen: dict[str, SourceFile] = {}
     for k, digest in enumerate(life.windows.sha256s()):
         if (source := learnt.get(digest)) is not None:

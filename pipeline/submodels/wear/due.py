@@ -34,7 +34,7 @@ NOT_TOLD = "no time left is told"
 TOLD, HELD = "times left that were told", "of those inside the 90 % interval"
 """Names of the facts of a tool."""
 SIGNALS, READING, USE = "signals", "reading", "use alone"
-"""What a time left rests on."""
+"""Basis of the remaining time."""
 
 
 def left_names(rests_on: str) -> tuple[str, str, str]:
@@ -48,7 +48,7 @@ class Lasting:
     """Life and forces of worn tools, as stored; None with the reason where records do not tell."""
 
     life: LifeLaw | None = None
-    """Until the criterion."""
+    """Life until the criterion."""
     edges: EdgeGrowth | None = None
     """Growth of the edge forces."""
     reasons: tuple[str, ...] = ()
@@ -73,7 +73,7 @@ def fit_lasting(windows: WearWindows, settings: WearLifeSettings) -> Lasting:
 
 
 def parameters(lasting: Lasting) -> dict[str, Mapping[str, Parameter]]:
-    """What was identified, by group."""
+    """Identified parameters, by group."""
     found: dict[str, Mapping[str, Parameter]] = {}
     if lasting.life is not None:
         found["life"] = lasting.life.parameters()

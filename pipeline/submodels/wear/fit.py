@@ -57,7 +57,7 @@ RESAMPLED = 200
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearFit:
-    """What the fit found; see :class:`~pipeline.submodels.wear.model.WearModel`."""
+    """Result of the fit; see :class:`~pipeline.submodels.wear.model.WearModel`."""
 
     scaling: ChannelScaling
     known: KnownConditions

@@ -42,7 +42,7 @@ FEWEST = 3
 
 @dataclass(frozen=True, kw_only=True)
 class CutterShape(Ranged, section="wear_life.cutters"):
-    """What a type of tool says beside its name."""
+    """Shape of a tool by its type."""
 
     diameter_mm: Annotated[float, Range(above=0.0, most=500.0, unit="mm")]
     flutes: Annotated[int, Range(least=1, most=50)]
@@ -50,7 +50,7 @@ class CutterShape(Ranged, section="wear_life.cutters"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearLifeSettings(Ranged, section="wear_life"):
-    """When a tool counts as worn, which tools are in use, and where their cuts are described."""
+    """Wear criterion, tools in use, and description of their cuts."""
 
     criterion_um: Positive | None = None
     """Flank wear VB at which a tool is changed [um]; None where no lives are asked for."""
@@ -61,7 +61,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     kind: str = ""
     """Condition that names a tool's type; empty where there is one only."""
     cutters: Mapping[str, CutterShape] = field(default_factory=dict)
-    """By type."""
+    """Shapes by tool type."""
     speed: str = "spindle_speed"
     feed: str = "feed"
     depth: str = "axial_depth"
@@ -76,7 +76,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     material: str = ""
     """Material of conf/material/ that the tools cut; the growth of forces holds for it."""
     taylor: Taylor | None = None
-    """What a catalogue says of these tools in this material."""
+    """Catalogue constants of these tools in this material."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +148,7 @@ class ToolUse:
     kind: str
     """Its name and its type."""
     time: Floats
-    """In the cut since new [min]; shape (K,)."""
+    """Time in the cut since new [min]; shape (K,)."""
     read: Floats
     """Measured wear [um], NaN where nobody measured it; shape (K,)."""
     v_c: float

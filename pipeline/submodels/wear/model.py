@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RESNET, FOREST, RIDGE, MEDIAN = "resnet", "forest", "ridge", "median"
 BLEND, GUESS, MEAN = "blend", "guess", "mean"
 METHODS = (RESNET, FOREST, RIDGE)
-"""Those that look at the signals."""
+"""Methods on the signals."""
 WEAR, WORN = "flank wear", "probability of a worn tool"
 """Quantities: a number, and a class."""
 NAMES = {
@@ -41,12 +41,12 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class WearFitSettings(Ranged, section="wear_fit"):
-    """How methods are fitted and compared."""
+    """Fit and comparison of the methods."""
 
     folds: Annotated[int, Range(least=2, most=50)] = 5
     """Parts of the training tools that are left out in turn, at most one a tool."""
     methods: tuple[str, ...] = METHODS
-    """Those of :data:`METHODS` that are fitted."""
+    """Selection of :data:`METHODS` that are fitted."""
     forest: ForestSettings = field(default_factory=ForestSettings)
     """Size of the forest."""
     network: ResNetSettings = field(default_factory=ResNetSettings)
@@ -73,7 +73,7 @@ class MethodScore:
 
     rmse: float
     mae: float
-    """In the unit of wear."""
+    """MAE in the unit of wear."""
     worst: float
     """RMSE of the tool that it errs on most."""
     balanced_accuracy: float | None = None
@@ -130,7 +130,7 @@ class WearModel(Model):
 
     @property
     def quantity(self) -> str:
-        """What is predicted."""
+        """Predicted quantity."""
         return WORN if self.is_class else WEAR
 
 
@@ -141,7 +141,7 @@ class MethodsFile:
     scaling: FeatureScaling
     """Scaling of the features."""
     ridge: Ridge | None
-    """On features."""
+    """Ridge regression on features."""
     forest: Mapping[str, Any] | None
     """Document of the forest."""
     networks: tuple[Mapping[str, Any], ...]

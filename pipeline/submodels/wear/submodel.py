@@ -286,7 +286,7 @@ def _seconds(use: Any, unit: str) -> Any:
 
 
 def _facts(windows: WearWindows, frame: pd.DataFrame, file: WearModel) -> dict[str, Fact]:
-    """How many windows, how much of the wear was measured, and beyond what was learnt."""
+    """Number of windows, share with measured wear, and share beyond the training range."""
     facts = {"windows": Fact(value=float(len(windows)), unit="1")}
     if file.is_class:
         share = float(frame["predicted"].mean())

@@ -40,7 +40,7 @@ class Levels:
     """Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
     the power K_te times this; shape (L,)."""
     samples: Ints
-    """How many readings each holds; shape (L,)."""
+    """Number of readings of each; shape (L,)."""
 
     def __len__(self) -> int:
         return len(self.speed)

@@ -38,7 +38,7 @@ class Stretch:
 
     begin: float
     end: float
-    """Along the path of the line [m]."""
+    """Begin and end along the path of the line [m]."""
     area: float
     """Volume removed per path length [m^2]."""
     edge: float

@@ -35,7 +35,7 @@ class Readings:
     period: float
     """Sampling interval, about that of the log's polls [s]."""
     times: Floats
-    """Since the log's start [s]; shape (T,)."""
+    """Time since the log's start [s]; shape (T,)."""
     line: Ints
     """Line of the program, -1 where missing; shape (T,)."""
     speed: Floats

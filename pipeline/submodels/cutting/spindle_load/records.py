@@ -46,7 +46,7 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
     below the machine's folder."""
     tools: Mapping[int, Tool]
-    """Those that cut, by their number in the program."""
+    """Cutting tools by their number in the program."""
     resolution_mm: Annotated[float, Range(least=0.01, most=10.0, unit="mm")] = 0.5
     """Resolution of the blank [mm]."""
 
@@ -73,7 +73,7 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """
 
     items: LoadItems
-    """What the logs call line, speed, load and feed."""
+    """Names of line, speed, load and feed in the logs."""
     drive: SpindleDrive
     """Rated power, base speed and efficiency that turn load into power; levels below its least
     speed do not count."""
@@ -87,8 +87,8 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
     share: rated power, efficiency and meter together [1]."""
     settle_s: Annotated[float, Range(least=0.1, most=60.0, unit="s")] = 1.5
-    """How long speed and cut must have been the same before a reading counts: five times the lag of
-    the meter [s]."""
+    """Time of constant speed and cut before a reading counts: five times the lag of the meter
+    [s]."""
     setup: Setup = field(default_factory=Setup)
     """Set-up of the control, for the programs."""
 

@@ -132,7 +132,7 @@ class Estimates:
     """Whether the recordings determine it; shape (D,)."""
     how: tuple[str, ...]
     remedy: tuple[str, ...]
-    """Where each value comes from, and what to record where it is not determined."""
+    """Source of each value, and the record that would determine it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +148,8 @@ class AxisFit(Estimates):
     relative_error_percent: float = np.nan
     """Error of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
-    """Below which model and recording were compared [Hz]; nan where they were taken as they are."""
+    """Bandwidth of the comparison of model and recording [Hz]; nan where they were taken as they
+    are."""
     condition: float = np.nan
     rank: int = 0
     """Condition number and rank of the Jacobian with columns scaled to length one."""

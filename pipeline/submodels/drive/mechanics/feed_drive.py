@@ -110,7 +110,7 @@ class FeedDriveFit(AxisFit):
     """Units of the motor's command and of forces, the command's where the force constant is not
     listed."""
     feed_drive: FeedDriveParameters
-    """With all parameters, for the twin."""
+    """Drive with all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()
     """Friction at constant speed."""
     delay: float = 0.0

@@ -31,7 +31,7 @@ NORMAL = 1.96
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One stretch of constant speed."""
+    """Stretch of constant speed."""
 
     recording: str
     """Its name."""

@@ -63,7 +63,7 @@ class Regressors:
     stretch: Ints
     """Number of the stretch without a gap between rows; shape (N,)."""
     period: float
-    """From row to row within a stretch [s]."""
+    """Row period within a stretch [s]."""
 
     def stribeck_columns(self, log_velocity: Floats) -> Floats:
         """Columns of F_s - F_c at ln v_s of both directions; shape (N, 2)."""
@@ -209,7 +209,7 @@ class Dynamics:
     names: tuple[str, ...]
     """Names of the D parameters."""
     values: Floats
-    """In SI; 0 of those that were not fitted; shape (D,)."""
+    """Values in SI; 0 of those that were not fitted; shape (D,)."""
     fitted: Bools
     """Whether each was fitted; shape (D,)."""
     weights: Floats
@@ -217,7 +217,7 @@ class Dynamics:
     residuals: Floats
     """Measured less modelled force [N]; shape (N,)."""
     evaluations: int
-    """How often the model was evaluated on all rows."""
+    """Number of evaluations of the model on all rows."""
     limits: tuple[Floats, Floats] | None = None
     """Least and greatest value of each parameter that was searched, shape (D,) each."""
 

@@ -113,12 +113,12 @@ guides and screws have 10 to 50 micrometres (Armstrong-Helouvry, Dupont and Canu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """One axis in one recording, ready for regression; N samples."""
+    """Axis in a recording, ready for regression; N samples."""
 
     recording: str
     """Its name."""
     period: float
-    """From sample to sample [s]."""
+    """Sampling period [s]."""
     bandwidth: float | None
     """Bandwidth of the parallel filter still to be applied [Hz]; None for none."""
     time: Floats
@@ -131,7 +131,7 @@ class Motion:
     force: Floats
     """Force of the motor: command times force constant; shape (N,)."""
     load: Floats | None
-    """Against positive motion [N]; shape (N,)."""
+    """Load against positive motion [N]; shape (N,)."""
     instruments: tuple[Floats, Floats] | None
     """Velocity and acceleration of the reference, free of the noise of measurement; shape (N,)."""
     known: Bools

@@ -268,7 +268,7 @@ class ServoEquation:
     period: float
     """Longest sampling period of the recordings [s]."""
     stretch: Ints = field(repr=False)
-    """Which stretch of a recording each row is from; shape (N,)."""
+    """Stretch of the recording of each row; shape (N,)."""
     difference: Difference = "central"
     """Difference of the reference, by which it is fed forward."""
 

@@ -71,7 +71,7 @@ class PreslidingFit:
     stiffness: Estimate
     """Stiffness [N/m]."""
     time: Estimate | None = None
-    """In which friction lets go of a standing axis, to 1/e [s]."""
+    """Time in which friction lets go of a standing axis, to 1/e [s]."""
 
     def parameters(self, force_unit: str) -> dict[str, Parameter]:
         """Both as they are stored."""

@@ -43,7 +43,7 @@ class ServoOptimum:
     """Optimum of a search."""
 
     values: Floats
-    """In the order of ``TERMS``; shape (D,)."""
+    """Values in the order of ``TERMS``; shape (D,)."""
     fitted: Bools
     """The others are as they were given; shape (D,)."""
     error: float
