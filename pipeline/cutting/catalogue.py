@@ -240,10 +240,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingCatalogue:
-    """Cutting data of public tables.
-
-    ValueError when rows contradict each other, or a source is missing, empty or never used.
-    """
+    """Cutting data of public tables; ValueError when they contradict, or a source is unused."""
 
     rows: tuple[CatalogueRow, ...]
     """No two of them hold for the same tool, material and operation."""
@@ -270,10 +267,7 @@ class CuttingCatalogue:
     def lookup(
         self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
     ) -> CuttingRange | None:  # fmt: skip
-        """Range of feed per tooth and cutting speed; None outside of the catalogue.
-
-        ``width`` is a_e over D that the row is for [1]; by default the narrowest.
-        """
+        """Feed per tooth and cutting speed, a_e over D by default the narrowest; None if absent."""
         found = self._row(tool, material, operation, width)
         if found is None:
             return None

@@ -52,10 +52,7 @@ class Records:
 
     @property
     def files(self) -> Mapping[str, Mapping[str, Any]]:
-        """Entries of the ingest's manifest by raw file: ``sha256``, ``first``, ``last``, ….
-
-        ValueError when the manifest is missing or is none.
-        """
+        """Manifest of the raw files: ``sha256``, ``first``, ``last``, …; ValueError without one."""
         if self.manifest is not None:
             path = self.manifest
         elif self.signals is not None:

@@ -144,11 +144,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
     @abstractmethod
     def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
-        """Cases in the records of a machine.
-
-        ``sets`` says what is frozen; None while a model is fitted, which looks at training cases
-        only.
-        """
+        """Cases in the records of a machine; ``sets`` are the frozen ones, None during a fit."""
 
     @abstractmethod
     def fit(self, cases: Cases, settings: Fit, folder: Path) -> M:

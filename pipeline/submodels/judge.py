@@ -132,10 +132,7 @@ def judge(
 def _table(
     predicted: Sequence[tuple[Case, Any]], outside: Sequence[OutsideConditions], own: set[str]
 ) -> pd.DataFrame:
-    """Rows of all cases; the intervals of cases outside of the learnt conditions are widened.
-
-    Those of the quantities in ``own`` are wide already.
-    """
+    """Rows of all cases, intervals widened beyond training conditions, except in ``own``."""
     distance: dict[str, float] = {}
     for one in outside:
         distance[one.case] = max(distance.get(one.case, 1.0), widening(one))

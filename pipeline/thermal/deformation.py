@@ -213,10 +213,7 @@ def simulate(
 
 
 def unit_heat(record: GrowthRecord, speed: float) -> Floats:
-    """Heat of each cause of :func:`unit_responses` alone, shape (6, T, len(SOURCES)).
-
-    Bearing friction, windage and preload are 1 at ``speed`` [rad/s].
-    """
+    """Unit heat of each cause, bearing terms 1 at ``speed`` [rad/s]; (6, T, len(SOURCES))."""
     heat = np.zeros((6, len(record.time_s), len(SOURCES)))
     each = heat_sources(record.speed_rad_s / speed, 1.0, 0.0)
     for cause, name in enumerate(HEATING):

@@ -95,10 +95,7 @@ class Material(Ranged, section="material"):
             )
 
     def force_law(self, *, measured: bool = True) -> ForceLaw:
-        """Force law in SI: measured coefficients where there are some, Kienzle's law otherwise.
-
-        ``measured`` = False takes Kienzle's law in any case.
-        """
+        """Force law in SI: measured coefficients if any and ``measured``, else Kienzle's law."""
         if measured and self.coefficients is not None:
             return self.coefficients.force_law()
         return ForceLaw.kienzle(

@@ -97,10 +97,7 @@ def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
 
 
 def no_load_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """P_0, no-load power of the turning spindle [W].
-
-    Never below 0, wherever a polynomial leads outside the speeds of its fit.
-    """
+    """No-load power P_0 of the turning spindle [W]; at least 0 outside the speeds of its fit."""
     speed = np.abs(np.asarray(n, dtype=np.float64))
     power = cast(Floats, np.polynomial.polynomial.polyval(speed, drive.no_load_W))
     return np.maximum(power, 0.0)

@@ -156,10 +156,7 @@ def wear(
     taylor: Taylor, times: ArrayLike, v_c: ArrayLike,
     conditions: Mapping[Condition, ArrayLike] = NONE,
 ) -> Floats:  # fmt: skip
-    """Share of a tool's life that each block takes, t_i / T(V_i) [1]; shape (..., B).
-
-    ``times`` in the cut [s], shape (..., B); all else, and errors, as in :func:`life`.
-    """
+    """Share of tool life of each block, t_i / T(V_i) [1], for times in the cut [s]; (..., B)."""
     spent = not_negative("times", times)
     with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
         share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)

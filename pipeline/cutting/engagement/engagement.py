@@ -35,10 +35,7 @@ _ROWS = 64 * STEPS
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolPath:
-    """Q straight pieces, in the order in which they are cut; the tool's axis is parallel to z.
-
-    Arcs come as chords.  The same pieces hold whatever F and S are.
-    """
+    """Q straight pieces (chords of arcs) in the order of cutting, tool axis z; for any F and S."""
 
     start: Floats
     end: Floats

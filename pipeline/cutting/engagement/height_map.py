@@ -88,10 +88,7 @@ def height_map(stock: Stock, resolution_m: float) -> HeightMap:
 def empty_map(
     x: tuple[float, float], y: tuple[float, float], floor: float, resolution_m: float
 ) -> HeightMap:
-    """A grid over a rectangle [m] without material.
-
-    ValueError when the resolution is not above 0 or the grid has too many cells.
-    """
+    """Grid over a rectangle [m] without material; ValueError as in :func:`height_map`."""
     if not 0 < resolution_m < np.inf:
         raise ValueError(
             f"resolution of the height map is {resolution_m / MM:g} mm: give one above 0"

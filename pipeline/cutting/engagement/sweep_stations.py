@@ -288,10 +288,7 @@ _STEEP = 0.7
 
 @compiled
 def sweep_path(start, end, tool_of, direction, profiles, grid, counts, station, out, state, bins):  # type: ignore[no-untyped-def]
-    """Follow the path from ``state`` on until its end or until ``out`` is full.
-
-    Returns the number of stations written; ``state`` says where it stopped.
-    """
+    """Follow the path from ``state`` until its end or a full ``out``; number of new stations."""
     n = np.int64(0)  # a literal would have all that follows compiled a second time
     while state[PIECE] < start.shape[0]:
         piece = state[PIECE]

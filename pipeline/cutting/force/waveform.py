@@ -151,10 +151,7 @@ def profile_waveform(
     law: ForceLaw, tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
     slope: float = 0.0, slices: int = 2 * SLICES, ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
-    """F_x, F_y, F_z [N] and torque [N m] at one station; shape (T, 4).
-
-    F_z is as on the workpiece, the others are on the tool; else as :func:`profile_basis`.
-    """
+    """F_x, F_y, F_z [N] and torque [N m] at one station, (T, 4); as :func:`profile_basis`."""
     each = profile_basis(
         tool, f_z=f_z, lower=lower, upper=upper, angles=angles, m_c=law.m_c, slope=slope,
         slices=slices, ring=ring,

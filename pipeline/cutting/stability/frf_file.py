@@ -66,10 +66,7 @@ _HEADER = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>.*)[\])])?\s*$"
 
 
 def read_csv(path: Path, direction: str) -> FrequencyResponse:
-    """One direction of the receptance from a CSV file.
-
-    OSError, ValueError when the file cannot be read.
-    """
+    """One direction of a CSV file's receptance; OSError, ValueError when it cannot be read."""
     lines = [
         (number, line)
         for number, line in enumerate(_text(path).splitlines(), start=1)
@@ -159,10 +156,7 @@ _RESPONSE, _TRANSLATIONS = 4, {1: "x", 2: "y"}
 
 
 def read_universal(path: Path, direction: str | None) -> FrequencyResponse:
-    """All frequency responses of a universal file, as one.
-
-    OSError, ValueError when the file cannot be read.
-    """
+    """All frequency responses of a universal file; OSError, ValueError when it cannot be read."""
     try:
         import pyuff
     except ImportError as error:

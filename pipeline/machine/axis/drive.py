@@ -261,10 +261,7 @@ def follow(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, kw_only=True)
 class DriveTraces:
-    """P individuals of one axis at T samples; every trace has shape (P, T).
-
-    Not finite from where an unstable loop has grown out of all numbers.
-    """
+    """P individuals of one axis at T samples, (P, T) each; not finite after an overflow."""
 
     position: Floats = field(repr=False)
     velocity: Floats = field(repr=False)
@@ -336,10 +333,7 @@ def simulate(
 
 
 def _first_state(row: Floats, first: float, period: float, start: DriveStart | None) -> list[float]:
-    """Memory with which the first command is the one given, the lags settled.
-
-    At rest the command carries what is always there.
-    """
+    """Memory at rest with settled lags and the first command, including the constant force."""
     begin = start or DriveStart(
         position=first, command=row[DriveColumn.OFFSET] / row[DriveColumn.FORCE_CONSTANT]
     )

@@ -187,10 +187,7 @@ def advance(y, h, alpha, beta, load, winding, shafts, work):  # type: ignore[no-
 
 @compiled
 def holding_torques(y, load, winding, shafts):  # type: ignore[no-untyped-def]
-    """Torques that dry friction has to hold at standstill, of the motor and of the load [N m].
-
-    Rigid shafts are one body: both are the same.
-    """
+    """Torques of dry friction at standstill, of motor and load [N m]; the same of a rigid shaft."""
     drive = _torque(y[I_D], y[I_Q], winding)
     if shafts.rigid:
         return drive - load, drive - load

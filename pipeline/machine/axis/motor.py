@@ -64,10 +64,7 @@ def force_constant(torque_constant: float, lead: float) -> float:
 
 
 def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any) -> Any:
-    """di_d/dt and di_q/dt [A/s] at currents [A], voltages [V] and mechanical ``speed`` [rad/s].
-
-    ``motor`` is a MotorParameters or any other object with its names.
-    """
+    """di_d/dt and di_q/dt [A/s] at currents [A], voltages [V], mechanical ``speed`` [rad/s]."""
     w_e = motor.pole_pairs * speed
     R, L_d, L_q = motor.resistance, motor.inductance_d, motor.inductance_q
     rate_d = (u_d - R * i_d + w_e * L_q * i_q) / L_d

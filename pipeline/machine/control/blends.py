@@ -326,9 +326,7 @@ def _keep_kink(s, v, kept, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def _arc(table, s, share, goal):  # type: ignore[no-untyped-def]
-    """Speed of the arc over the corner after segment s, 0 for none [m/s], what it takes of both
-    segments [m], and its length [m].
-    """
+    """Speed of the arc after segment s, 0 for none [m/s], its share of both [m], its length [m]."""
     theta, reach, a = table[THETA, s], table[REACH, s], table[ARC_RATE, s]
     if reach <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -384,10 +382,7 @@ def _parabola(table, s, a_1, a_2, v_1, v_2, part):  # type: ignore[no-untyped-de
 
 @compiled
 def _along(work, ramps, cycle):  # type: ignore[no-untyped-def]
-    """Look ahead over the pieces: from their greatest speeds to those at the ends, and times.
-
-    Standstills are reached in whole cycles.
-    """
+    """Look-ahead over the pieces: end speeds and times; standstills lie at whole cycles."""
     within, after, v_in, passed = 0.0, 0.0, 0.0, 0.0
     for k in range(work.shape[1] - 1, -1, -1):
         if work[SIZE, k] > 0.0:

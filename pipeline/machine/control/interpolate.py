@@ -61,10 +61,7 @@ def trace(plan: Plan, *, period: float | None = None) -> Trace:
 
 
 def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> Iterator[Trace]:
-    """The same in chunks of at most ``samples``, for programs of any length.
-
-    The ``period`` is the control's ``interpolation_period`` by default [s].
-    """
+    """Trace in chunks of at most ``samples``; ``period`` as in :func:`trace` [s]."""
     step = _period(plan, period)
     lengths = plan.path.control.filters
     history = np.zeros((2, history_length(float(lengths.max()), step), 6, 2))

@@ -236,10 +236,7 @@ def _axis(letter: str, channels: ErrorChannels, samples: Samples, piece: Uniform
 
 
 def _on_grid(piece: UniformSegment, values: Floats) -> Floats:
-    """Values on the even grid; gaps are filled by a smooth curve.
-
-    Straight lines would distort the commanded acceleration.
-    """
+    """Values on the even grid; gaps are filled by a smooth curve to preserve the acceleration."""
     from scipy.interpolate import CubicSpline
 
     found, missing = piece.on_grid(values), piece.filled

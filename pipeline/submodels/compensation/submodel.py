@@ -161,10 +161,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Recordings of axes, and parts of them.
-
-        ValueError when a pattern fits no file, or the drives' model is broken.
-        """
+        """Recordings of axes and parts of them; ValueError for a pattern without a file."""
         if records.signals is None or records.drive is None:
             raise ValueError("recordings stand in signals, drives beside them: name both in reads")
         wanted = settings.compensation_records

@@ -188,10 +188,7 @@ def _why_none(run: Run, programs: Mapping[str, Moves], jumping: int) -> str:
 
 
 def _why_short(run: Run, name: str, moves: Moves) -> str:
-    """Why a run that completed is not all of a program; empty where it is.
-
-    The tool of the first change may have been in the spindle before the log began.
-    """
+    """Reason why a completed run is not all of a program; a first tool change may be missing."""
     last, shown = int(run.line.value.max(initial=0)), set(run.tool.value.astype(int).tolist())
     changed = [tool for _, tool in _programmed_changes(moves)][1:]
     missing = sorted(set(changed) - shown) if any(tool > 0 for tool in shown) else []

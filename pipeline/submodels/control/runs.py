@@ -32,10 +32,7 @@ def joined(spans: Sequence[Span]) -> tuple[Span, ...]:
 
 
 def stopped_within(stops: Sequence[Span], begin: Floats, end: Floats) -> Floats:
-    """Share of the time from ``begin`` to ``end``, (N,) [s], that lies in ``stops`` [s].
-
-    The stops are in order and without overlap, as from :func:`joined` [s].
-    """
+    """Share of the times from ``begin`` to ``end``, (N,), in ordered, disjoint ``stops`` [s]."""
     if not stops:
         return np.zeros_like(begin)
     edges = np.ravel(stops)

@@ -59,10 +59,7 @@ class Observed:
 
 
 def observe(run: Run, program: str, moves: Moves, unit: str, shortest_s: float) -> Observed:
-    """Cut a run into segments, at polls that saw a later line.
-
-    Segments last at least ``shortest_s`` [s], those of waits excepted.
-    """
+    """Segments of a run of at least ``shortest_s`` [s], waits excepted, cut at new lines."""
     operator = operator_of(run, moves)
     time, row = _polls(run, moves)
     cut = _cuts(time, row, moves, shortest_s)

@@ -84,10 +84,7 @@ class Fit:
 def fit_waveform(
     tool: Tool, cuts: Sequence[CutHarmonics], terms: Terms, start: "Fit | None" = None
 ) -> Fit:
-    """The optimum of a waveform's terms.
-
-    ``start`` is a fit of fewer terms or other recordings to start from.
-    """
+    """Optimum of a waveform's terms; ``start``: a fit of fewer terms or other recordings."""
     problem = Problem(tool=tool, cuts=cuts, terms=terms, left_out=_first(cuts))
     places = list(_starts(problem, start))
     descents = sorted(

@@ -201,10 +201,7 @@ def cutting_model(
     settings: CuttingFitSettings,
     spindle: SpindleLoadResult | None,
 ) -> CuttingModel:
-    """The model as it is stored.
-
-    ``head`` is what every model holds; its parameters are filled in.
-    """
+    """Model as it is stored, the parameters of ``head`` filled in."""
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
     widest = settings.widest

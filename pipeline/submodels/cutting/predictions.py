@@ -71,10 +71,7 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
 
 
 class ForcePredictor:
-    """Predictor of the forces of recordings by a stored model.
-
-    Without a stored prediction every recording is left without one.
-    """
+    """Predictor of the forces of recordings by a stored model, if there is one."""
 
     def __init__(
         self, stored: CuttingModel, setup: CuttingSetup, settings: CuttingFitSettings

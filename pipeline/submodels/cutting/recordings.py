@@ -155,10 +155,7 @@ def _other_speed(one: CuttingRecording, setup: CuttingSetup, settings: CuttingFi
 
 
 def cut_harmonics(recording: CuttingRecording, settings: CuttingFitSettings) -> CutHarmonics:
-    """Harmonics of a recording with their variance, zero included, at its measured speed.
-
-    ValueError when the recording is left out.
-    """
+    """Harmonics of a recording with their variance; ValueError when it is left out."""
     conditions, revolution = recording.cut
     variance = revolution.scatter.copy()
     if not recording.zero_measured:
@@ -198,10 +195,7 @@ def entry_time(conditions: CutConditions, tool: Tool) -> float:
 
 
 def forces(samples: Samples) -> tuple[Floats, float, tuple[str, ...]]:
-    """Channels x, y, z [N], shape (T, 3), the sampling rate [1/s], and the changes made.
-
-    ValueError when a channel or the time is missing or unusable.
-    """
+    """Channels (T, 3) [N], sampling rate [1/s], changes; ValueError for an unusable channel."""
     if samples.lacking:
         raise UnusableRecording(next(iter(samples.lacking.values())))
     values = np.stack([samples.channels[name] for name in CHANNELS], axis=1)

@@ -204,10 +204,7 @@ def mean_revolution(
 
 
 def wave(lines: Complexes, angles: Floats) -> Floats:
-    """Force of harmonics at angles; shape (T, C).
-
-    ``lines`` (H + 1, C) [N], ``angles`` (T,) [rad].
-    """
+    """Force of harmonics (H + 1, C) [N] at angles (T,) [rad]; shape (T, C)."""
     return np.real(lines.T @ _phasors(angles, len(lines))).T
 
 

@@ -48,10 +48,7 @@ DIRECTIONS = ("feed", "normal", "axial")
 
 @dataclass(frozen=True, kw_only=True)
 class Dynamometer:
-    """Channel of each component of the force on the tool; a minus before the name reverses it.
-
-    ValueError when they are not the channels x, y and z, each once.
-    """
+    """Channels of the force on the tool, minus for a reversed one; ValueError unless x, y, z."""
 
     feed: str = "-x"
     """Channel of the force on the tool along the feed, F_x of

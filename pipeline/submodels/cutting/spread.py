@@ -86,10 +86,7 @@ def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpre
 
 
 def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> ForceSpread:
-    """The spread, scaled by errors on recordings left out of peak, mean and waveform.
-
-    The errors are over those expected.
-    """
+    """Spread scaled by the errors over the expected ones on held-out recordings."""
     squares = np.array(errors).reshape(-1, 3) ** 2
     scales = np.sqrt((PRIOR + squares.sum(axis=0)) / (PRIOR + len(squares)))
     peak, mean, shape = scales.tolist()
@@ -140,10 +137,7 @@ def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[floa
 
 
 def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
-    """Halves of the 90 % intervals of a recording's force at each angle [N]; shape (ANGLES, 3).
-
-    ValueError when the model has no spread.
-    """
+    """Half 90 % intervals of the force at each angle [N], (ANGLES, 3); ValueError if no spread."""
     whole = force_wave(model, cut.conditions, cut.harmonics)
     lines = model.predicted(cut.conditions, cut.harmonics)
     shift = phase_shift(lines, cut.lines, model.weight(cut)) / (2 * np.pi)
@@ -153,10 +147,7 @@ def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
 
 
 def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> ForceWave:
-    """Force over a revolution with the error that is expected of it.
-
-    ValueError when the model has no spread.
-    """
+    """Force over a revolution with its expected error; ValueError when the model has no spread."""
     spread = model.spread
     if spread is None:
         raise ValueError("the model holds no spread of its forces: identify it again")
@@ -182,10 +173,7 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
 def force_levels(
     model: CutModel, conditions: CutConditions, harmonics: int
 ) -> tuple[ForceLevel, ForceLevel]:
-    """Peak and mean force in the plane with the errors that are expected of them.
-
-    ValueError when the model has no spread.
-    """
+    """Peak and mean force in the plane with expected errors; ValueError without a spread."""
     whole = force_wave(model, conditions, harmonics)
     plane = whole.force[:, :2]
     size = np.linalg.norm(plane, axis=1)

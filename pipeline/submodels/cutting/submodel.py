@@ -104,10 +104,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Recordings of the dynamometer, then logs of the spindle's load.
-
-        ValueError when a pattern of the records fits no file.
-        """
+        """Dynamometer recordings, then load logs; ValueError for a pattern without a file."""
         files, signals, raw = records.files, records.signals, records.raw
         if signals is None or raw is None:
             raise ValueError("cutting needs the signals and the raw folder: name them in reads")

@@ -112,10 +112,7 @@ def _forces(tool: Tool, conditions: CutConditions, chip: ChipShape) -> Floats:
 
 
 def _lines(values: Floats, harmonics: int) -> Complexes:
-    """Harmonics of values on the middles of a revolution's steps; shape (H + 1, ...).
-
-    On the middles no angle of the grid is one where a tooth enters as another leaves.
-    """
+    """Harmonics of values at mid-steps, where no tooth both enters and leaves; (H + 1, ...)."""
     spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] * (2 / len(values))
     spectrum[0] /= 2
     return rotated(spectrum, -np.pi / len(values))
@@ -307,10 +304,7 @@ class Problem:
         return self._teeth[key]
 
     def designs(self, x: Floats, chip: ChipShape | None = None) -> list[Complexes]:
-        """Columns of each recording as it shows them, shape (H + 1, 3, D) each.
-
-        Of the law at ``x``, or of one of another shape.
-        """
+        """Columns of each recording in its channels, (H + 1, 3, D), by the law of ``chip`` at x."""
         modes = self.modes(x)
         designs = []
         spectra = self.spectra(self.geometry(x), self.chip(x) if chip is None else chip)
@@ -361,10 +355,7 @@ class Problem:
         return Solved(values=values, residuals=measured - table @ values, base=base, table=table)
 
     def slopes(self, x: Floats, values: Floats, first: int | None = None) -> Floats:
-        """Derivatives of the modelled rows, coefficients held; shape (N, P).
-
-        With ``first`` by the first so many nonlinear unknowns only.
-        """
+        """Derivatives of the modelled rows at fixed coefficients, (N, P), by ``first`` unknowns."""
         weights, step = self.weights(), STEP * self.scale
         here = [one @ values for one in self.designs(x)]
         changes = []

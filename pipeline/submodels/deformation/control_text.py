@@ -220,10 +220,7 @@ class _Text:
             yield self.more(self.names[each], self.found.ranges[each].high, 900)
 
     def clock(self) -> Iterator[str]:
-        """Time since the last call; a start anew where the clock went back or paused for long.
-
-        What the lags held is not known any more then.
-        """
+        """Time since the last call; a restart after a step back or a long pause."""
         own, clock = self.own, self.on.clock_s
         yield f"{own(STEP)}={clock}-{own(LAST)}"
         yield self.less(own(STEP), 0.0, 100)

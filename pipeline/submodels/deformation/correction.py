@@ -102,10 +102,7 @@ class Correction:
         return below + self.largest_um, above + self.largest_um
 
     def growth(self, values: Mapping[str, Floats]) -> Floats:
-        """Growth since the first row [um], shape (T,), of evenly spaced rows.
-
-        ``values`` are temperatures [degC] and speed [rev/min], (T,) each, by input name.
-        """
+        """Growth since the first row [um], (T,), from temperatures [degC] and speed [rev/min]."""
         many = len(values[self.inputs[0]])
         time = self.period_s * np.arange(many)
         since = {name: since_start(name, values[name]) for name in self.inputs}

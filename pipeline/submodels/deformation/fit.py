@@ -171,10 +171,7 @@ def _seeds(name: str, many: int) -> range:
 
 
 def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
-    """Methods that are compared.
-
-    ValueError when one is named that does not exist, or that needs a channel that is not recorded.
-    """
+    """Methods to compare; ValueError for an unknown one or one without its channel."""
     turning = any(one.state.speed.any() for one in profiles)
     air = all(np.isfinite(one.state.ambient).all() for one in profiles)
     able = [

@@ -183,10 +183,7 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
 
 
 def growth_record(inputs: Inputs, growth: Floats | None = None) -> GrowthRecord:
-    """Inputs as the thermal models take them: SI, the groups for sensors.
-
-    The coldest group at the start stands for the air where that is not recorded.
-    """
+    """Inputs of the thermal models in SI; the coldest group replaces a missing ambient."""
     state = inputs.state
     known = bool(np.isfinite(state.ambient).all())
     coldest = np.full(len(inputs), np.min(inputs.group_temperatures[:1], initial=np.inf))

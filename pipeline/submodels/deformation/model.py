@@ -231,10 +231,7 @@ class GrowthModel:
         return result
 
     def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:
-        """Reason why there is no correction at each sample, empty where there is one; shape (T,).
-
-        ``growth`` (T,) is that by the method that serves [um].
-        """
+        """Reason for no correction by sample, "" where there is one; ``growth`` [um]; (T,) each."""
         file, found = self.file, np.full(len(growth), "", dtype=object)
         if file.second:
             apart = np.abs(growth - self.stitched(pieces, file.second).mean(axis=0))

@@ -164,10 +164,7 @@ class GrowthRecording:
 def read_profiles(
     signals: Path, records: DeformationRecords, preferred: Callable[[str], bool]
 ) -> list[GrowthRecording]:
-    """Recordings of growth of a machine, in the order of their names.
-
-    ``preferred`` says of a name whether it is the one to keep of several with the same bytes.
-    """
+    """Growth recordings by name; ``preferred`` names the one to keep of files of equal bytes."""
     found = read_recordings(
         signals, records.channels, patterns=records.recordings, preferred=preferred,
         section="deformation_records.recordings",

@@ -576,10 +576,7 @@ def _blank(
 def _largest_departures(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
 ) -> tuple[Floats, Floats, SensorModel]:
-    """Largest departure and jump in each recording under a model of the others; that of all.
-
-    Both of shape (recordings, S) [K].
-    """
+    """Largest departures and jumps by recording, cross-validated, (recordings, S) [K]; model."""
     vectors, blank = [lagged(s, settings.lags_s) for s in states], _blank(states, sensors, settings)
     largest, jumps = np.zeros((2, len(vectors), len(sensors)))
     for out, vector in enumerate(vectors):
@@ -593,10 +590,7 @@ def _fitted(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings,
     faulty: Sequence[frozenset[str]] = (),
 ) -> SensorModel:  # fmt: skip
-    """Model of complete states; the tolerance from recordings left out in turn.
-
-    Sensors that are ``faulty`` in a recording say nothing there of what is usual.
-    """
+    """Model of complete states, without those of sensors ``faulty`` there; tolerance by folds."""
     *sizes, model = _largest_departures(states, sensors, settings)
     sound = np.array([[name not in one for name in sensors] for one in faulty] or True)
     tolerance, jump = (_tolerance(size, sound & np.ones(size.shape, bool), settings)

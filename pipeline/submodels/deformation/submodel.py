@@ -274,10 +274,7 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
 
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
-    """State of a table.
-
-    ValueError when it lacks a column, has no row, or its rows are not as far apart as was learnt.
-    """
+    """State of a table; ValueError without a column or row, or with another row period."""
     period = file.sensors.period_s
     if "t" not in table.columns or not len(table):
         raise ValueError("the input has no column t with rows: give the time since the start in s")

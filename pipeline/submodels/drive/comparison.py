@@ -224,10 +224,7 @@ class AxisComparison:
 def axis_comparison(
     recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int
 ) -> AxisComparison:
-    """The recorded force and following error of ``axis`` beside those of the twin.
-
-    The servo samples ``substeps`` times in one sample of the recorder.
-    """
+    """Force and following error of ``axis`` beside the twin's; ``substeps``: servo per sample."""
     recording = in_unit_of_drive(recording, axis, drive)
     entering = entering_disturbance(recording, axis, drive)
     return AxisComparison(
@@ -240,9 +237,7 @@ def axis_comparison(
 def entering_disturbance(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> Disturbance | None:
-    """Where the disturbance of a recording enters; with factor and delay the only numbers that are
-    taken from a recording that is judged, as it does not name them.
-    """
+    """Entry of a recording's disturbance; entry, factor and delay alone come from test data."""
     if drive.servo is not None:
         servo = with_own_gains(drive.servo, recording.axes[axis].constants)
         drive = replace(drive, servo=servo)

@@ -351,9 +351,7 @@ class _Law:
 
     @cached_property
     def pushed(self) -> tuple[Floats, int]:
-        """Signals with the disturbance in place of the servo's, and by how many samples its ends
-        are held: a delay only moves them.
-        """
+        """Signals with the disturbance for the servo's; number of samples to hold at their ends."""
         record = self.record
         held = ceil(max(LATEST, -EARLIEST) / record.period) + 2
         push = np.pad(self.load, held, mode="edge")

@@ -204,11 +204,7 @@ def _motor(
 
 
 def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recording]) -> DriveAxis:
-    """One axis as it is stored.
-
-    The constant level of the force is the mean of the ``recordings`` from which the axis was
-    identified.
-    """
+    """Axis as it is stored, with the mean force level of its training ``recordings``."""
     axis = _axis(found)
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]

@@ -83,10 +83,7 @@ class Windows:
         return self._summed(self.signals[name][:, :WINDOW], mean)
 
     def halves(self, signal: Floats) -> Floats:
-        """Integrals of g times a signal, shape (B, W + 1), from every other sample.
-
-        Shape (2, B, orders): from the even samples, and from the odd.
-        """
+        """Integrals of g times a signal from the even and the odd samples; shape (2, B, orders)."""
         return self._split(signal, self._function(np.arange(WINDOW + 1)))
 
     def rates(self, signal: Floats) -> Floats:

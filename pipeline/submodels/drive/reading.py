@@ -90,10 +90,7 @@ def read_file(
     *,
     trained: bool,
 ) -> list[Recording]:
-    """Recordings in one file: one for each stretch without a gap in time.
-
-    ``shared`` are constants of the other recordings, for those that the file lacks.
-    """
+    """Recordings in one file, split at gaps; ``shared`` constants complete the file's."""
     name = file.name
     blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
     motor, shaft = records.motor, records.shaft
@@ -357,10 +354,7 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Refuse the channel ``name`` of a torque command in a unit of motion.
-
-    A command may be in amperes, volts, percent or counts.
-    """
+    """Refuse a torque command in a unit of motion; amperes, volts, percent, counts are right."""
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:
             conversion(unit, motion)

@@ -245,10 +245,7 @@ BLOCKS = 4
 
 
 def blocks_of(parts: Sequence[Recording]) -> list[Recording]:
-    """Parts of one recording in about :data:`BLOCKS` blocks of its own time, cut where it is slow.
-
-    Each has the hash of its own samples.
-    """
+    """Parts of a recording in about :data:`BLOCKS` blocks, cut where slow, hashed one by one."""
     total = sum(one.seconds for one in parts)
     cut = [block for one in parts for block in _cut(one, round(BLOCKS * one.seconds / total))]
     return [

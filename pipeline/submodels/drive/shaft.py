@@ -146,10 +146,7 @@ def _starts(shown: Sequence[Signals]) -> list[Floats]:
 
 
 def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
-    """Fit from a first guess of the motor's mass, by which the flanks are known.
-
-    ``out`` are columns that are left out.
-    """
+    """Fit from a first guess of the motor's mass, which fixes the flanks; without ``out``."""
     for _ in range(ROUNDS):
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
         if PLAY in out:

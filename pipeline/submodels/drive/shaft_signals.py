@@ -69,10 +69,7 @@ def _filtered(values: Floats, order: int = 0) -> Floats:
 
 
 def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:
-    """Filtered signals of both ends of ``axis`` in a recording.
-
-    ``force_constant`` is k [N/A], ``lead`` that of the screw [m].
-    """
+    """Filtered signals of both ends of ``axis``; force constant k [N/A], screw ``lead`` [m]."""
     raw, period = one.shafts[axis], one.period
 
     def filtered(values: Floats, order: int = 0) -> Floats:
@@ -177,10 +174,7 @@ def lasting(shown: Sequence[Signals], left: Sequence[Floats], sure: Sequence[Boo
 def with_waves(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> list[Signals]:
-    """Recordings with waves over the turn, at the orders that stand out of what is left over.
-
-    The strongest order first, until Fisher's test finds none.
-    """
+    """Recordings with significant waves over the turn, strongest first, by Fisher's test."""
     found: list[Signals] = list(shown)
     if any(one.turn is None for one in shown):
         return found

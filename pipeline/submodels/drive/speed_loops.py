@@ -73,10 +73,7 @@ def as_identified(
     axis: DriveAxis, letter: str, parameters: Mapping[str, Mapping[str, Parameter]],
     shaft: Shaft | None, records: MotorRecords,
 ) -> ThreeLoopParameters:  # fmt: skip
-    """Axis down to its currents, with its identified gains.
-
-    ValueError when something that it needs is not determined, or not listed.
-    """
+    """Axis to its currents, with its gains; ValueError for an undetermined parameter."""
     own, motor = parameters[letter], parameters.get(MOTOR, {})
     servo = axis.servo
     if shaft is None or shaft.lead is None:

@@ -34,10 +34,7 @@ def with_doubt(
     records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
 ) -> SpindleFit:
-    """A fit with the intervals of its sources over all that the records bear.
-
-    ``others`` are the networks that hours left out cannot tell from it.
-    """
+    """Fit with the intervals of its sources widened by the residuals and by ``others``."""
     said = residuals_say(fit, pieces, records, settings)
     intervals, left_out = dict(fit.intervals), dict(fit.left_out)
     for name, own in fit.intervals.items():

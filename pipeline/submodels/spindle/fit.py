@@ -309,10 +309,7 @@ def fit_network(
     settings: SpindleFitSettings,
     structure: Structure,
 ) -> SpindleFit:
-    """The network of a structure, with the sources that ``pieces`` determine.
-
-    ValueError when there is no stretch to fit.
-    """
+    """Network with the sources that ``pieces`` determine; ValueError without a stretch."""
     if not pieces:
         raise ValueError(
             f"no stretch of at least {settings.shortest_s:g} s with speed, load and temperature on "

@@ -166,10 +166,7 @@ def days_left_out(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeftOut:
-    """Errors of one network on what was left out: ``days`` (D,) and ``hours`` (H,) [K^2].
-
-    ``hours`` is empty where every source is excited on days enough.
-    """
+    """Errors of a network on held-out ``days`` (D,) and, where needed, ``hours`` (H,) [K^2]."""
 
     days: Floats
     hours: Floats

@@ -60,10 +60,7 @@ class TransferSettings(Ranged, section="spindle_transfer"):
 
 @dataclass(frozen=True, kw_only=True)
 class TransferPoint:
-    """RMSE over free runs of the days judged [K], with a record of ``minutes`` [min].
-
-    ``own`` is None where the record alone gives no network.
-    """
+    """Free-run RMSE [K] after ``minutes`` [min]; ``own`` is None without a network."""
 
     minutes: float
     pooled: float
@@ -142,10 +139,7 @@ def transfer(
 
 
 def first_minutes(pieces: Sequence[StateSegment], minutes: float) -> list[StateSegment]:
-    """The beginning of a record, up to ``minutes`` after the spindle's first start.
-
-    ValueError when the spindle never starts.
-    """
+    """Record up to ``minutes`` after the first start; ValueError when the spindle never starts."""
     left = 0
     for number, piece in enumerate(pieces):
         turns = np.flatnonzero(heated(piece.frame))
@@ -239,10 +233,7 @@ def own_network(
     fitting: SpindleFitSettings,
     golden: SpindleThermalParameters,
 ) -> SpindleThermalParameters | None:
-    """The golden machine's network of a short record alone, with every source that it excites.
-
-    None where it excites none.
-    """
+    """Golden network of a short record alone, None where it excites no source."""
     sources = excited(pieces, [name for name in records.sources if name in SOURCES])
     if not sources:
         return None

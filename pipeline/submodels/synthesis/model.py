@@ -179,10 +179,7 @@ class Synthesis:
 
     @cached_property
     def judges(self) -> Mapping[str, Judge]:
-        """Wear (N,) from windows (N, C, L) and their conditions, by name of the judge.
-
-        None of them took part in the training of the generator.
-        """
+        """Wear (N,) from windows (N, C, L) and conditions, by independent wear readers."""
         found: dict[str, Judge] = {FOREST: self._by_features}
         if self.networks:
             found[NETWORK] = self._by_networks
@@ -280,10 +277,7 @@ def beside(space: ConditionSpace, conditions: Mapping[str, Any]) -> Floats:
 
 
 def reference_of(stored: GeneratorFile) -> Reference:
-    """Features and windows that are stored beside a generator.
-
-    ValueError when the file lacks one, or holds another type of number.
-    """
+    """Stored features and windows of a generator; ValueError when they are incomplete."""
     try:
         found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
         return Reference(**found)
@@ -294,10 +288,7 @@ def reference_of(stored: GeneratorFile) -> Reference:
 
 
 def load_synthesis(folder: Path) -> Synthesis:
-    """The generator in a folder, with what it is judged by.
-
-    StoreError when a file is missing, broken or of another form.
-    """
+    """Generator and its wear readers; StoreError when a file is missing, broken or outdated."""
     from pipeline.nets.dcgan import restore_gan
     from pipeline.nets.wear import restore_judge
 

@@ -75,10 +75,7 @@ def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int 
 
 
 def conditions_of_words(served: Synthesis, words: Mapping[str, str]) -> dict[str, Any]:
-    """Conditions from text: a number for a continuous condition, a word for a discrete one.
-
-    ValueError when a number is none, or there is no such condition.
-    """
+    """Conditions from text, numbers or words; ValueError for an invalid or unknown one."""
     space = served.gan.space
     numbers = {one.name: one for one in space.continuous}
     found: dict[str, Any] = {}

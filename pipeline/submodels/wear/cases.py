@@ -112,10 +112,7 @@ PROGRESS = "progress"
 
 
 def windows_of_table(table: "pd.DataFrame", file: WearModel) -> tuple[WearWindows, Ints]:
-    """Windows of a table, one after the other, and the window of each row, shape (T,).
-
-    Rows that are too few for a window of their own belong to the last one.
-    """
+    """Windows of a table, and the window of each row, (T,); the last takes the remainder."""
     wanted = [*file.channels, *file.known.numbers, *file.known.words]
     if missing := [name for name in wanted if name not in table.columns]:
         raise ValueError(f"the input has no column {missing[0]!r}: give {', '.join(wanted)}")

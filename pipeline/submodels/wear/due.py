@@ -99,10 +99,7 @@ class Estimate:
 def due_facts(
     windows: WearWindows, estimate: Estimate, law: LifeLaw, settings: WearLifeSettings
 ) -> dict[str, Fact]:
-    """What is to be said of one tool: wear now, time left, how often such a time held.
-
-    Of a tool whose type or cuts are not known, only why no time is told.
-    """
+    """Facts of one tool: wear now, time left, share of such times that held, or a reason."""
     try:
         use = uses(windows, settings)[0]
     except ValueError as error:

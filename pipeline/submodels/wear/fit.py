@@ -187,10 +187,7 @@ def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
 
 
 def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
-    """Tools in an order whose neighbours, which are left out together, differ in wear.
-
-    Each training set then has tools of either class as far as there are enough.
-    """
+    """Tools in an order whose neighbours differ in wear, so that folds hold either class."""
     if not windows.is_class:
         return tools
     mean = {tool: float(windows.wear[windows.tool == tool].mean()) for tool in tools}
@@ -295,10 +292,7 @@ class _Told:
 
 
 def _with_blend(out: _Told) -> dict[str, float]:
-    """Add the median and the blend, each tool's by weights of the others.
-
-    Returns the weights of all tools; none without a baseline.
-    """
+    """Add median and blend, each tool's by weights of the others; weights of all tools."""
     out.by[MEDIAN] = median(out.by)
     names = (MEDIAN, GUESS)
     if GUESS not in out.by:

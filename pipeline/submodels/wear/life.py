@@ -182,10 +182,7 @@ def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
 
 @dataclass(frozen=True, kw_only=True)
 class WornTool:
-    """A tool that reached the criterion: time [min] and length of rubbing [m] until then.
-
-    ``catalogue_minutes`` is the life by the catalogue's constants, None without them.
-    """
+    """Tool at the criterion: time [min], rubbing length [m], catalogue life [min] or None."""
 
     tool: str
     kind: str

@@ -263,10 +263,7 @@ class Wear:
         return more
 
     def served(self, found: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
-        """Method that serves, its wear and the ends of the 90 % interval, (K,) each.
-
-        It is the champion, or the best one that needs no use of the tool where that is not known.
-        """
+        """Method that serves, wear, 90 % interval, (K,) each; without a use one that needs none."""
         name = self.file.champion
         if not np.isfinite(found[name]).all():
             name = self.file.alone

@@ -73,10 +73,7 @@ class SpindleLoadResult:
 def identify_spindle_load(
     logs: Sequence[LoadLogFile], records: SpindleLoadRecords, widest: float
 ) -> SpindleLoadResult:
-    """No-load power and specific cutting force from logs.
-
-    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
-    """
+    """No-load power and specific force from logs; undetermined beyond the share ``widest``."""
     used: list[str] = []
     parts: list[Levels] = []
     left_out: dict[str, str] = {}

@@ -266,10 +266,7 @@ class LoadLog:
 
 
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
-    """Levels of a log: rows at which speed and cut have been the same for ``settle_s``.
-
-    ``settle_s`` [s] is longer than the control averages its load.
-    """
+    """Levels of a log: constant speed and cut for ``settle_s`` [s], the load's averaging time."""
     steady = settled(log.times, log.speed, settle_s=settle_s)
     if log.cut is None:
         label, removal, edge = runs(steady), np.zeros(1), np.zeros(1)

@@ -48,10 +48,7 @@ class NoLoad:
 
 
 def no_load(levels: Levels) -> NoLoad:
-    """No-load power from levels without a cut; one term less than there are speeds.
-
-    ValueError when there are fewer than two speeds.
-    """
+    """No-load power by levels without a cut; ValueError when there are fewer than two speeds."""
     idle = levels.where((levels.removal == 0.0) & (levels.edge == 0.0))
     if len(idle) < 2:
         raise ValueError(

@@ -120,11 +120,7 @@ class FeedDriveFit(AxisFit):
 def identify_feed_drive(
     recordings: Sequence[Recording], axis: str, prior: DrivePrior, settings: DriveFitSettings
 ) -> FeedDriveFit:
-    """Feed drive of ``axis`` from its training recordings.
-
-    ValueError when no training recording shows the axis moving, or their commands have different
-    units.
-    """
+    """Feed drive of ``axis``; ValueError when no training recording moves it, or units differ."""
     # one filter for motion and force, the command delayed like the motion
     training = _training(recordings, axis)
     record = training[0].axes[axis]

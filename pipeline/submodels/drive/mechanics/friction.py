@@ -140,10 +140,7 @@ class CurveFit:
 
 
 def curve_force(speed: Floats, values: Floats) -> Floats:
-    """Force against motion at ``speed`` > 0, (N,) [m/s]; shape (N,) or (P, N) [N].
-
-    ``values`` (4,) or (P, 4) are as in :class:`CurveFit`, of one direction.
-    """
+    """Force against motion [N], (N,) or (P, N), at speeds > 0 [m/s] by values of a CurveFit."""
     level, amplitude, log_velocity, viscous = (values[..., k, None] for k in range(PARAMETERS))
     force: Floats = (
         level + amplitude * np.exp(-((speed / np.exp(log_velocity)) ** 2)) + viscous * speed

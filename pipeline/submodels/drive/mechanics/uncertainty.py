@@ -194,10 +194,7 @@ class Instrumental:
 
 
 def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
-    """Parameters with the commanded motion as instruments, v_s as in ``found``.
-
-    None without a reference, or where it is hardly correlated with the motion.
-    """
+    """Parameters with the reference as instruments; None without one of enough correlation."""
     if rows.instruments is None:
         return None
     linear = np.flatnonzero(found.fitted & ~np.isin(found.names, LOGS))

@@ -199,19 +199,13 @@ def servo_records(
 
 
 def servo_periods(constants: AxisConstants, period: float) -> tuple[float, float]:
-    """Least and greatest sampling period of the servo, with a recorder's ``period`` [s].
-
-    Where the list does not name it, it is only bounded by the recorder's.
-    """
+    """Bounds of the servo period [s]: as listed, else limited by the recorder's ``period``."""
     listed = constants.servo_period
     return (0.0, period) if listed is None else (listed, listed)
 
 
 def servo_bandwidth(records: Sequence[ServoRecord]) -> float:
-    """Bandwidth of the comparison [Hz], from that of the position loop.
-
-    At constant feed e = v / (S_pp P_p), which gives the position loop's gain.
-    """
+    """Bandwidth of the comparison [Hz], from the loop gain by e = v / (S_pp P_p)."""
     top, bottom, slow, rate = 0.0, 0.0, np.inf, np.inf
     for one in records:
         v = np.gradient(one.position, one.period)
