@@ -27,7 +27,7 @@ class Band:
 
     top: float
     height: float
-    """Where it stands [px]."""
+    """Place of the band [px]."""
     low: float
     high: float
     """Values at its bottom and its top."""
@@ -38,7 +38,7 @@ class Band:
         return self.top + self.height
 
     def pixel(self, value: float) -> float:
-        """Where a value stands [px]; beyond the band at its edge."""
+        """Position of a value [px]; beyond the band at its edge."""
         share = (self.high - min(max(value, self.low), self.high)) / (self.high - self.low)
         return self.top + self.height * share
 
@@ -122,7 +122,7 @@ def _triangle(x: float, value: float, into: Band, unit: str, up: bool) -> Markup
 
 
 def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
-    """What a head says of the marks of :func:`beyond`; empty where nothing lies beyond."""
+    """Words of a head on the marks of :func:`beyond`; empty where nothing lies beyond."""
     farthest = max((one.farthest for one in outside if one.count), key=abs, default=None)
     if farthest is None:
         return ""

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 ROLES: Mapping[Role, str] = {
     "training": "fitted on", "held_out": "held out", "golden": "golden", "sealed": "sealed",
 }  # fmt: skip
-"""What a case was for, in a table."""
+"""Role of a case, in a table."""
 HEADS = {
     "mae": "MAE", "rmse": "RMSE", "max": "largest error", "bias": "bias",
     "relative_percent": "relative RMSE", "max_percent": "relative largest error",
@@ -317,7 +317,7 @@ def _later(one: Tried, name: str) -> str:
 
 
 def chosen_words(tried: Sequence[Tried], where: str) -> str:
-    """What serves of each task, and where another does better on the records that decide."""
+    """Champion of each task, and a better method on the test records, if there is one."""
     tasks = list(dict.fromkeys(one.task for one in tried))
     if len(tasks) > MOST_TASKS:
         kept = Counter(one.label for one in tried if one.serves)

@@ -141,7 +141,7 @@ def strongest_correlation(correlation: Correlation) -> tuple[str, str, float] | 
 
 
 def fit_words(residual: str, condition: float | None, correlation: Correlation) -> str:
-    """How well a fit holds, and which two parameters are the most correlated; "" for nothing."""
+    """Quality of a fit, and its two most correlated parameters; "" for nothing."""
     said = [residual] if residual else []
     if condition is not None:
         ill = ", so some are hard to separate" if condition > ILL else ""
@@ -166,7 +166,7 @@ class KnownValue:
     true: float
     """True value, in the unit of the parameter."""
     parameter: Parameter
-    """As identified."""
+    """Identified parameter."""
     period: float = 0.0
     """Period up to which it is determined, in the same unit; 0 for none."""
 
@@ -225,7 +225,7 @@ def _truth_row(one: KnownValue) -> list[Cell]:
 
 
 def truth_words(known: Iterable[KnownValue], title: str) -> str:
-    """How many intervals hold the truth, and which miss it; empty where none does."""
+    """Number of intervals that hold the truth, and those that miss it; empty where none does."""
     judged = [one for one in known if one.holds is not None]
     missed = [one.name for one in judged if not one.holds]
     if not missed:

@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """One file that a figure stands on: its path as shown, its SHA-256, what it was made from."""
+    """File behind a figure: its path as shown, its SHA-256, its own sources."""
 
     path: str
     sha256: str
@@ -100,7 +100,7 @@ class SourceRegistry:
             return None
 
     def source(self, path: Path) -> Source | None:
-        """What is remembered of a file that was read."""
+        """Record of a file that was read."""
         return self.used.get(shown(path))
 
     def _content(self, path: Path, made_from: str) -> bytes | None:
@@ -122,10 +122,7 @@ def shown(path: Path) -> str:
 def picked(document: Any, wanted: type[T], path: str) -> T:
     """Those keys of a document that a type has; what is null there takes the type's default.
 
-    Raises
-    ------
-    ValueError
-        When the document is no mapping of keys, or a value is of another kind.
+    ValueError when the document is no mapping of keys, or a value is of another kind.
     """
     names = {one.name for one in fields(wanted)}  # type: ignore[arg-type]
     if not isinstance(document, dict):

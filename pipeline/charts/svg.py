@@ -13,7 +13,7 @@ FULL = 1000  # height of a curve's viewport, in its own units
 
 
 def tag(name: str, content: str | Markup = "", **attributes: str | float | None) -> Markup:
-    """One SVG element; ``class_`` is written ``class`` and ``_`` in names becomes ``-``."""
+    """SVG element; ``class_`` is written ``class`` and ``_`` in names becomes ``-``."""
     parts = [
         Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _short(value))
         for key, value in attributes.items() if value is not None

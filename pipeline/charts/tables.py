@@ -130,7 +130,7 @@ MANY = 3  # files of one folder that are named one by one below a figure
 
 
 def sources(shelf: SourceRegistry, *paths: Path) -> list[Source]:
-    """What a figure stands on; more than three files of one folder are named together."""
+    """Sources of a figure; more than three files of one folder are named together."""
     found = [s for p in paths if (s := shelf.source(p)) is not None]
     folders: dict[str, list[Source]] = {}
     for source in found:
@@ -146,5 +146,5 @@ def _together(folder: str, group: list[Source]) -> list[Source]:
 
 
 def left_out(count: int, shown: int) -> str:
-    """What a caption adds when a table shows less than there is."""
+    """Words of a caption on a table's omissions."""
     return f" ({shown} of {number(count)} shown)" if count > shown else ""

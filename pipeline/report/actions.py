@@ -95,7 +95,7 @@ def _sensors(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """What the sub-models ask for, and those that may not be used as they are."""
+    """Actions of the sub-models, and those that may not be used as they are."""
     machine = facts.folders.name
     for one in facts.models:
         keys = {section.key for section in one.page.sections}
@@ -130,7 +130,7 @@ def _why(one: ModelledPart, say: Texts) -> tuple[str, bool]:
 
 
 def _records(facts: MachineFacts, grave: list[tuple[str, str]], say: Texts) -> Iterator[ActionRow]:
-    """What is wrong with the records themselves."""
+    """Defects of the records themselves."""
     records = link(facts.folders.name, RECORDS, "records")
     for why, what in grave:
         yield _data(what, say("where.records"), why, NOW, records)
@@ -205,7 +205,7 @@ WHOLE_FROM = 9.95
 
 
 def gain(one: PartProgram, say: Texts) -> str:
-    """What an optimised program saves, what it asks for beside it, and what it rests on."""
+    """Savings of an optimised program, its requirements, and their basis."""
     beside = []
     before, after = one.part.before.tool_life_share, one.part.after.tool_life_share
     if before and after is not None:
@@ -232,7 +232,7 @@ def _less(one: PartProgram, say: Texts) -> str:
 
 
 def _forces(one: PartProgram, say: Texts) -> list[str]:
-    """Where the forces behind the loads come from; nothing where the document does not say it."""
+    """Source of the forces behind the loads; nothing where the document does not name it."""
     drawn = () if one.part.certainty is None else one.part.certainty.uncertain
     others = [q.source.partition(",")[0] for q in drawn if q.what.startswith(COEFFICIENTS)]
     own = any(q.source == OWN for q in drawn)

@@ -20,7 +20,7 @@ OPEN = np.iinfo(np.int64).min
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """One warning or fault; times in nanoseconds since 1970, ``end`` None while it is open."""
+    """Warning or fault; times in nanoseconds since 1970, ``end`` None while it is open."""
 
     item: str
     where: str
@@ -35,7 +35,7 @@ class Alarm:
 
     @property
     def seconds(self) -> float | None:
-        """How long it was active [s]; None while it is open."""
+        """Duration of the alarm [s]; None while it is open."""
         return None if self.end is None else (self.end - self.start) / NS
 
     @property
@@ -50,7 +50,7 @@ class Alarm:
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
-        """What alarms have in common that are counted together."""
+        """Key of alarms that are counted together."""
         return self.level, self.item, self.code, self.message
 
 
@@ -65,7 +65,7 @@ class Alarms:
 
     @property
     def kinds(self) -> list[list[Alarm]]:
-        """Those of one kind together: open ones first, then faults, then the most frequent."""
+        """Alarms by kind: open ones first, then faults, then the most frequent."""
         found: dict[tuple[str, str, str, str], list[Alarm]] = {}
         for one in self.alarms:
             found.setdefault(one.kind, []).append(one)
@@ -152,7 +152,7 @@ def _place(one: Alarm, say: Texts) -> Cell | str:
 
 
 def alarms_section(found: Alarms, say: Texts = ENGLISH) -> Section | None:
-    """What the control warned of; nothing of a machine whose records hold no conditions."""
+    """Section on the alarms; nothing of a machine whose records hold no conditions."""
     if not found.alarms:
         return _none(found, say)
     made = sources(found.shelf, found.folders.clean / "alarms.parquet")

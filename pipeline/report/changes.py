@@ -24,7 +24,7 @@ UNITS = {"active_h": "h", "parts_before_s": "s", "parts_after_s": "s"}
 
 @dataclass(frozen=True, kw_only=True)
 class KeyFigure:
-    """One key figure: its name, its unit, its value, and whether that is a count."""
+    """Key figure: its name, its unit, its value, and whether that is a count."""
 
     name: str
     unit: str = ""
@@ -62,7 +62,7 @@ class MachineFigures:
     """Key figures of one machine."""
 
     figures: Mapping[str, KeyFigure]
-    """In the order in which changes are shown."""
+    """Key figures in the order in which changes are shown."""
     parameters: Mapping[str, Mapping[str, Mapping[str, Parameter]]] = field(default_factory=dict)
     """Parameters of each sub-model, by group and name, without method and remedy."""
     raw: Mapping[str, str] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class KeyFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One key figure then and now, in words; ``note`` says what a change means."""
+    """Key figure then and now, in words; ``note`` is the meaning of a change."""
 
     what: str
     before: str

@@ -31,17 +31,17 @@ class EvidencePage:
     """Body of a page on one subject of a machine: a sub-model, its programs, its records."""
 
     subject: str
-    """Of :func:`~pipeline.report.folders.evidence_page`."""
+    """Subject of :func:`~pipeline.report.folders.evidence_page`."""
     title: str
-    """For people."""
+    """Title for readers."""
     state: StateLine | None = None
-    """What was judged; None where nothing is."""
+    """State of what was assessed; None where nothing was."""
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
     """Name, value, aside."""
     notes: list[str] = field(default_factory=list)
-    """What else is to be known."""
+    """Further notes."""
     sections: list[Section] = field(default_factory=list)
-    """In the order in which they are read."""
+    """Sections in reading order."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """Address and title of pages below this one: those of the programs."""
 
@@ -128,7 +128,7 @@ def _missing_section(facts: MachineFacts) -> Section | None:
 
 
 def _asked(record: str, logged: tuple[str, ...]) -> str:
-    """What to record, and what of it the log holds already."""
+    """Record that is needed, and the part of it that the log holds already."""
     held = already(record, logged)
     return f"{record.rstrip('.')}. Logged already: {joined(held)}." if held else record
 
@@ -155,7 +155,7 @@ def _truth_section(facts: MachineFacts) -> Section:
 
 
 Counted = tuple[str, int, int | None]
-"""What was counted, how often it is there, and how often it was found."""
+"""Counted item, its true number, and the number read."""
 FOUND: tuple[Column[Counted], ...] = (
     Column("Quantity", lambda row: row[0]),
     Column("true", lambda row: number(row[1]), ""),

@@ -17,7 +17,7 @@ MOST_NAMES = 12
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRow:
-    """One machine: its verdict, its first action, its group and the end of its records."""
+    """Row of a machine: its verdict, its first action, its group and the end of its records."""
 
     folders: MachineFolders
     verdict: MachineVerdict

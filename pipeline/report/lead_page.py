@@ -26,13 +26,13 @@ MOST_CHANGES = 6
 
 @dataclass(frozen=True, kw_only=True)
 class LeadPage:
-    """One machine for its maintenance lead."""
+    """Page of a machine for its maintenance lead."""
 
     folders: MachineFolders
     verdict: MachineVerdict
     """Condition of the machine, its twin, and what is to be done."""
     scorecard: list[Line]
-    """What the twin may be trusted for."""
+    """Trust in the twin, by sub-model."""
     sections: list[Section] = field(default_factory=list)
     """Changes, alarms, time, last records."""
     pages: list[tuple[str, str]] = field(default_factory=list)
@@ -88,7 +88,7 @@ KINDS = ("cut", "air", "warm_up")
 
 @dataclass(frozen=True, kw_only=True)
 class Use:
-    """One use of the time: its name, its seconds, the whole that it is a share of."""
+    """Use of the time: its name, its seconds, the whole that it is a share of."""
 
     name: str
     seconds: float | None
@@ -153,7 +153,7 @@ MOST_SOURCES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """One source: its files, its last record [s] since 1970 (None without a clock)."""
+    """Source: its files, its last record [s] since 1970 (None without a clock)."""
 
     name: str
     files: int

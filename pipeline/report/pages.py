@@ -69,7 +69,8 @@ def write_report(
 
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
     ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
-    each part program ``<machine>_program_<name>.html``.
+    each part program ``<machine>_program_<name>.html``. ValueError when two machines have the same
+    name, or two pages would.
 
     Parameters
     ----------
@@ -91,11 +92,6 @@ def write_report(
     -------
     list of Path
         Every page.
-
-    Raises
-    ------
-    ValueError
-        When two machines have the same name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})

@@ -28,14 +28,14 @@ CUT = "the programs before and after, cut on the simulated shop floor"
 
 @dataclass(frozen=True, kw_only=True)
 class PartProgram:
-    """One part program, before and after."""
+    """Part program, before and after."""
 
     label: str
     """Label of its files."""
     part: OptimisedPart
-    """As it is stored."""
+    """Stored document of the optimised program."""
     path: Path
-    """Of that document; the optimised program lies beside it."""
+    """Path of that document; the optimised program lies beside it."""
     cut: TrialPart | None = None
     """Trial cuts of both on the simulated shop floor; None where nothing was cut."""
 
@@ -63,7 +63,7 @@ class PartProgram:
 
     @property
     def limit(self) -> float | None:
-        """Of the load [N]."""
+        """Limit of the load [N]."""
         return self.part.load_limit_N
 
     @property
@@ -100,7 +100,7 @@ class PartPrograms:
 
     @property
     def seconds(self) -> tuple[float, float] | None:
-        """Of all programs together, before and after [s]; None where one is not known."""
+        """Time of all programs together, before and after [s]; None where one is missing."""
         pairs = [(one.part.before.time_s, one.part.after.time_s) for one in self.programs]
         known = [(a, b) for a, b in pairs if a is not None and b is not None]
         if not known or len(known) < len(pairs):
@@ -140,7 +140,7 @@ def refused(found: PartPrograms) -> list[PartProgram]:
 
 
 def part_key_figures(found: PartPrograms) -> list[tuple[str, str, str]]:
-    """By how much all programs together are shorter; nothing without any."""
+    """Saving of time of all programs together; nothing without any."""
     seconds = found.seconds
     if seconds is None or not seconds[0]:
         return []

@@ -44,7 +44,7 @@ CAUSES = {
 
 @dataclass(frozen=True, kw_only=True)
 class FileRead:
-    """One raw file by its entry in the manifest; counts are of records, None when not known."""
+    """Raw file by its entry in the manifest; counts are of records, None when missing."""
 
     sha256: str = ""
     format: str = ""
@@ -58,7 +58,7 @@ class FileRead:
 
     @property
     def faults(self) -> list[str]:
-        """What its table itself shows to be wrong: stamps, jumps, held values, early ends."""
+        """Faults in its table itself: stamps, jumps, held values, early ends."""
         counts = {"repeated_stamps": "repeat the time stamp before them",
                   "clock_backwards": "lie before the row above"}  # fmt: skip
         said = [f"{self.notes[k]['count']} rows {w}" for k, w in counts.items() if k in self.notes]
@@ -128,7 +128,7 @@ class RecordsRead:
     reasons: list[Reason] | None
     """Reasons of rejections, the most frequent first."""
     changes: list[Changed] | None
-    """What cleaning removed or changed, the most frequent first."""
+    """Removals and changes by cleaning, the most frequent first."""
     gap_causes: list[tuple[str, int, float]] | None
     """Cause, number of gaps, longest [s]."""
     longest_gaps: list[Gap]
@@ -246,7 +246,7 @@ def _reasons(folders: MachineFolders, shelf: SourceRegistry) -> list[Reason] | N
 
 
 def _changes(folders: MachineFolders, shelf: SourceRegistry) -> list[Changed] | None:
-    """What cleaning removed or changed, the most frequent first."""
+    """Removals and changes by cleaning, the most frequent first."""
     path = folders.clean / "audit.parquet"
     table = shelf.table(path, ("data_item", "rule", "time"), CLEANED)
     if table is None:

@@ -54,13 +54,13 @@ class StandalonePage:
 
     @property
     def script_hash(self) -> str:
-        """Of the script, as a Content-Security-Policy names it."""
+        """Hash of the script in the form of a Content-Security-Policy."""
         digest = sha256((self.script or "").encode()).digest()
         return f"sha256-{b64encode(digest).decode()}"
 
 
 def verdicts_section(models: Sequence[UsedModel]) -> Section | None:
-    """What was judged, the gravest first; it stands before all other sections."""
+    """Verdicts, the gravest first; they stand before all other sections."""
     if not models:
         return None
     return Section(

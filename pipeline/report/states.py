@@ -23,7 +23,7 @@ class ActionRow:
     english: tuple[str, ...] = ()
 
     def until(self, say: Texts) -> str:
-        """By when, in words."""
+        """Deadline, in words."""
         key = f"until.{self.action.until}"
         return say(key) if say.has(key) else say.given(self.action.until)
 
@@ -32,7 +32,7 @@ class ActionRow:
         return say(f"who.{self.action.who.replace(' ', '_')}")
 
     def where(self, say: Texts) -> str:
-        """Where, in words."""
+        """Place, in words."""
         return say.given(self.action.where)
 
 
@@ -68,7 +68,7 @@ class MachineVerdict:
 
 
 def passed_words(passed: int, of: int, say: Texts) -> str:
-    """How many sub-models passed."""
+    """Number of sub-models that passed, in words."""
     if passed == of:
         return say("twin.all_passed", count=passed)
     return say("twin.some_passed", passed=passed, all=of)

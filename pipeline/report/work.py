@@ -27,7 +27,7 @@ STATES = "data/clean state table"
 
 @dataclass(frozen=True, kw_only=True)
 class Day:
-    """One day of the clean state table."""
+    """Day of the clean state table."""
 
     day: str
     """ISO date of the plant."""
@@ -38,7 +38,7 @@ class Day:
     speed_known: float | None
     """Time that the spindle runs, is held by its position loop, has a known speed [s]."""
     runs: list[tuple[str, int, int]]
-    """When it was in which state, most frequent state of each bin."""
+    """Runs of states, the most frequent state of each bin."""
     speed: np.ndarray
     held: np.ndarray
     """Mean speed [rev/min] and share of the time under position control [1] in each bin, NaN where
@@ -64,7 +64,7 @@ class Day:
 
 @dataclass(frozen=True, kw_only=True)
 class Cycle:
-    """One cycle; times in nanoseconds since 1970, ``running`` the share that the spindle runs."""
+    """Cycle; times in nanoseconds since 1970, ``running`` the share that the spindle runs."""
 
     program: str
     part: str

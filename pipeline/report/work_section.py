@@ -144,7 +144,7 @@ def bars_figure(days: list[Day]) -> Markup:
 
 
 def strips_figure(days: list[Day]) -> Markup:
-    """When the machine was in which state: one strip a day, midnight to midnight."""
+    """States of the machine over time: one strip a day, midnight to midnight."""
     years = _years(days)
     parts = _hour_grid(len(days), [f"{h:02d}:00" for h in range(0, 25, 6)])
     for row, day in enumerate(days):

@@ -31,7 +31,7 @@ UNFOLDED = 60
 SHORT = 24
 """Letters of a source that stands in its row."""
 INCH = 25.4
-"""One inch [mm]."""
+"""Inch [mm]."""
 _WORDS = re.compile(r"([FS]\s*[-+]?[0-9.]+)")
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 
@@ -312,7 +312,7 @@ def _listed(line: ProgramLine, *, gap: bool) -> ListingLine:
 
 
 def _steps(size: float) -> int:
-    """Of a change, by the logarithm of its factor: 0 none, to 3 very large."""
+    """Step of a change by the logarithm of its factor: 0 none, to 3 very large."""
     if abs(size) < log(1 + LEAST):
         return 0
     return 1 + sum(abs(size) >= log(step) for step in STEPS)

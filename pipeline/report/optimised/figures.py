@@ -208,7 +208,7 @@ def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
 
 
 def _lanes(groups: Sequence[BlockGroup], top: float) -> tuple[list[Markup], float]:
-    """One lane for each limit, marked where it binds; the most frequent first."""
+    """Lane for each limit, marked where it binds; the most frequent first."""
     binds = [
         KEPT if row.kept else f"{limit_name(row.binds)} binds" if row.binds else ""
         for row in groups
@@ -310,7 +310,7 @@ def compared(part: OptimisedPart) -> tuple[str, str] | None:
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two rows of numbers that are not all the same [1]."""
+    """Correlation of two rows of numbers that are not all the same [1]."""
     a, b = a - a.mean(), b - b.mean()
     return float(a @ b / np.sqrt((a @ a) * (b @ b)))
 
@@ -373,7 +373,7 @@ def front_figure(places: list[Place], heads: tuple[str, str], label: str) -> Mar
 
 
 def _edge(places: list[Place]) -> list[Place]:
-    """Those that none of the others beats in both, from the least x on."""
+    """Places that none of the others beats in both, from the least x on."""
     kept: list[Place] = []
     for place in sorted(places, key=lambda p: (p.x, p.y)):
         if not kept or place.y < kept[-1].y:

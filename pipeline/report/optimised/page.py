@@ -290,7 +290,7 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
 
 
 def _warnings_section(warnings: Sequence[CutWarning]) -> Section | None:
-    """What to look at before anything else; it stands before all other sections."""
+    """Warnings, which stand before all other sections."""
     if not warnings:
         return None
     return Section(key="warnings", title="Look at this first", pairs=_warnings(warnings))

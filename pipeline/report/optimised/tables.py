@@ -75,7 +75,7 @@ def tool_name(number: int, name: str) -> Cell:
 
 
 def held_by(row: BlockGroup | Binding) -> str:
-    """What holds blocks in words: the limit, or why they are kept; empty where nothing does."""
+    """Binding limit of blocks in words, or why they are kept; empty where nothing does."""
     if row.kept:
         return f"{KEPT}: {row.kept}"
     return limit_name(row.limit if isinstance(row, Binding) else row.binds)
@@ -89,7 +89,7 @@ def change(value: float | None) -> str:
 
 
 def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float = 1.0) -> str:
-    """One of the totals before or after with its interval, as it stands in a table."""
+    """Total before or after with its interval, as it stands in a table."""
     totals = part.totals(which)
     value = getattr(totals, key)
     ends = between(totals, key, lambda end: figure(factor * end, digits))
@@ -97,7 +97,7 @@ def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float 
 
 
 def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
-    """As programmed, optimised, and the change."""
+    """Table of values as programmed, optimised, and the change."""
     currency = part.currency or ""
 
     def head(row: Row) -> str:
@@ -197,7 +197,7 @@ def _evaluations(pair: PairOfResults) -> int:
 
 
 def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
-    """Which limits hold the program back, and in how much of it."""
+    """Binding limits of the program, and their share of it."""
     total = part.after.time_s
 
     def of_all(row: Binding) -> str:

@@ -57,7 +57,7 @@ def _lines(spans: Sequence[str]) -> str:
 
 
 def _first_look(part: OptimisedPart) -> list[str]:
-    """Where the cut got heavier most; that none got heavier, where F or S changed."""
+    """Greatest increase of the load; that there is none, where F or S changed."""
     cuts = [one for one in part.changes if one.feed_per_tooth_after_mm is not None]
     found = increases(cuts)
     if not found:

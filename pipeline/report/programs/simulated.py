@@ -46,7 +46,7 @@ REMEDIES = {
     "axis speed": "an axis goes as fast as it can: a higher feed gains nothing there",
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
-"""What slows a program down most, and what its maker can do about it."""
+"""Main cause of slowness of a program, and its remedy for the programmer."""
 RESTS_ON = {
     "acceleration": "cutting_acceleration", "corner": "corner_jump", "arc": "arc_acceleration",
     "curve": "arc_acceleration", "tolerance": "tolerance", "exact stop": "settle_time",
@@ -54,7 +54,7 @@ RESTS_ON = {
 }  # fmt: skip
 """Parameter of the control that decides how much a bound costs."""
 FREE = ("feed", "rapid", "spindle", "nothing")
-"""What bounds a block as its programmer asked for."""
+"""Bounds of a block that its programmer asked for."""
 MADE_FROM = "the part program and the model of the control"
 
 
@@ -64,7 +64,7 @@ SERIES = ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
-    """One simulated part program; ``moves`` is None where nothing can be drawn.
+    """Simulated part program; ``moves`` is None where nothing can be drawn.
 
     ``files`` are its summary and its table of moves.
     """
@@ -252,7 +252,7 @@ def time_section(
 
 
 def _loss(moves: ProgramMoves) -> list[str]:
-    """What it costs that cutting moves are not at the programmed feed throughout."""
+    """Time lost by cutting below the programmed feed."""
     known = moves.cutting & np.isfinite(moves.programmed) & np.isfinite(moves.reached)
     spent = float(moves.time[known].sum())
     if spent <= 0:
@@ -283,7 +283,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
 
 
 def _binding(program: Program, assumed: Collection[str]) -> str:
-    """What costs most beside the programmed feed and rapids, and what that means."""
+    """Greatest loss beside the programmed feed and rapids, and its meaning."""
     costs = times.limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
     bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
