@@ -286,10 +286,7 @@ class Tried:
 def tried_table(
     caption: str, tried: Sequence[Tried], made: Sequence[Source], where: str, note: str = ""
 ) -> Table | None:
-    """Everything that was tried, the least error of each task first.
-
-    ``where`` says what the error that chose is of.
-    """
+    """Everything that was tried, least error of each task first; ``where``: the error's records."""
     order = list(dict.fromkeys(one.task for one in tried))
     rows = sorted(tried, key=lambda one: (order.index(one.task), one.error is None, one.error or 0))
     later = any(one.later is not None for one in rows)

@@ -132,10 +132,7 @@ def picked(document: Any, wanted: type[T], path: str) -> T:
 
 
 def stated(truth: Any, *keys: str) -> Any:
-    """What the truth of a simulated machine states under ``keys``; None where it states nothing.
-
-    A truth is the simulated shop's own document, of whatever shape its machine has.
-    """
+    """Truth of a simulated machine under ``keys``, of any shape; None where it states nothing."""
     for key in keys:
         truth = truth.get(key) if isinstance(truth, dict) else None
     return truth

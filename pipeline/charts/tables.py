@@ -38,10 +38,7 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """One table; the first cell of each row names it.
-
-    ``folded`` tables open on demand and say in ``caption`` how much they hold.
-    """
+    """Table; the first cell of each row names it, ``folded`` ones open on demand by ``caption``."""
 
     caption: str
     heads: list[Head]
@@ -66,10 +63,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Column(Generic[Thing]):
-    """One column of a table of things: its head, and what stands in it of each thing.
-
-    ``unit`` None says that the column holds words; numbers without a unit have an empty one.
-    """
+    """Column: its head, its cell of each thing; ``unit`` None for words, "" for plain numbers."""
 
     name: str
     cell: Callable[[Thing], str | Cell]

@@ -53,7 +53,6 @@ def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """Alarms that were active at the end of the records, and those that come on most days."""
     for same in facts.alarms.kinds:
         last = same[-1]
         if any(one.ended == "open" for one in same):
@@ -117,10 +116,7 @@ def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _why(one: ModelledPart, say: Texts) -> tuple[str, bool]:
-    """The figure that counts, where it is beyond its limit, else the verdict's first sentence.
-
-    With whether the words are the page's own, not the sub-model's.
-    """
+    """Key figure beyond its limit, else the verdict's first sentence; whether ours."""
     figure, verdict = counting_figure(one, say), one.page.verdict
     if verdict is None or verdict.status != "failed" or not figure.passed_limit:
         first, _, rest = ("" if verdict is None else verdict.sentence).partition(". ")
@@ -224,7 +220,6 @@ def gain(one: PartProgram, say: Texts) -> str:
 
 
 def _less(one: PartProgram, say: Texts) -> str:
-    """``18 % less time``."""
     change = one.gain or 0.0
     percent = say.number(change, 2) if change < WHOLE_FROM else f"{change:.0f}"
     aim = one.part.objective if one.part.objective in AIMS else "time"

@@ -143,7 +143,6 @@ def columns(say: Texts) -> tuple[Column[Alarm], ...]:
 
 
 def _place(one: Alarm, say: Texts) -> Cell | str:
-    """Program, and line, that were in the control."""
     if not one.program:
         return "–"
     if one.line is None:
@@ -179,7 +178,6 @@ def _none(found: Alarms, say: Texts) -> Section | None:
 
 
 def _kinds(found: Alarms, caption: str, most: int, say: Texts) -> Table | None:
-    """Alarms by kind; the caption says how many kinds there are beyond those shown."""
     kinds, words = found.kinds, say(caption)
     if len(kinds) > most:
         words = say("alarms.shown", caption=words, shown=most, count=len(kinds))

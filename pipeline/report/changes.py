@@ -135,10 +135,7 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """The report that this one is compared with: figures by machine, or why there are none.
-
-    ``why_not`` is the key of a text.
-    """
+    """Report of the comparison: figures by machine, or ``why_not``, the key of a text."""
 
     machines: Machines | None
     why_not: str = ""
@@ -176,10 +173,7 @@ def changes(
     before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote],
     say: Texts = ENGLISH,
 ) -> list[Change]:  # fmt: skip
-    """Differences between two sets of key figures of one machine.
-
-    ``notes`` says by sub-model what a change of one of its parameters means.
-    """
+    """Changes of a machine's key figures; ``notes`` gives the meaning of a parameter's change."""
     found = []
     for key in dict.fromkeys([*now.figures, *before.figures]):
         old, new = before.figures.get(key), now.figures.get(key)

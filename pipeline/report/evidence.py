@@ -270,7 +270,6 @@ ORIGINS: tuple[Column[tuple[str, SourceFile]], ...] = (
 
 
 def _provenance_table(shelf: SourceRegistry) -> Table | None:
-    """Every file that this page was made from."""
     used = sorted(shelf.used.values(), key=lambda s: s.path)
     caption = f"Every file that this page was made from ({number(len(used))})"
     return tabulated(caption, used, USED, folded=True)

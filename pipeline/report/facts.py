@@ -199,10 +199,7 @@ WORD = re.compile(r"[a-z]+")
 
 
 def absent_items(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, list[str]]:
-    """Data items that the machine's file names and no record has, each with those called like it.
-
-    From ``summary.json`` of cleaning; one that cannot be read is told, not raised.
-    """
+    """Data items of the machine's file without a record, each with similar names, by cleaning."""
     path = folders.clean / "summary.json"
     summary = shelf.document(path, "data/signals observations, by cleaning") or {}
     absent, near = summary.get("absent", []), summary.get("near", {})

@@ -77,10 +77,7 @@ class FileRead:
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """Why records were rejected, how often, and the first of them as an example.
-
-    Reasons that differ only in the text that they quote are one reason.
-    """
+    """Reason of rejection, its number and first example; quoted text does not distinguish."""
 
     reason: str
     count: int
@@ -106,10 +103,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """Values of a data item that a rule of cleaning removed or changed, ``last`` at [ns, 1970].
-
-    ``where`` is the part of the machine, as its Devices document says.
-    """
+    """Values changed by a cleaning rule, ``last`` at [ns, 1970], of the component ``where``."""
 
     rule: str
     item: str

@@ -83,10 +83,7 @@ def _first_up(text: str) -> str:
 
 
 def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
-    """Function of a template's name and its variables that gives HTML; all text is escaped.
-
-    Templates take their own words from ``say``, by that name.
-    """
+    """HTML renderer by template name and variables; escapes text, own words from ``say``."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(

@@ -13,10 +13,7 @@ NOW = "now"
 
 @dataclass(frozen=True, kw_only=True)
 class ActionRow:
-    """An action with the page that shows why; ``href`` is empty where none does.
-
-    ``english`` names the fields of the action that a sub-model wrote, in English.
-    """
+    """Action with the page that shows why, ``href`` if any; ``english`` names English fields."""
 
     action: Action
     href: str = ""

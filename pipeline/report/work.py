@@ -174,10 +174,7 @@ def periods_of(days: list[str]) -> list[tuple[str, str]]:
 
 
 def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Work:
-    """Days and cycles from the state table, the segments and the cycles.
-
-    ``prefix`` says which spindle is meant, as in the canonical names (``second_``).
-    """
+    """Days and cycles from stored tables; ``prefix`` selects the spindle (``second_``)."""
     files, days = sorted((folders.clean / "state").glob("*.parquet")), []
     zone = zone_of(folders.clean)
     kinds = _kinds_by_day(folders, shelf, zone)

@@ -35,10 +35,7 @@ STATE_CLASS = {
 
 
 def work_section(done: Work, uses: Mapping[str, str]) -> Section:
-    """States by day, when it ran, its days and cycles in tables.
-
-    ``uses`` says for which models a day served: "to learn", "to judge" or both.
-    """
+    """States by day, days and cycles in tables; ``uses``: "to learn", "to judge" or both."""
     if not done.worked_days:
         return Section(key="work", title=TITLE, text=[_nothing(done)])
     text = [_summary(done)]

@@ -108,7 +108,6 @@ def _quantity(
     name: str, key: str, unit: str = "", group: str = "",
     words: Callable[[float | None], str] = figure,
 ) -> Column[object]:  # fmt: skip
-    """Column of one field of the rows."""
     return Column(name, lambda row: words(getattr(row, key)), unit, group)
 
 

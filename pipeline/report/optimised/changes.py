@@ -47,10 +47,7 @@ class Increase:
 
 
 def increases(changes: Sequence[FeedChange]) -> list[Increase]:
-    """What got faster or thicker, the largest factor first; changes that are alike are change.
-
-    Of a move in air F alone counts.
-    """
+    """Increases, the largest factor first, equal ones together; of a move in air F alone counts."""
     alike: dict[tuple[object, ...], list[FeedChange]] = {}
     for change in changes:
         key = (

@@ -144,10 +144,7 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
 
 
 def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
-    """Panels of F and S before and after, and a lane for each limit that binds.
-
-    None where neither F nor S is known of any group.
-    """
+    """Panels of F and S before and after, a lane for each limit; None without F and S."""
     groups = by_line(groups)
     units = [unit for unit in FEED_UNITS if any(row.feed_unit == unit for row in groups)]
     feeds = [_pair(f"F, {unit}", groups, "feed_{}", unit) for unit in units]
@@ -178,10 +175,7 @@ def _panels(
     pairs: Sequence[tuple[str, np.ndarray, np.ndarray]], room: float,
     drawn: Callable[[Panel, np.ndarray, np.ndarray], Markup],
 ) -> tuple[list[Markup], float]:  # fmt: skip
-    """Panels of (head, before, after) below one another, and where the last ends [px].
-
-    A panel reaches to ``room`` times its greatest value; one without any is left out.
-    """
+    """Panels of (head, before, after), up to ``room`` times the greatest value; their end [px]."""
     top, parts = float(BLOCK_TOP), []
     for head, before, after in pairs:
         most = np.nanmax(np.concatenate([before, after, [0.0]]))

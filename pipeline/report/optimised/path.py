@@ -145,7 +145,6 @@ def _corners(path: PathTrace) -> Floats:
 
 
 def _blank(path: PathTrace, shown: View, axes: Axes) -> Markup:
-    """Outline of the blank."""
     (left, bottom), (right, top) = _percent(shown, axes, _corners(path)).tolist()
     if path.round_blank and axes == PLAN:
         return svg.tag(

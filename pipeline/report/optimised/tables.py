@@ -285,10 +285,7 @@ def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def plain_words(words: str) -> Cell:
-    """Words as a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings.
-
-    A name too long for a line is broken anywhere, as code is.
-    """
+    """Plain words in a page's notation: ``um``, ``^2``, minus, owner's settings, broken names."""
     text = re.sub(r"(?<=\d) um\b", " µm", words.replace("^2", "²"))
     text = re.sub(r"^certainty\.", "conf/optimisation, certainty.", text)
     text = re.sub(r"^-(?=\d)", "−", text) or NONE

@@ -163,10 +163,7 @@ def _on_arc(
 
 
 def lengths(moves: ProgramMoves) -> np.ndarray:
-    """Path of X, Y, Z in each move [mm]; shape (M,), NaN where an end is not known.
-
-    Exact for lines, arcs and helices; a spiral counts as an arc of its mean radius.
-    """
+    """Path of X, Y, Z in each move [mm], (M,), exact but for spirals; NaN without an end."""
     step = moves.end - moves.start
     length = np.linalg.norm(step, axis=1)
     r_0, r_1 = radii(moves)

@@ -270,10 +270,7 @@ def _loss(moves: ProgramMoves) -> list[str]:
 
 
 def lost_seconds(moves: ProgramMoves) -> float | None:
-    """Cutting time above path length over programmed feed [s]; None where nothing is cut.
-
-    Moves of rotary axes alone have no path in millimetres and do not count.
-    """
+    """Cutting time above path over programmed feed [s], rotary moves left out; None if no cut."""
     length = lengths(moves)
     known = moves.cutting & np.isfinite(moves.programmed) & (length > 1e-6)
     if not known.any():
@@ -350,8 +347,6 @@ def _bars(
 
 
 def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | None:
-    """Every program: predicted time, cutting, path, blocks, tools, what binds it beside feed."""
-
     def of_read(cell: Callable[[Program], str]) -> Callable[[Program], str]:
         return lambda program: "–" if program.refused else cell(program)
 
