@@ -1,4 +1,4 @@
-"""A judgement on its page: scores by group with n and interval, methods, conditions, provenance."""
+"""Assessment on a page: scores by group with n and interval, methods, conditions, provenance."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -286,7 +286,7 @@ class Tried:
 def tried_table(
     caption: str, tried: Sequence[Tried], made: Sequence[Source], where: str, note: str = ""
 ) -> Table | None:
-    """Everything that was tried, least error of each task first; ``where``: the error's records."""
+    """Table of all that was tried, least error first by task; ``where``: records of the error."""
     order = list(dict.fromkeys(one.task for one in tried))
     rows = sorted(tried, key=lambda one: (order.index(one.task), one.error is None, one.error or 0))
     later = any(one.later is not None for one in rows)

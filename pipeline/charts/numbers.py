@@ -1,4 +1,4 @@
-"""Numbers, times and units as a person reads them: sensible digits, always a unit, UTC."""
+"""Numbers, times and units in readers' notation: sensible digits, always a unit, UTC."""
 
 import math
 import re

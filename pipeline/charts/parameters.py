@@ -1,4 +1,4 @@
-"""Parameters of a model on its page: values with intervals, what is open, the simulated truth."""
+"""Parameters of a model on its page: values with intervals, undetermined ones, simulated truth."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence

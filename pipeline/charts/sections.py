@@ -1,4 +1,4 @@
-"""The parts that a page is made of: sections, figures, legends, words for what is absent."""
+"""Parts of a page: sections, figures, legends, words for what is absent."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -118,7 +118,7 @@ Role = Literal["tool room", "maintenance", "process engineer", "ML engineer", "d
 
 @dataclass(frozen=True, kw_only=True)
 class Action:
-    """One thing to do: ``what``, ``where``, ``why``, ``until`` when, and who does it.
+    """Action: ``what``, ``where``, ``why``, ``until`` when, and who does it.
 
     ``evidence`` is the key of the section that shows why; empty where no section does.
     """

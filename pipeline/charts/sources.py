@@ -1,4 +1,4 @@
-"""Reading the files of a machine while remembering which file, with which hash, gave what.
+"""Files of a machine, read with a record of path and hash behind each figure.
 
 Nothing here raises for a file that is absent or broken: a report on part of the data is still a
 report.  What is absent or broken is remembered, so that the pages can say so.
@@ -80,7 +80,7 @@ class SourceRegistry:
     def table(
         self, path: Path, columns: tuple[str, ...], made_from: str = "", *, all_of: bool = True
     ) -> pa.Table | None:
-        """Those ``columns`` of a Parquet file; None when it is absent, broken or lacks one.
+        """Selected ``columns`` of a Parquet file; None when it is absent, broken or lacks one.
 
         With ``all_of=False`` columns that the file does not have are left out.
         """
@@ -120,7 +120,7 @@ def shown(path: Path) -> str:
 
 
 def picked(document: Any, wanted: type[T], path: str) -> T:
-    """Those keys of a document that a type has; what is null there takes the type's default.
+    """Keys of a document that a type has; null there takes the type's default.
 
     ValueError when the document is no mapping of keys, or a value is of another kind.
     """

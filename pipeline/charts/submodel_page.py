@@ -1,4 +1,4 @@
-"""The page of a sub-model: one frame, made of its stored files and of what it alone declares.
+"""Page of a sub-model: one frame, made of its stored files and of its own declarations.
 
 Verdict, key figures, what is not determined, parameters, scores by group, typical and worst case,
 conditions that were not learnt, known truth and files are made here.  A sub-model declares the

@@ -142,7 +142,7 @@ def thinned(x: np.ndarray, y: np.ndarray, width: float) -> tuple[np.ndarray, np.
 
 
 def ticks(low: float, high: float, most: int = 5) -> list[float]:
-    """At most ``most`` round values from ``low`` to ``high``, more where one would stand alone."""
+    """Round values from ``low`` to ``high``, at most ``most``, more where one would stand alone."""
     span = max(high - low, 1e-9)
     step = 10.0 ** np.floor(np.log10(span / most))
     for factor in (1, 2, 2.5, 5, 10):

@@ -1,4 +1,4 @@
-"""Tables as the pages show them: heads, units, cells in words, and where they come from."""
+"""Tables of the pages: heads, units, cells in words, and their sources."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -38,7 +38,7 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Table; the first cell of each row names it, ``folded`` ones open on demand by ``caption``."""
+    """Table, rows named by their first cells; ``folded`` ones state their size in ``caption``."""
 
     caption: str
     heads: list[Head]

@@ -30,7 +30,7 @@ Length = Annotated[float, Range(least=0.01, most=1000.0)]
 
 @dataclass(frozen=True, kw_only=True)
 class Tool(Ranged, section="tool"):
-    """One tool."""
+    """Milling cutter or drill."""
 
     kind: Kind
     """Form of its end."""

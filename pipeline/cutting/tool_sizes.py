@@ -1,4 +1,4 @@
-"""Plausible sizes of tools: values of a tool table that another unit would explain.
+"""Plausibility of tool sizes: values of a tool table in a wrong unit.
 
 The ranges are those of the tools on sale, micro tools and gun drills among them (catalogues of
 Sandvik Coromant, Tungaloy, Mitsubishi and botek), rounded outwards: what lies outside of them is

@@ -1,4 +1,4 @@
-"""Actions that a machine's records and models ask for, as rows of one table on the lead's page."""
+"""Actions from a machine's records and models, as rows of one table on the lead's page."""
 
 from collections.abc import Iterator
 from typing import get_args
@@ -116,7 +116,7 @@ def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _why(one: ModelledPart, say: Texts) -> tuple[str, bool]:
-    """Key figure beyond its limit, else the verdict's first sentence; whether ours."""
+    """Key figure beyond its limit, or the verdict's first sentence; True for the page's words."""
     figure, verdict = counting_figure(one, say), one.page.verdict
     if verdict is None or verdict.status != "failed" or not figure.passed_limit:
         first, _, rest = ("" if verdict is None else verdict.sentence).partition(". ")

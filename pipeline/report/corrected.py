@@ -1,4 +1,4 @@
-"""Section on corrected commands: what the shop floor made of them, before and after."""
+"""Section on corrected commands: following errors on the shop floor before and after."""
 
 from collections.abc import Iterator
 from pathlib import Path

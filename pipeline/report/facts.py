@@ -1,4 +1,4 @@
-"""Facts about one machine, gathered once; everything on its page is made from them."""
+"""Facts about one machine, the input of its page."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -114,7 +114,7 @@ class MachineFacts:
 
     @property
     def silence(self) -> float | None:
-        """By how much [s] the log ends before other live sources; None where it does not.
+        """Time by which the log ends before other live sources [s]; None where it does not.
 
         A machine whose agent says at the end that it is unavailable is off, not silent.
         """

@@ -1,4 +1,4 @@
-"""Folders of a machine that its page is made of, and the state of the project."""
+"""Folders of a machine as input of its page, and the state of the project."""
 
 import re
 from collections.abc import Iterable

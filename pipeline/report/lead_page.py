@@ -1,4 +1,4 @@
-"""Page of one machine for its maintenance lead: what is to be done, and what may be trusted."""
+"""Page of one machine for its maintenance lead: actions, and trust in the twin."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field

@@ -77,7 +77,7 @@ class FileRead:
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """Reason of rejection, its number and first example; quoted text does not distinguish."""
+    """Reason of rejection, its count and first example; quoted text is left out of it."""
 
     reason: str
     count: int

@@ -1,4 +1,4 @@
-"""State of a machine and of its twin, and rows of what is to be done, as the pages show them."""
+"""State of a machine and of its twin, and rows of actions, as the pages show them."""
 
 from dataclasses import dataclass
 from typing import Literal

@@ -1,4 +1,4 @@
-"""State of a machine and of its twin: two lines, what to do, and what else is to be known.
+"""State of a machine and of its twin: two lines, actions, further observations.
 
 The twin is what its judge says of its sub-models.  The machine's own condition is another thing:
 no model here assesses it, so it is "not assessed yet", whatever the twin passes.

@@ -1,4 +1,4 @@
-"""The contract of a sub-model: what it reads, what it predicts, how it is fitted and loaded.
+"""Interface of a sub-model: its records, predictions, fit and stored model.
 
 A sub-model is a folder of this room whose module ``submodel`` holds one object ``SUBMODEL``.  Its
 stages ``identify_<name>`` and ``judge_<name>``, the registry and the report know no more of it.
@@ -117,7 +117,7 @@ Ends = Mapping[tuple[str, str], tuple[str, str]]
 
 
 class SubModel(ABC, Generic[Fit, Judging, M]):
-    """One sub-model."""
+    """Interface of a sub-model."""
 
     name: ClassVar[str]
     """Name of its folder, its lists in the fleet, its stages."""
@@ -191,7 +191,7 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         return {}
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
-        """What only this sub-model can show and say; its files give the rest of its page."""
+        """Page content that only this sub-model has; its files give the rest of its page."""
         return None
 
 

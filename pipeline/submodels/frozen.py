@@ -57,7 +57,7 @@ def set_reasons(
 def changes(
     frozen: FrozenSet, files: Mapping[str, Mapping[str, Any]], what: str = "golden"
 ) -> list[str]:
-    """One sentence for each file of a frozen set that is no longer what was frozen.
+    """Sentence for each file of a frozen set that has changed since.
 
     A file that reaches into its days and was not frozen changes the set as much as one that is
     not what it was.

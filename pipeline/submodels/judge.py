@@ -1,4 +1,4 @@
-"""Judging, written once: predictions against measurements, baselines, limits and frozen sets.
+"""Judging: predictions against measurements, baselines, limits and frozen sets.
 
 A verdict rests on the golden cases where some are frozen, else on those that were held out of the
 fit.  Training cases are compared and never decide.  Sealed cases are looked at by promotion only.

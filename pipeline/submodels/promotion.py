@@ -1,4 +1,4 @@
-"""The gate of a promotion: a challenger's errors against the champion's on the same cases.
+"""Gate of a promotion: a challenger's errors against the champion's on the same cases.
 
 Both are predicted on the golden cases of the machine, or on the held-out ones where no golden case
 decides, and compared group by group (day, recording, tool).  A case whose raw files one of the two
@@ -171,7 +171,7 @@ def objections(
     added: Sequence[str] = (),
     absent: Sequence[str] = (),
 ) -> list[str]:
-    """What speaks against a promotion, each as a sentence; none when the challenger may serve.
+    """Objections to a promotion, each as a sentence; none when the challenger may serve.
 
     A challenger serves when it is significantly better in at least one sub-model, or adds one that
     passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it

@@ -1,4 +1,4 @@
-"""Spindle growth from spindle speed and ambient: two nodes of heat, and what they expand.
+"""Spindle growth from spindle speed and ambient: two thermal nodes and their expansion.
 
 The nodes are the spindle with its bearings and the structure that carries it, as the network of
 :mod:`pipeline.thermal.network`: the bearings' viscous friction n^(5/3), their friction under

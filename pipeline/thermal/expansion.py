@@ -1,4 +1,4 @@
-"""Spindle growth from measured temperatures: each expands its length with a lag of its own.
+"""Spindle growth from measured temperatures: lagged expansion of each.
 
     tau_j y_j' = T_j - y_j,    g(t) = sum_j K_j (y_j(t) - y_j(0)) + k (n(t)^2 - n(0)^2)
 

@@ -1,4 +1,4 @@
-"""Clearance of shank and holder: cylinders above the cutting edges, over the stock as it is then.
+"""Clearance of shank and holder, cylinders above the cutting edges, over the current stock.
 
 The tool is followed in steps of a cell; at each it cuts the columns under its end, and those that
 still stand higher than the underside of shank or holder, within its radius, are in its way.  What

@@ -1,4 +1,4 @@
-"""Rings of a tool's end: on its way down into a hole the end cuts only where material is below.
+"""Rings of a tool's end: on the way into a hole the end cuts only where material is below.
 
 The flat part of an end, of a flat end all of it, is known at each angle by two radii between which
 it lies on material.  A ring has the area of the columns that it presses on, so that torque and

@@ -1,4 +1,4 @@
-"""Tool engagement: where along its path the tool is in the material, and with which part of it.
+"""Tool engagement along a path: stations in the material, with the engaged part of the tool.
 
 Angles are those of milling (Altintas 2012, fig. 2.20): phi = 0 where a tooth stands a quarter
 turn before the direction of feed and moves into it, so that the chip of a tooth is f_z sin(phi)

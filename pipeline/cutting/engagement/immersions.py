@@ -1,4 +1,4 @@
-"""Immersions: the arc that a tooth goes through the material, station by station, for chatter."""
+"""Immersion angles of the stations of a program, for chatter."""
 
 from dataclasses import dataclass
 from math import pi

@@ -1,4 +1,4 @@
-"""Laws of the chip: forces of an edge over the thickness of the chip, and their straight lines.
+"""Chip-force laws: edge forces over the chip thickness, and their linearisation.
 
 For each width of chip the edge force along t, r, a is taken as
 

@@ -1,4 +1,4 @@
-"""Peak loads of one engagement where coefficients and runout are not certain.
+"""Peak loads of one engagement under uncertain coefficients and runout.
 
 The forces are those of :mod:`pipeline.cutting.force.waveform`, computed at angles that are coarser:
 teeth stand 7.5 degrees apart, closer in arcs below 60 degrees, so that a peak is missed by up to a

@@ -1,4 +1,4 @@
-"""Loads of all blocks of a program as functions of the feed for each tooth.
+"""Loads of all blocks of a program as functions of the feed per tooth.
 
 Where the tool is in the material does not depend on F and S, so that the loads of a block depend on
 f_z = F / (N n) alone.  They are tabulated once; other F and S cost a look-up.

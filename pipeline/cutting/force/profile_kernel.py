@@ -1,4 +1,4 @@
-"""Forces where engagement is given as heights for bins of angle, compiled.
+"""Cutting forces under engagement given as heights by angle bin, compiled.
 
 Each tooth's edge is cut where it goes from one bin to the next and where it enters and leaves the
 material, exactly; each piece between is integrated at its middle, so that it errs by the square of

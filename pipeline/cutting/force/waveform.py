@@ -1,4 +1,4 @@
-"""Forces of milling over the angle of the spindle: helix, runout, corner radius.
+"""Milling force waveform over the spindle angle: helix, runout, corner radius.
 
 Frame (Altintas, *Manufacturing Automation*, 2nd ed. 2012, section 2.7): x along the feed, y to the
 left of it, z up along the axis; phi as in :mod:`pipeline.cutting.engagement.engagement`.  F_x and

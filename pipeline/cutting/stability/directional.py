@@ -1,4 +1,4 @@
-"""Directional matrix: the force on the tool that a displacement of the tool causes.
+"""Directional matrix: force on the tool by a displacement of the tool.
 
 The chip of a tooth at phi grows by sin(phi) dx + cos(phi) dy when the tool stands off by (dx, dy)
 from where the tooth before it cut; with the forces of the linear law the force on the tool is

@@ -45,7 +45,7 @@ def unit_of(text: str) -> tuple[float, int]:
 def one_direction(
     frequency: Floats, values: Complexes, derivative: int, direction: str, sign: int = 1
 ) -> FrequencyResponse:
-    """One direction of the receptance; a mobility or an accelerance is integrated."""
+    """Receptance along one direction; a mobility or an accelerance is integrated."""
     kept = frequency != 0.0  # the static deflection is no part of an accelerance
     frequency, values = frequency[kept], values[kept]
     receptance = np.zeros((len(frequency), 2, 2), dtype=np.complex128)
@@ -66,7 +66,7 @@ _HEADER = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>.*)[\])])?\s*$"
 
 
 def read_csv(path: Path, direction: str) -> FrequencyResponse:
-    """One direction of a CSV file's receptance; OSError, ValueError when it cannot be read."""
+    """Receptance along one direction by a CSV file; OSError, ValueError when it cannot be read."""
     lines = [
         (number, line)
         for number, line in enumerate(_text(path).splitlines(), start=1)

@@ -1,4 +1,4 @@
-"""First depth at which a milling cut chatters, by semi-discretisation with impulses; compiled.
+"""Stability limit of milling by semi-discretisation with impulses; compiled.
 
 The window in which teeth cut is divided into R cells.  Within a cell the force acts as one impulse
 at its middle, the exact integral of the directional matrix over the cell times the regeneration

@@ -1,4 +1,4 @@
-"""A feed axis as one mass on a screw under its servo (Sim2023), compiled.
+"""Feed axis as one mass on a screw under its servo (Sim2023), compiled.
 
 Servo: a P position loop and a PI velocity loop,
 

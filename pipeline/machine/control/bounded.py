@@ -1,4 +1,4 @@
-"""A command that keeps its bounds of speed and acceleration and stays near one that does not.
+"""Bounded command: close to a reference, within limits of speed and acceleration.
 
 A command that is wished for is followed from sample to sample: as fast as the bounds let it where
 it lies apart, at once where it does not.  Speed is (x_n - x_(n-1)) / T and acceleration its change

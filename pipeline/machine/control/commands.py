@@ -1,4 +1,4 @@
-"""Commands of a program that are no path: feeds, spindle speeds, and waits of auxiliary functions.
+"""Feeds, spindle speeds and waits of auxiliary functions of a program.
 
 F and S are checked and scaled by their overrides as the look-ahead takes them; dwell, tool change,
 M codes and the spindle give the standstill after each row.

@@ -1,4 +1,4 @@
-"""Path of a program under one control: whatever is the same for every feed and spindle speed.
+"""Path of a program under one control, the same for every feed and spindle speed.
 
 Rows are those of the program's moves; each has a kind of motion, a length, and limits of speed,
 acceleration and jerk along the path, with the reason of each limit.
@@ -15,7 +15,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Bools, Floats, Rows
 
 Codes = npt.NDArray[np.uint8]
-"""One of the following codes for each row."""
+"""Code of each row, one of the following."""
 
 
 class Motion(IntEnum):

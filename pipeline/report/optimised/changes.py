@@ -1,4 +1,4 @@
-"""Tables of an optimised program for who runs it: increases, by tool, its lines."""
+"""Tables of an optimised program for the operator: increases, by tool, its lines."""
 
 import re
 from collections.abc import Callable, Sequence

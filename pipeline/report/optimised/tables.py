@@ -285,7 +285,7 @@ def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def plain_words(words: str) -> Cell:
-    """Plain words in a page's notation: ``um``, ``^2``, minus, owner's settings, broken names."""
+    """Words typeset as on a page: ``um``, ``^2``, a minus; long names are broken like code."""
     text = re.sub(r"(?<=\d) um\b", " µm", words.replace("^2", "²"))
     text = re.sub(r"^certainty\.", "conf/optimisation, certainty.", text)
     text = re.sub(r"^-(?=\d)", "−", text) or NONE

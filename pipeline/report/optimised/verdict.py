@@ -1,4 +1,4 @@
-"""Verdict and key figures of an optimised program, in the words of who cuts the part."""
+"""Verdict and key figures of an optimised program in shop-floor words."""
 
 from collections.abc import Sequence
 

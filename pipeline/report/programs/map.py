@@ -1,4 +1,4 @@
-"""Path of a program from above and from the front, coloured by the feed that it reaches."""
+"""Path of a program from above and from the front, coloured by the reached feed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

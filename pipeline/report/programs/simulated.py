@@ -1,4 +1,4 @@
-"""Simulated part programs: predicted time of each, where it is spent, and its cause."""
+"""Simulated part programs: predicted time of each, by block type and cause."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -151,7 +151,7 @@ def _leaves(program: Program) -> str:
 
 
 def feed_classes(programs: Sequence[ProgramMoves]) -> Classes:
-    """At most six classes over the feeds that take 95 of 100 seconds of cutting."""
+    """Classes, at most six, over the feeds that take 95 of 100 seconds of cutting."""
     chosen = [m.cutting & np.isfinite(m.reached) & (m.time > 0) for m in programs]
     feed = np.concatenate([*(m.reached[c] for m, c in zip(programs, chosen, strict=True)), []])
     time = np.concatenate([*(m.time[c] for m, c in zip(programs, chosen, strict=True)), []])

@@ -1,4 +1,4 @@
-"""What the networks look at: a recording beside the drives' model, on the grid of the windows.
+"""Network inputs: a recording beside the drives' model, on the grid of the windows.
 
 Before the motion are known: the commanded position, its speed and acceleration, how far the axis
 has come since it last turned round (friction slides only after some um), the place in a turn of the

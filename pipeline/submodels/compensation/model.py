@@ -1,4 +1,4 @@
-"""The stored model of what the drives' model leaves over, and the object that predicts from it.
+"""Stored compensation model of the residual following error, and its predictor.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
 the training recordings; what serves is the mean of those of the champion.  Its ``residual``

@@ -1,4 +1,4 @@
-"""Page of the following error that the drives' model leaves over: networks, their attention."""
+"""Page of the residual following error beyond the drives' model: networks, their attention."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ from pipeline.submodels.compensation.model import (
 from pipeline.submodels.contract import Shown
 
 BASES = {PREDICTION: TWIN, ESTIMATION: PERSISTENCE}
-"""What each use is held against."""
+"""Baseline of each use."""
 USES = {PREDICTION: "predicted before the motion", ESTIMATION: "estimated from measurements"}
 """Uses in words."""
 SETTINGS = {"learning_rate": "learning rate", "l2": "penalty of the weights"}
@@ -35,7 +35,7 @@ Seen = Shown[CompensationModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the error that the drives' model leaves over alone knows."""
+    """Page content of the compensation networks."""
     model = shown.model
     with_drive = model is None or model.with_drive
     use = next((use for use in (PREDICTION, ESTIMATION) if model is not None
@@ -140,7 +140,7 @@ def _setting(name: str) -> str:
 
 
 def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
-    """Where the network with attention looks, by regime."""
+    """Attention of the network over time, by regime."""
     one = model.attention
     if one is None or not one.weights:
         return None

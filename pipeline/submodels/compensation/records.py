@@ -1,4 +1,4 @@
-"""Recordings of axes for what the drives' model leaves over: following errors on an even grid.
+"""Recordings of axes for compensation: following errors on an even grid.
 
 A recording holds, for each axis, commanded and measured position, or the control's own position
 error; the torque command where it was recorded.  Words in columns of a table (a tool, a cut) may

@@ -34,7 +34,7 @@ MEANINGS = {
 
 
 def content(shown: Shown[ControlModelFile]) -> PageContent:
-    """What the page of the control alone knows."""
+    """Page content of the control."""
     return PageContent(
         about="A control cuts a program’s feed wherever the axes cannot follow: at corners, in "
         "arcs, in blocks too short to get up to speed. These are the limits that it keeps by these "

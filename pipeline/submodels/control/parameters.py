@@ -22,7 +22,7 @@ MANY = 4
 
 @dataclass(frozen=True, kw_only=True)
 class FreeParameter:
-    """One parameter."""
+    """Parameter of the fit."""
 
     name: str
     """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or unit
@@ -160,7 +160,7 @@ def _free(name: str, start: float, quantity: Quantity, *, log_scale: bool) -> Fr
 def expected(
     free: Sequence[FreeParameter], values: Floats, determined: Bools
 ) -> tuple[Floats, Floats]:
-    """What others and the start say of each parameter, and half of its 95 % interval.
+    """Prior of each parameter from others and from the start, and half of its 95 % interval.
 
     That is the mean of the determined values of its kind, of other axes and units, and of the
     start; what machines of a kind have in common is the other units' own.  Its interval is that of

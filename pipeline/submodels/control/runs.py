@@ -157,7 +157,7 @@ class Run(Activity):
 
     @property
     def latency(self) -> float:
-        """How late a stamp of the log may be [s]: the period of its polls.
+        """Greatest delay of a stamp of the log [s]: the period of its polls.
 
         That is the lower quartile of the gaps between changes of what changes most often, of line
         and feed; polls that found no change leave longer gaps.

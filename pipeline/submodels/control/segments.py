@@ -119,8 +119,8 @@ class Share:
 
     measured: float
     predicted: float
-    """What was measured of a segment goes to its types in proportion to what is predicted of
-    them."""
+    """Measured and predicted time [s]; a segment's measured time is split over its types in
+    proportion to the predicted times."""
     late: float
     """Half width of the interval that late stamps at the ends of the segments leave."""
 

@@ -1,4 +1,4 @@
-"""Times that a control is predicted to take for runs, with their 90 % interval.
+"""Predicted times of runs, with their 90 % interval.
 
 A half width is a share of the predicted time, by type of row: conformal over programs, each
 predicted by a control that was identified from the others.

@@ -45,7 +45,7 @@ def condition_sources(
     by_pattern: Mapping[str, StatedConditions],
     all_of_them: StatedConditions,
 ) -> ConditionSources:
-    """Where the cutting conditions of recordings stand, as the shared reader takes it.
+    """Sources of the cutting conditions of recordings for the shared reader.
 
     From the named groups of a regular expression on the recording's ``name``, from a list by
     pattern of the name, and those common to all.

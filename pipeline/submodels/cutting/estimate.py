@@ -1,4 +1,4 @@
-"""Estimates of single parameters, as the identifications of the cut find them."""
+"""Estimates of single parameters from the identifications of the cut."""
 
 from dataclasses import dataclass
 

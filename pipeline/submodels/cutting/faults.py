@@ -1,4 +1,4 @@
-"""Faults of a dynamometer recording that are named: axes, signs, units and a wrong speed or feed.
+"""Faults of a dynamometer recording: axes, signs, units and a wrong speed or feed.
 
 Each recording is compared with a model that was fitted without it, as it stands and under each
 candidate fault.  With a free phase, the weighted residuals of its harmonics are compared by the F

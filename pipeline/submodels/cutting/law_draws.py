@@ -1,4 +1,4 @@
-"""Draws of the law of the chip that the mean forces of recorded cuts allow.
+"""Draws of the chip-force law from the mean forces of recorded cuts.
 
 Given the law's exponents and growth the mean forces y are linear in C and E, y = X beta + e, with
 
@@ -144,8 +144,8 @@ class FittedLine:
     crosstalk: Floats
     """Their change by the share of each of ``PAIRS``; shape (6, 6)."""
     reading: Callable[[ChipShape], Floats]
-    """For a shape of the law what the fit reads as its own constants for each constant of the law,
-    shape (6, 6): a part of another bend is taken for runout."""
+    """Constants of the fit for each constant of a law of that shape, (6, 6): a part of another bend
+    is taken for runout."""
 
     def tables(self, exponents: Floats, growths: Floats) -> Floats:
         """Readings of L laws of exponents (L, 3) and growths (L,); shape (L, 6, 6)."""

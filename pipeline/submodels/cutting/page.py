@@ -1,4 +1,4 @@
-"""Page of the cut: coefficients, what maintenance reads from them, the spindle's load, forces."""
+"""Page of the cut: coefficients, their use in maintenance, the spindle's load, forces."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -52,7 +52,7 @@ MEANINGS = {
     "p2": "no-load power that grows with speed squared",
     "specific_force": "power at the tool for each volume of chips in time, edges and all",
 }
-"""What the parameters of the cut mean, for people."""
+"""Meaning of the parameters of the cut, for readers."""
 OF_LOAD = {
     "K_tc": "of the specific force what grows with the chip",
     "K_te": "of it what the edges take, for each width in the cut",
@@ -87,11 +87,11 @@ REMEDIES = {
     "runout": "a tool that no longer runs true: clean the taper, clamp it anew, check it with a "
               "dial gauge",
 }  # fmt: skip
-"""What growth beyond both intervals means, by parameter."""
+"""Meaning of growth beyond both intervals, by parameter."""
 MOST_FEEDS, POINTS = 4, 120
 """Feeds of a set of conditions that are named, and points of a curve from coefficients [1]."""
 TURN = 360.0
-"""One turn of the spindle [deg]."""
+"""Angle of a spindle revolution [deg]."""
 SAME = 0.02
 """Share by which the speeds of two levels differ at most [1]."""
 POLYNOMIAL = ("p0", "p1", "p2")
@@ -101,7 +101,7 @@ Seen = Shown[CuttingModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the cut alone knows."""
+    """Page content of the cut."""
     model = shown.model
     return PageContent(
         about="The force on a cutting edge is taken as a cutting coefficient times the area of the "
@@ -167,7 +167,7 @@ def content(shown: Seen) -> PageContent:
 
 
 def meaning(model: CuttingModel | None, group: str, name: str) -> str:
-    """What a parameter means, with what was remarked on it."""
+    """Meaning of a parameter, with its remark."""
     means = OF_LOAD.get(name) if group == SPINDLE else None
     means = means or MEANINGS.get(name, "–")
     remark = "" if model is None or group else model.remarks.get(name, "")
@@ -175,7 +175,7 @@ def meaning(model: CuttingModel | None, group: str, name: str) -> str:
 
 
 def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
-    """What to do about a parameter that grew beyond both intervals; else empty.
+    """Action on a parameter that grew beyond both intervals; else empty.
 
     >>> def p(low, high):
     ...     return Parameter(value=low, unit="um", interval_95=(low, high), determined=True,

@@ -1,4 +1,4 @@
-"""Runout of the tool, told apart from edges that are not sharp.
+"""Runout of the tool, separated from the rounding of its edges.
 
 An edge's force is not there at once: it grows until the chip is about as thick as the edge is round
 (Waldorf, DeVor and Kapoor 1998).  The tooth that stands out most enters with the thickest chips, so

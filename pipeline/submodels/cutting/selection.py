@@ -1,4 +1,4 @@
-"""Model selection by cross-validation, and uncertainty of the fit that was selected.
+"""Model selection by cross-validation, and uncertainty of the selected fit.
 
 Runout is always part of the model.  Modes of the channels, edge forces of single teeth, an unknown
 helix and the waveform residual enter where they predict recordings better that were left out of the
@@ -154,7 +154,7 @@ class _Comparison:
 
 
 def left_out_fits(fit: Fit, most: int) -> list[Fold]:
-    """At most so many fits of the same terms to a part of the recordings; none of a single one."""
+    """Fits of the same terms to parts of the recordings, at most so many; none of a single one."""
     problem = fit.problem
     folds = []
     for out in _left_out_in_turn(len(problem.cuts), most):

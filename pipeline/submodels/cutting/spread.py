@@ -1,4 +1,4 @@
-"""90 % intervals of predicted forces: law of the chip, waveform, recording, recordings left out.
+"""90 % intervals of predicted forces: law, waveform, recording, held-out recordings.
 
 Forces are predicted by a straight law or by one whose edges are not sharp, whichever errs less on
 training recordings left out.  The spread of the laws that the records allow

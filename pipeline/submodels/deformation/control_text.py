@@ -1,4 +1,4 @@
-"""Correction of spindle growth as a file for a control: a table, or text that the control runs.
+"""Correction of spindle growth as a file for a control: a table, or a macro.
 
 ``csv`` is the table itself.  ``fanuc`` is a custom macro that shifts the external work zero point
 along Z (variable #5203; #3001 is a clock in ms, #3000 an alarm: Fanuc 0i-F operator's manual

@@ -1,4 +1,4 @@
-"""Correction of spindle growth that a control can work out: sums of lagged inputs, with its range.
+"""Correction of spindle growth for a control: sums of lagged inputs, with its range.
 
 Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one
 or two first-order lags.  Beside them stand terms of the start alone, a coefficient times a

@@ -1,4 +1,4 @@
-"""Fit of spindle growth: sensors, inputs, every method with recordings left out, and the winner."""
+"""Fit of spindle growth: sensors, inputs, every method cross-validated, and the champion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -39,7 +39,7 @@ COUNTS = (
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of spindle growth alone knows."""
+    """Page content of spindle growth."""
     facts, model = GrowthFacts(shown=shown), shown.model
     warm = _warm_words(facts)
     load = f"kerf compensation --machine {shown.machine} --out FILE"

@@ -1,4 +1,4 @@
-"""Temperature sensors held against each other: which is dead or drifts, and what replaces it.
+"""Plausibility of temperature sensors against each other: dead or drifting ones, replacements.
 
 The expected temperature of a sensor is its linear regression on the present and low-passed
 temperatures of the others.  All of these regressions, for any sensors that are left, follow from

@@ -224,7 +224,7 @@ class AxisComparison:
 def axis_comparison(
     recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int
 ) -> AxisComparison:
-    """Force and following error of ``axis`` beside the twin's; ``substeps``: servo per sample."""
+    """Force and following error of ``axis`` beside the twin's, ``substeps`` of it per sample."""
     recording = in_unit_of_drive(recording, axis, drive)
     entering = entering_disturbance(recording, axis, drive)
     return AxisComparison(

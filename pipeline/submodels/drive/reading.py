@@ -1,4 +1,4 @@
-"""Recordings of feed drives from Parquet: axes on a uniform grid in SI, or why one is not shown.
+"""Recordings of feed drives from Parquet: axes on a uniform grid in SI, or reasons for none.
 
 Rows that lack a value of a channel that is used count as missing.  Each axis that a recording does
 not show has its reason, in one sentence.
@@ -354,7 +354,7 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Refuse a torque command in a unit of motion; amperes, volts, percent, counts are right."""
+    """Refuse a torque command in a unit of motion; allowed: amperes, volts, percent, counts."""
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:
             conversion(unit, motion)

@@ -255,7 +255,7 @@ def blocks_of(parts: Sequence[Recording]) -> list[Recording]:
 
 
 def _cut(one: Recording, many: int) -> list[Recording]:
-    """About equal blocks of a recording, from and to where its axes are slowest."""
+    """Blocks of a recording of about equal length, from and to where its axes are slowest."""
     speed = np.zeros(one.samples)
     for axis in one.axes.values():
         moved = axis.velocity if axis.position is None else np.gradient(axis.position)

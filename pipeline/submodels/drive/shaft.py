@@ -146,7 +146,7 @@ def _starts(shown: Sequence[Signals]) -> list[Floats]:
 
 
 def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
-    """Fit from a first guess of the motor's mass, which fixes the flanks; without ``out``."""
+    """Fit from a guess of the motor's mass, which fixes the flanks; without columns ``out``."""
     for _ in range(ROUNDS):
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
         if PLAY in out:
@@ -190,7 +190,7 @@ def _blocks(
 
 
 def _taken(kept: Floats, own: Floats) -> tuple[Floats, Floats]:
-    """What leaving rows out takes from the normal equations, a recording's own errors refitted.
+    """Part of left-out rows in the normal equations, a recording's own errors refitted.
 
     ``own`` is orthonormal over all rows, and ``kept`` orthogonal to it: K' (1 - Q Q')^-1 K.
     """

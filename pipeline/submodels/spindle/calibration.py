@@ -1,4 +1,4 @@
-"""Training days left out: whether a forest helps, and how wide the prediction intervals are.
+"""Cross-validation over training days: use of the forest, and prediction intervals.
 
 Each group of days is predicted by a network and a forest that were fitted on the other days only,
 in the same windows and free runs in which the model is judged.

@@ -1,4 +1,4 @@
-"""A day of a spindle, predicted in windows and as a free run.
+"""Day of a spindle, predicted in windows and as a free run.
 
 In windows the temperature is measured at the start of each, then only speed, load and states are
 known; as a free run it is measured once, at the day's beginning.  The first hour after a start and

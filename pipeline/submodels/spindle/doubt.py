@@ -1,4 +1,4 @@
-"""What a spindle's fit leaves in doubt: other networks as good, and what the residuals still say.
+"""Doubts of a spindle's fit: equally good networks, and residuals correlated with a source.
 
 An interval is conditional on the network that was chosen.  Where others are as good on hours left
 out, it is widened to hold theirs.  And where what the fit leaves over still answers to a source, it

@@ -119,7 +119,7 @@ def structure_of(parameters: SpindleThermalParameters) -> Structure:
 
 
 class Problem:
-    """One least-squares problem: which sources, which network, over which stretches.
+    """Least-squares problem of given sources and network over given stretches.
 
     ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are known.
     The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each

@@ -1,4 +1,4 @@
-"""90 % prediction intervals of a spindle's temperature: calibrated on training days left out.
+"""90 % prediction intervals of a spindle's temperature, calibrated on held-out training days.
 
 The regimes are what is known when a prediction is made: whether the network's free run warms, cools
 or is steady, and how long ago the temperature was measured.
@@ -48,7 +48,7 @@ def state_words(physics: Floats, step: float, how: SpindleIntervals) -> Labels:
 
 
 def horizon_words(since: Floats, edges: tuple[float, ...]) -> Labels:
-    """How long ago the temperature was measured, (T,); empty where that is not known.
+    """Age of the temperature reading in words, (T,); empty where it is missing.
 
     Examples
     --------

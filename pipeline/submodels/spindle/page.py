@@ -42,7 +42,7 @@ Seen = Shown[SpindleModelFile]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the spindle's temperature alone knows."""
+    """Page content of the spindle's temperature."""
     model, verdict = shown.model, shown.verdict
     idle = [] if verdict is None else [c.case for c in verdict.cases
                                        if c.role == "golden" and c.note]  # fmt: skip
@@ -83,7 +83,7 @@ def content(shown: Seen) -> PageContent:
 
 
 def _facts(model: SpindleModelFile) -> Iterator[str]:
-    """What the network is made of, its time constants, whether the forest helps."""
+    """Facts of the network, its time constants, benefit of the forest."""
     nodes = model.fit.nodes
     body = _body_words(model.network)
     yield (

@@ -1,4 +1,4 @@
-"""Which network a spindle's records ask for: chosen on days left out, and on hours where days fail.
+"""Choice of a spindle's network by cross-validation over days, and over hours of rare sources.
 
 Days left out decide on what several days show.  A source that one or two days alone excite cannot
 be credited so: the other days know nothing of it.  Its hours are then held out in turn, each with
@@ -183,7 +183,7 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """What the choice of a network rests on: ``pieces`` and settings, ``hours``, ``rare`` (S,).
+    """Basis of the choice of a network: ``pieces`` and settings, ``hours``, ``rare`` (S,).
 
     ``noise`` is the variance of the sensor's rounding [K^2]: errors below it are all alike.
     """

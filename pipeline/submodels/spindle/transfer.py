@@ -262,7 +262,7 @@ def _values(network: SpindleThermalParameters) -> dict[str, float]:
 
 
 def leader(points: Sequence[TransferPoint], resolution_K: float) -> str:
-    """Which parameters lead by more than the sensor's resolution, there and at all longer records.
+    """Parameters that lead by more than the sensor's resolution, there and at all longer records.
 
     One record length shows nothing: a lead needs a longer record that confirms it.
     """

@@ -1,4 +1,4 @@
-"""Training of the generator on the windows of training tools, and how far a judge follows its wear.
+"""Training of the generator on the windows of training tools, and the wear read from its output.
 
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """

@@ -1,4 +1,4 @@
-"""Comparison of generated windows with recorded ones of a tool, row by row, as the judge takes it.
+"""Comparison of generated windows with recorded ones of a tool, as rows of the shared judge.
 
 Each figure is a quantity of its own: the wear that a judge reads from generated windows; the wear
 of recorded windows by learners that saw generated ones only, or both; distances between windows of
@@ -69,7 +69,7 @@ class _Pair:
 def compared(
     windows: WearWindows, served: Synthesis, name: str, *, again: bool = False
 ) -> Prediction:
-    """What is compared of a tool.
+    """Comparison of generated and recorded windows of a tool.
 
     ``windows`` are recorded, with known wear; ``name`` of the case seeds the noise; ``again``
     compares what decides of generators of other seeds as well.

@@ -1,4 +1,4 @@
-"""The stored generator of signals, the training windows as features, and learners made of them.
+"""Stored generator of signals, the training windows as features, and learners made of them.
 
 ``model.json`` says what was trained and how far the judge follows the wear; ``generator.json``
 holds the network, and features of training and generated windows.  Learners are fitted anew from

@@ -1,4 +1,4 @@
-"""Page of the generated signals: what a judge reads from them, what can be learnt from them."""
+"""Page of the generated signals: their wear by the readers, their use in training."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -37,7 +37,7 @@ CHANNELS_SHOWN = 3
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of generated signals alone knows."""
+    """Page content of generated signals."""
     model = shown.model
     judge = model.judges[0] if model is not None and model.judges else ""
     stored = None

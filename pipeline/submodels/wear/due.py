@@ -1,4 +1,4 @@
-"""When a tool in use is due: its wear now, and the time in the cut that is left of it.
+"""Remaining life of tools in use: their wear now, and the time in the cut until the criterion.
 
 Its wear now is what the signals of its last recording say, with the interval of the model that
 says it.  The time left is told by that, by what was last read under the microscope, and by its use
@@ -166,7 +166,7 @@ def _micrometres(value: float) -> Fact:
 
 
 def held(facts: Mapping[str, Mapping[str, Fact]]) -> tuple[int, int]:
-    """How many times left were told of tools, and how many of those held, over all tools."""
+    """Number of predicted times left, and of those that held, over all tools."""
     pairs = [(one[TOLD].value, one[HELD].value) for one in facts.values() if TOLD in one]
     told, inside = (sum(float(str(one[k])) for one in pairs) for k in (0, 1))
     return int(told), int(inside)

@@ -1,4 +1,4 @@
-"""Tools due on a machine's page: which tool, how worn, how long it still lasts, what to do."""
+"""Tools due on a machine's page: tool, wear, remaining time, action."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

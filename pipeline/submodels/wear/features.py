@@ -35,7 +35,7 @@ class KnownConditions:
 
     @staticmethod
     def of(windows: WearWindows, progress: str) -> "KnownConditions":
-        """Those of training windows; the tool's use is none, the guess without sensors has it.
+        """Conditions of training windows, without the tool's use, which only the baseline has.
 
         A condition that is the same in all windows tells nothing and is left out.
         """

@@ -1,4 +1,4 @@
-"""Fit of tool wear: every method on training tools, and who serves by tools left out.
+"""Fit of tool wear: every method on training tools, and the champion by cross-validation.
 
 Whole tools are left out in turn.  A single method serves instead of the median of all only where
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
@@ -243,7 +243,7 @@ def _fitted(windows: WearWindows, progress: str, settings: WearFitSettings) -> F
 
 
 def _spread(windows: WearWindows, most: int) -> Bools:
-    """At most so many windows, evenly spread over each tool; shape (N,)."""
+    """Flags of at most so many windows, evenly spread over each tool; shape (N,)."""
     if len(windows) <= most:
         return np.ones(len(windows), bool)
     every = np.zeros(len(windows), bool)

@@ -1,4 +1,4 @@
-"""Life of tools from measured wear: how long until the criterion, from tool to tool.
+"""Tool life from measured wear: time until the criterion, from tool to tool.
 
 A flank wears with the length over which its teeth rub in the material, so that lives under
 different cuts are compared by that length: time in the cut times v_c (phi_ex - phi_st) / 2 pi,

@@ -1,4 +1,4 @@
-"""Methods on features, the guess without sensors, and the blend; all as plain numbers for a file.
+"""Methods on features, the baseline without sensors, and the blend; as plain numbers for a file.
 
 Ridge regression chooses its penalty on tools left out of the training tools; the forest is
 scikit-learn's, kept as arrays of its nodes; the guess is wear over the use of the tool (isotonic

@@ -1,4 +1,4 @@
-"""Stored model of tool wear, and the object that predicts from it with every method."""
+"""Stored model of tool wear, and its predictor by every method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

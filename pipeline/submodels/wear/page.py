@@ -1,4 +1,4 @@
-"""Page of tool wear: tools due, wear over the life of tools held out, methods, where it errs."""
+"""Page of tool wear: tools due, wear over the life of held-out tools, methods, errors."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -27,7 +27,7 @@ Seen = Shown[WearModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of tool wear alone knows."""
+    """Page content of tool wear."""
     model = shown.model
     quantity = WEAR if model is None else model.quantity
     timed = model is not None and model.progress_unit in ("s", "min", "h")

@@ -202,7 +202,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         return predict
 
     def example(self, folder: Path) -> pd.DataFrame:
-        """One window of a wave about the middle of each channel."""
+        """Example window of a wave about the middle of each channel."""
         file = read_json(folder / "model.json", WearModel)
         wave = np.sin(np.arange(file.length))
         columns: dict[str, Any] = {

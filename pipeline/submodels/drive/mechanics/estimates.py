@@ -126,7 +126,7 @@ class Estimates:
     values: Floats
     low: Floats
     high: Floats
-    """With the 95 % interval [SI, force in the fit's unit]; no result where not determined;
+    """Values with their 95 % intervals [SI, force in the fit's unit]; NaN where not determined;
     shape (D,)."""
     determined: Bools
     """Whether the recordings determine it; shape (D,)."""
@@ -291,7 +291,7 @@ def _undetermined(estimated: Estimates, how: str, remedy: tuple[str, ...]) -> Es
 def with_load(
     estimated: Estimates, constant: Factor | None, factor: Factor | None, widest: float
 ) -> Estimates:
-    """With a force constant by a load, whose uncertainty every force shares, or a load factor.
+    """Estimates with a load's force constant, whose uncertainty all forces share, or load factor.
 
     ``constant`` is the force constant by the load [N/A]; ``factor`` is that of the channel of the
     load, where the force constant was known.

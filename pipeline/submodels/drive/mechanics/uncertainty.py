@@ -190,7 +190,7 @@ class Instrumental:
     """Their indices in the vector of parameters; shape (L,)."""
     values: Floats
     half_width: Floats
-    """With half of the 95 % interval; shape (L,)."""
+    """Values and half of their 95 % intervals; shape (L,)."""
 
 
 def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:

@@ -1,4 +1,4 @@
-"""Friction before it slides, from the command of a closed loop: stiffness, and how it lets go.
+"""Presliding friction from the command of a closed loop: stiffness, and relaxation.
 
 The identified servo and mechanics follow the recorded reference with springs of many stiffnesses;
 the one whose command comes nearest to the recorded one is taken, on a parabola through the sums of

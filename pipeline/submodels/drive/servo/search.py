@@ -1,4 +1,4 @@
-"""Search for the servo that explains the command best, and the uncertainty of its parameters.
+"""Search for the servo parameters with the least error of the command, and their uncertainty.
 
 Least squares from several starts and a genetic algorithm minimise the same error, the RMSE of the
 command in :class:`ServoEquation`.  Optional terms are added one after the other while they improve
