@@ -104,10 +104,7 @@ class CuttingRange:
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogueRow(Ranged, section="catalogue.rows"):
-    """Rows of a table of cutting data: one line of feeds over the diameter, one range of speed.
-
-    ValueError when a list has the wrong length or order.
-    """
+    """Rows of a cutting-data table: one line of feeds over the diameter, one range of speed."""
 
     tools: tuple[ToolType, ...]
     """Kinds of tool that it is for."""
@@ -240,7 +237,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingCatalogue:
-    """Cutting data of public tables; ValueError when they contradict, or a source is unused."""
+    """Cutting data of public tables, free of contradictions, every source in use."""
 
     rows: tuple[CatalogueRow, ...]
     """No two of them hold for the same tool, material and operation."""

@@ -189,13 +189,7 @@ def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolTable:
-    """Tools by their number.
-
-    Raises
-    ------
-    ValueError
-        When there is no tool, or a number is negative.
-    """
+    """Tools by their non-negative number, at least one."""
 
     tools: dict[int, Tool]
     """Tools by their number in the program."""

@@ -46,13 +46,7 @@ Nodes that differ by 5 K, seen by sensors good to 0.5 K.
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthRecord:
-    """A record of growth, from the moment at which the probe was set to zero.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not agree, the times are not even, or speed or ambient is missing.
-    """
+    """Growth record on even times, from the moment at which the probe was set to zero."""
 
     time_s: Floats
     """Evenly spaced [s]; shape (T,)."""

@@ -24,13 +24,7 @@ _Lag = Annotated[float, Range(above=0.0, unit="s")]
 
 @dataclass(frozen=True, kw_only=True)
 class LaggedExpansion(Ranged, section="expansion"):
-    """Growth from C temperatures and the speed.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range, or there are not as many lags as expansions.
-    """
+    """Growth from C temperatures, a lag and an expansion of each, and the speed."""
 
     expansions: tuple[Finite, ...]
     """K of each temperature [m/K]."""

@@ -43,13 +43,9 @@ SOURCES: dict[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleThermalParameters(Ranged):
-    """The network of one spindle.
+    """Thermal network of a spindle; rates and coefficients are non-negative.
 
-    Raises
-    ------
-    ValueError
-        When a source is not one of :data:`SOURCES`, a rate or coefficient is negative or not
-        finite, or a fixed body has a sink.
+    A fixed body has no sink of its own.
     """
 
     heating: dict[str, float] = field(default_factory=dict)

@@ -49,13 +49,7 @@ class LinearEdge:
 
 @dataclass(frozen=True, kw_only=True)
 class Material(Ranged, section="material"):
-    """A material of workpieces.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or group and letter do not go together.
-    """
+    """Workpiece material; group and letter belong together."""
 
     name: str
     """Name for readers."""

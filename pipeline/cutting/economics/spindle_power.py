@@ -18,13 +18,7 @@ from pipeline.schema.si import KW, MINUTE
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleDrive(Ranged, section="spindle_drive"):
-    """Motor and drive of a main spindle.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or the speeds are out of order.
-    """
+    """Motor and drive of a main spindle; minimum, base and top speed ascend."""
 
     rated_power_kW: Positive
     """Rated power at the motor's shaft, from the base speed on [kW]."""

@@ -45,13 +45,7 @@ NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})
 
 @dataclass(frozen=True, kw_only=True)
 class Taylor(Ranged, section="taylor"):
-    """Constants of one pair of tool and material.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or an exponent has no reference value.
-    """
+    """Constants of one pair of tool and material; an exponent needs its reference value."""
 
     n: Annotated[float, Range(least=0.01, most=0.99)]
     """Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide."""

@@ -16,13 +16,7 @@ from pipeline.schema.arrays import Floats, Ints, Singles
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EndRings:
-    """Stations on their way down over less than the whole flat of the tool's end, P of them.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not go together or the stations do not rise.
-    """
+    """Rings of P stations on the way down over less than the whole flat end, rising."""
 
     station: Ints
     """Indices of the stations of the engagement, rising; at all others the whole end counts; shape

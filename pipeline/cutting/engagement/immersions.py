@@ -20,13 +20,7 @@ LEAST_ARC = 1e-4
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Immersions:
-    """N stations of a program, each with the arc that a tooth goes through the material there.
-
-    Raises
-    ------
-    ValueError
-        When a depth or an arc is out of its range.
-    """
+    """Immersions of N stations of a program: depth, and arc of a tooth in the material."""
 
     block: Indices
     tool: Indices

@@ -16,13 +16,7 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """A block with edges along the axes.
-
-    Raises
-    ------
-    ValueError
-        When a range is empty, reversed or not finite.
-    """
+    """Block with edges along the axes."""
 
     x_mm: Span
     y_mm: Span
@@ -37,13 +31,7 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Ranged, section="stock"):
-    """A round bar that stands on its end.
-
-    Raises
-    ------
-    ValueError
-        When the diameter is not above 0 or ``z_mm`` is reversed or not finite.
-    """
+    """Round bar with a vertical axis."""
 
     x_mm: Finite
     y_mm: Finite
@@ -60,13 +48,7 @@ class Cylinder(Ranged, section="stock"):
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh(Ranged, section="stock"):
-    """A closed surface of triangles, read from an STL file.
-
-    Raises
-    ------
-    ValueError
-        When the scale is not above 0.
-    """
+    """Closed surface of triangles, read from an STL file."""
 
     path: Path
     """The file, in the program's work coordinates."""

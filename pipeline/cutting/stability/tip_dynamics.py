@@ -21,9 +21,7 @@ DIRECTIONS = ("x", "y")
 
 @dataclass(frozen=True, kw_only=True)
 class Mode(Ranged, section="mode"):
-    """Mode of the machine as seen at the tool's tip.
-
-    ValueError when a value is out of its range, or not exactly one of stiffness and mass is given.
+    """Mode of the machine as seen at the tool's tip, with either stiffness or mass.
 
     Examples
     --------
@@ -92,13 +90,10 @@ def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse:
-    """Receptance of the tip at F frequencies; straight between them, both its parts.
+    """Receptance of the tip at F frequencies, ascending; real and imaginary part linear between.
 
-    Raises
-    ------
-    ValueError
-        When frequencies do not grow, a value is not finite, or a direct receptance's imaginary
-        part is positive at its peak: energy would come out of the structure.
+    ValueError when a direct receptance's imaginary part is positive at its peak: energy would come
+    out of the structure.
     """
 
     frequency_Hz: Floats

@@ -135,13 +135,9 @@ class BlendParameters(Ranged, section="blend"):
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters(Ranged):
-    """A control and the machine that it moves.
+    """Control and the machine that it moves.
 
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or the filtered acceleration could pass an axis'
-        ``acceleration_limit``.
+    The filtered acceleration of each axis stays within its ``acceleration_limit``.
     """
 
     axes: dict[str, AxisParameters]

@@ -48,7 +48,7 @@ DIRECTIONS = ("feed", "normal", "axial")
 
 @dataclass(frozen=True, kw_only=True)
 class Dynamometer:
-    """Channels of the force on the tool, minus for a reversed one; ValueError unless x, y, z."""
+    """Channels x, y, z of the force on the tool, each once; a minus before one reverses it."""
 
     feed: str = "-x"
     """Channel of the force on the tool along the feed, F_x of
@@ -83,13 +83,7 @@ class Dynamometer:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingSetup:
-    """Tool, workpiece and dynamometer of a machine's cutting recordings.
-
-    Raises
-    ------
-    ValueError
-        When the tool is no end mill.
-    """
+    """Tool (an end mill), workpiece and dynamometer of a machine's cutting recordings."""
 
     tool: Tool
     """Tool of the cuts; its parameters in ``sought`` are identified."""
@@ -122,13 +116,7 @@ class CuttingLimits(Ranged, section="cutting_limits"):
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingRecords:
-    """Recordings of a machine's cutting forces and of its spindle's load.
-
-    Raises
-    ------
-    ValueError
-        When it names no recording at all, or not the channels x, y and z.
-    """
+    """Recordings of a machine's cutting forces (channels x, y, z) and of its spindle's load."""
 
     recordings: str = ""
     """Pattern of their names below the machine's folder; "" where there is no dynamometer."""

@@ -234,13 +234,7 @@ class LoadScale:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadLog:
-    """Log of a spindle's speed and load, with the cut of each of its T rows.
-
-    Raises
-    ------
-    ValueError
-        When columns do not match.
-    """
+    """Log of a spindle's speed and load, with the cut of each of its T rows."""
 
     times: Floats
     """Rising [s]; shape (T,)."""

@@ -28,14 +28,7 @@ class LoadItems:
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
-    """Logs of one program that cut a blank.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, the blank is none, or a tool is no flat or bull-nose end
-        mill.
-    """
+    """Logs of one program that cut a blank with flat or bull-nose end mills."""
 
     log: str
     """Pattern of their names below the machine's folder."""
@@ -64,13 +57,7 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
-    """Logs from which no-load power and specific cutting force are identified.
-
-    Raises
-    ------
-    ValueError
-        When no log is named, or a value is out of its range.
-    """
+    """Logs from which no-load power and specific cutting force are identified, at least one."""
 
     items: LoadItems
     """Names of line, speed, load and feed in the logs."""
