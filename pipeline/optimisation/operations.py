@@ -265,7 +265,7 @@ def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> O
     return _told(code, program, moves, known, slender)
 
 
-def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
+def operations_without_cut(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
     """Operation of each row of a program as far as it is known without the cut.
 
     What neither a cycle nor a comment nor the tool tells is roughing, that of a drill drilling; see

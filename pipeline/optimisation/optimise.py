@@ -113,7 +113,7 @@ def optimise_worn(
     for is not lowered.  Raises as :func:`optimise` does.
     """
     wear = workshop.wear
-    if wear.rule != "criterion" or wear.asked or wear.given:
+    if wear.rule != "criterion" or wear.requested or wear.given:
         return optimise(job_of(request, workshop), progress)
 
     def worn(share: float) -> Job:

@@ -150,24 +150,24 @@ def _place(one: Alarm, say: Texts) -> Cell | str:
     return code(say("alarms.line", program=one.program, line=f"{one.line:.0f}"))
 
 
-def alarms_section(found: Alarms, say: Texts = ENGLISH) -> Section | None:
+def alarms_section(alarms: Alarms, say: Texts = ENGLISH) -> Section | None:
     """Section on the alarms; nothing of a machine whose records hold no conditions."""
-    if not found.alarms:
-        return _none(found, say)
-    made = sources(found.shelf, found.folders.clean / "alarms.parquet")
-    each = tabulated(say("alarms.each"), found.alarms[::-1], columns(say), made, most=MOST_ROWS,
+    if not alarms.alarms:
+        return _none(alarms, say)
+    made = sources(alarms.shelf, alarms.folders.clean / "alarms.parquet")
+    each = tabulated(say("alarms.each"), alarms.alarms[::-1], columns(say), made, most=MOST_ROWS,
                      folded=True)  # fmt: skip
-    kinds = _kinds(found, "alarms.all_kinds", MOST_ON_RECORDS, say)
-    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
+    kinds = _kinds(alarms, "alarms.all_kinds", MOST_ON_RECORDS, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
                    blocks=present(kinds, each))  # fmt: skip
 
 
-def lead_alarms(found: Alarms, say: Texts) -> Section | None:
+def lead_alarms(alarms: Alarms, say: Texts) -> Section | None:
     """The same for the lead's page, shorter; nothing where records hold no conditions."""
-    if not found.alarms:
-        return _none(found, say)
-    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
-                   blocks=present(_kinds(found, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
+    if not alarms.alarms:
+        return _none(alarms, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
+                   blocks=present(_kinds(alarms, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
 
 
 def _none(found: Alarms, say: Texts) -> Section | None:

@@ -156,7 +156,7 @@ def _truth_section(facts: MachineFacts) -> Section:
 
 Counted = tuple[str, int, int | None]
 """Counted item, its true number, and the number read."""
-FOUND: tuple[Column[Counted], ...] = (
+COUNT_COLUMNS: tuple[Column[Counted], ...] = (
     Column("Quantity", lambda row: row[0]),
     Column("true", lambda row: number(row[1]), ""),
     Column("found", lambda row: number(row[2]), ""),
@@ -181,7 +181,7 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
     ]  # fmt: skip
     rows = [(what, true, found) for what, true, found in lines if true is not None]
     caption = "What was simulated against what was found"
-    return tabulated(caption, rows, FOUND, sources(facts.shelf, truth.path))
+    return tabulated(caption, rows, COUNT_COLUMNS, sources(facts.shelf, truth.path))
 
 
 def _difference(true: int, seen: int | None) -> str:

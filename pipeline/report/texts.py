@@ -172,19 +172,19 @@ def _entries(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, E
             yield from _entries(value, f"{above}{name}.")
 
 
-def check_like(found: Texts, model: Texts) -> None:
+def check_like(translation: Texts, model: Texts) -> None:
     """Refuse texts that lack a key or a field of ``model``, or have others.
 
     ValueError with the file, the key and the field.
     """
-    file = f"languages/{found.language}.toml"
-    for key in sorted(set(model.entries) ^ set(found.entries)):
+    file = f"languages/{translation.language}.toml"
+    for key in sorted(set(model.entries) ^ set(translation.entries)):
         lacks = key in model.entries
         raise ValueError(
             f"{file} {'lacks' if lacks else 'has'} the text {key!r}, which languages/"
             f"{model.language}.toml {'has: add it' if lacks else 'lacks: remove it'}"
         )
-    for key, entry in found.entries.items():
+    for key, entry in translation.entries.items():
         fields, wanted = fields_of(entry), fields_of(model.entries[key])
         if fields != wanted:
             raise ValueError(

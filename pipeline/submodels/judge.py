@@ -261,13 +261,13 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
     return worse, unsure
 
 
-Found = tuple[list[str], list[str]]
+CheckReasons = tuple[list[str], list[str]]
 """Reasons of a check: for sure, and too near to the limit to tell."""
 
 
 def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
     """A score over all groups with its status, by each check that its target asks for."""
-    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], Found]] = {
+    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], CheckReasons]] = {
         "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
     }  # fmt: skip
     found = [check(rows, score, target) for name, check in checks.items() if getattr(target, name)]
@@ -280,7 +280,7 @@ def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
     )
 
 
-def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+def _covered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     """Whether the interval holds too few or too many of the samples."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
@@ -298,7 +298,7 @@ def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
     return ([] if least <= share <= most else [f"{said}limits {limits}"]), []
 
 
-def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     """Whether the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
     if part is None:
@@ -334,7 +334,7 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
     return frame[~frame["group"].isin(groups)] if groups else frame
 
 
-def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     """Whether a class is not separated from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)

@@ -179,7 +179,7 @@ LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
 
-def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
+def auc(probability: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     """Area under the ROC curve [1]; None with one class only.
 
     The probability of a class (N,), and whether it is that one: ``truth`` above a half.
@@ -192,7 +192,7 @@ def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     from sklearn.metrics import roc_auc_score
 
     one = truth > 0.5
-    return float(roc_auc_score(one, told)) if len(np.unique(one)) > 1 else None
+    return float(roc_auc_score(one, probability)) if len(np.unique(one)) > 1 else None
 
 
 def gains(

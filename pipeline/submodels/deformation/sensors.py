@@ -27,7 +27,7 @@ the start of a recording; one that departs slowly from those of the others; one 
 far in training that nothing can be held against it."""
 NOISE_K2 = 1e-6
 """Variance [K^2] of independent noise of a thousandth of a kelvin: sensors may be copies."""
-UNSETTLED = 10.0
+START_FACTOR = 10.0
 """Factor on the tolerated departure at the start, from which it decays as the lags settle [1]."""
 JUMP_SAMPLES = 3
 """Samples whose median departure a jump is told from [1]."""
@@ -203,7 +203,7 @@ class SensorModel:
         Shape (T, S), not negative.
         """
         time, found = self.period_s * np.arange(len(vector)), self.departures(vector, gone)
-        unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
+        unsettled = 1 + (START_FACTOR - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
         smoothed = np.abs(lag(time, found, self.settings.smooth_s)) / unsettled[:, None]
         jumps = np.zeros(found.shape)
         if len(found) <= JUMP_SAMPLES + 1:

@@ -167,11 +167,11 @@ def _ms(seconds: float) -> float | None:
     return _short(1e3 * seconds) if isfinite(seconds) else None
 
 
-def verdict_words(found: SpeedLoops) -> str:
+def verdict_words(loops: SpeedLoops) -> str:
     """Whether a fuzzy speed loop is worth anything on this axis, in one sentence."""
-    if found.reason:
-        return f"PI and fuzzy PI were not held against each other: {found.reason}."
-    both = {one.kind: one for one in found.loops if one.gains == "tuned alike"}
+    if loops.reason:
+        return f"PI and fuzzy PI were not held against each other: {loops.reason}."
+    both = {one.kind: one for one in loops.loops if one.gains == "tuned alike"}
     plain, fuzzy = both["PI"], both["fuzzy PI"]
     if plain.settling_ms is None or fuzzy.settling_ms is None or plain.following_um is None:
         return "Tuned alike, not both loops settle to 0.1 %: neither is called better."

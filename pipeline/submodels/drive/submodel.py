@@ -184,9 +184,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         axes = with_intervals(
             dict(zip(found.axes, stored, strict=True)),
             recordings,
-            partial(
-                axis_again, found=found.axes, prior=settings.drive, settings=settings.drive_fit
-            ),
+            partial(axis_again, axes=found.axes, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
         )
         parameters = {

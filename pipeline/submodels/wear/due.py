@@ -30,8 +30,8 @@ MINUTES = "min"
 IN_USE, TYPE, TIME, READ, READ_AT = "in use", "type", "time in cut", "wear read", "read at"
 NOW, NOW_LOW, NOW_HIGH = "wear now", "wear now, low", "wear now, high"
 LIFE, LIFE_LOW, LIFE_HIGH = "life of such a tool", "life, low", "life, high"
-NOT_TOLD = "no time left is told"
-TOLD, HELD = "times left that were told", "of those inside the 90 % interval"
+NO_ESTIMATE = "no time left is told"
+ESTIMATES, HELD = "times left that were told", "of those inside the 90 % interval"
 """Names of the facts of a tool."""
 SIGNALS, READING, USE = "signals", "reading", "use alone"
 """Basis of the remaining time."""
@@ -103,9 +103,9 @@ def due_facts(
     try:
         use = uses(windows, settings)[0]
     except ValueError as error:
-        return {NOT_TOLD: Fact(value=str(error))}
+        return {NO_ESTIMATE: Fact(value=str(error))}
     if use.kind not in law.kinds or not np.isfinite([use.v_c, use.rubbing, use.time[-1]]).all():
-        return {NOT_TOLD: Fact(value="no tool of its type was worn, or its cuts are not known")}
+        return {NO_ESTIMATE: Fact(value="no tool of its type was worn, or its cuts are not known")}
     facts = {TYPE: Fact(value=use.kind)} | _held(use, law)
     if use.tool not in settings.in_use:
         return facts
@@ -154,7 +154,10 @@ def _held(use: ToolUse, law: LifeLaw) -> dict[str, Fact]:
     if not told:
         return {}
     inside = sum(one.low <= left <= one.high for one, left in told)
-    return {TOLD: Fact(value=float(len(told)), unit="1"), HELD: Fact(value=float(inside), unit="1")}
+    return {
+        ESTIMATES: Fact(value=float(len(told)), unit="1"),
+        HELD: Fact(value=float(inside), unit="1"),
+    }
 
 
 def _minutes(value: float) -> Fact:
@@ -167,6 +170,6 @@ def _micrometres(value: float) -> Fact:
 
 def held(facts: Mapping[str, Mapping[str, Fact]]) -> tuple[int, int]:
     """Number of predicted times left, and of those that held, over all tools."""
-    pairs = [(one[TOLD].value, one[HELD].value) for one in facts.values() if TOLD in one]
+    pairs = [(one[ESTIMATES].value, one[HELD].value) for one in facts.values() if ESTIMATES in one]
     told, inside = (sum(float(str(one[k])) for one in pairs) for k in (0, 1))
     return int(told), int(inside)

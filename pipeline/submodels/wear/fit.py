@@ -94,10 +94,10 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     tasks = _tasks(windows, tools, progress, settings)
     steps = len(tasks) * settings.training.steps(min(len(windows), settings.windows))
     done = mapped(_fold, tasks, compute=place(steps if RESNET in settings.methods else 0))
-    told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
+    told = [_Readings.of(task.left, found, per_recording) for task, (found, _) in zip(
         tasks, done, strict=True
     )]  # fmt: skip
-    out = _Told.joined(told)
+    out = _Readings.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
     champion, alone = _who_serves(out, scores, weights, is_class=windows.is_class)
@@ -148,7 +148,7 @@ def _tasks(
 
 
 def _who_serves(
-    out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
+    out: "_Readings", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
     is_class: bool,
 ) -> tuple[str, str]:  # fmt: skip
     """Champion, and the method that would serve without the baseline."""
@@ -167,13 +167,13 @@ def _who_serves(
     return (BLEND if shared and not worse(out, out.by[alone], out.by[BLEND]) else alone), alone
 
 
-def _errs_less(out: "_Told", one: Floats, other: Floats) -> bool:
+def _errs_less(out: "_Readings", one: Floats, other: Floats) -> bool:
     """Whether a method's squared error is less by more than the standard error over the tools."""
     gain = _squares(out, other) - _squares(out, one)
     return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
 
 
-def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
+def _orders_better(out: "_Readings", one: Floats, other: Floats) -> bool:
     """Whether a method tells worn tools from others better by more than a standard error."""
     gain = (auc(one, out.wear) or 0.0) - (auc(other, out.wear) or 0.0)
     rows = [np.flatnonzero(out.tool == tool) for tool in np.unique(out.tool)]
@@ -259,7 +259,7 @@ def _spread(windows: WearWindows, most: int) -> Bools:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Told:
+class _Readings:
     """Readings of tools left out: wear measured and told by every method, (K,) each."""
 
     by: dict[str, Floats]
@@ -268,18 +268,18 @@ class _Told:
     use: Floats
 
     @staticmethod
-    def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Told":
+    def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Readings":
         readings = Readings.among(windows, per_recording=per_recording)
         known = windows.measured[readings.first]
-        return _Told(
+        return _Readings(
             by={name: readings.mean(one)[known] for name, one in found.items()},
             wear=readings.mean(windows.wear)[known], tool=windows.tool[readings.first][known],
             use=np.asarray(windows.progress, float)[readings.first][known],
         )  # fmt: skip
 
     @staticmethod
-    def joined(parts: "list[_Told]") -> "_Told":
-        return _Told(
+    def joined(parts: "list[_Readings]") -> "_Readings":
+        return _Readings(
             by={
                 name: np.concatenate([one.by[name] for one in parts])
                 for name in parts[0].by
@@ -291,7 +291,7 @@ class _Told:
         )
 
 
-def _with_blend(out: _Told) -> dict[str, float]:
+def _with_blend(out: _Readings) -> dict[str, float]:
     """Add median and blend, each tool's by weights of the others; weights of all tools."""
     out.by[MEDIAN] = median(out.by)
     names = (MEDIAN, GUESS)
@@ -308,13 +308,13 @@ def _with_blend(out: _Told) -> dict[str, float]:
     return {name: float(weight) for name, weight in zip(names, found, strict=True)}
 
 
-def _squares(out: _Told, told: Floats) -> Floats:
+def _squares(out: _Readings, told: Floats) -> Floats:
     """Mean squared error of each tool, in the order of their names."""
     error = told - out.wear
     return np.array([np.mean(error[out.tool == tool] ** 2) for tool in np.unique(out.tool)])
 
 
-def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
+def _score(out: _Readings, told: Floats, *, is_class: bool) -> MethodScore:
     error = told - out.wear
     squares = _squares(out, told)
     sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in np.unique(out.tool)]
@@ -326,7 +326,7 @@ def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
     )  # fmt: skip
 
 
-def balanced_accuracy(told: Floats, truth: Floats) -> float | None:
+def balanced_accuracy(probability: Floats, truth: Floats) -> float | None:
     """Mean share of either class that is told right at 0.5 [1]; None with one class only.
 
     Examples
@@ -334,14 +334,14 @@ def balanced_accuracy(told: Floats, truth: Floats) -> float | None:
     >>> balanced_accuracy(np.array([0.9, 0.2, 0.6]), np.array([1.0, 1.0, 0.0]))
     0.25
     """
-    right = (told > 0.5) == (truth > 0.5)
+    right = (probability > 0.5) == (truth > 0.5)
     shares = [right[truth > 0.5], right[truth <= 0.5]]
     if not all(len(one) for one in shares):
         return None
     return float(np.mean([one.mean() for one in shares]))
 
 
-def _residuals(out: _Told, name: str) -> Residuals:
+def _residuals(out: _Readings, name: str) -> Residuals:
     return Residuals(
         error=out.wear - out.by[name], regime=np.full(len(out.wear), ""), group=out.tool, t=out.use
     )

@@ -255,19 +255,19 @@ class Wear:
         again = [found(lambda many: random.integers(0, many, many)) for _ in range(draws)]
         return readings, found(np.arange), again
 
-    def together(self, found: Mapping[str, Floats]) -> dict[str, Floats]:
+    def together(self, estimates: Mapping[str, Floats]) -> dict[str, Floats]:
         """Wear by every method, (K,) each, with their median and the blend."""
-        more = {**found, MEDIAN: median(found)}
+        more = {**estimates, MEDIAN: median(estimates)}
         if self.file.weights:
             more[BLEND] = blended(more, self.file.weights)
         return more
 
-    def served(self, found: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
+    def served(self, estimates: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
         """Method that serves, wear, 90 % interval, (K,) each; without a use one that needs none."""
         name = self.file.champion
-        if not np.isfinite(found[name]).all():
+        if not np.isfinite(estimates[name]).all():
             name = self.file.alone
-        wear, bands = found[name], self.file.bands.get(name)
+        wear, bands = estimates[name], self.file.bands.get(name)
         if bands is None:
             nothing = np.full(len(wear), np.nan)
             return name, wear, nothing, nothing
@@ -275,15 +275,15 @@ class Wear:
         return name, wear, np.maximum(wear - band.lower, 0.0), wear + band.upper
 
 
-def median(found: Mapping[str, Floats]) -> Floats:
+def median(estimates: Mapping[str, Floats]) -> Floats:
     """Median of the methods that look at signals, (K,): no single one that goes astray moves it."""
-    middle: Floats = np.median([found[name] for name in METHODS if name in found], axis=0)
+    middle: Floats = np.median([estimates[name] for name in METHODS if name in estimates], axis=0)
     return middle
 
 
-def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
+def blended(estimates: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
     """Weighted sum of methods, (K,)."""
-    total: Floats = np.sum([w * found[name] for name, w in weights.items() if w > 0], axis=0)
+    total: Floats = np.sum([w * estimates[name] for name, w in weights.items() if w > 0], axis=0)
     return total
 
 

@@ -203,7 +203,7 @@ def _with(
 
 
 def servo_uncertainty(
-    equation: ServoEquation, slower: ServoEquation, found: ServoOptimum
+    equation: ServoEquation, slower: ServoEquation, optimum: ServoOptimum
 ) -> Uncertainty:
     """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
 
@@ -213,15 +213,15 @@ def servo_uncertainty(
     that the equation leaves out move the optimum from the one to the other.
     """
     # parameters at a bound count too: a lag of 0 has an interval like any other
-    inside = found.fitted
-    slopes = equation.jacobian(found.values, inside)
-    residuals = equation.columns @ equation.factors(found.values)
+    inside = optimum.fitted
+    slopes = equation.jacobian(optimum.values, inside)
+    residuals = equation.columns @ equation.factors(optimum.values)
     blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
-    again = least_squares_servo(slower, found.values, found.fitted)
+    again = least_squares_servo(slower, optimum.values, optimum.fitted)
     half = np.full(len(TERMS), np.inf)
-    half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
-    half[inside] += CLOCK * np.abs(found.values[inside])
+    half[inside] = uncertainty.half_width + np.abs(again.values - optimum.values)[inside]
+    half[inside] += CLOCK * np.abs(optimum.values[inside])
     return replace(uncertainty, half_width=half)
 
 
