@@ -34,7 +34,7 @@ MOST_NAMED = 4
 ILL = 1e4
 """Condition of the scaled Jacobian above which parameters are hard to separate [1]."""
 CLOSE = 0.95
-"""Correlation above which of two parameters little more than the sum is known [1]."""
+"""Correlation above which little more than the sum of two parameters is determined [1]."""
 
 
 def listed(meanings: Mapping[str, str]) -> Meaning:
@@ -130,7 +130,7 @@ def undetermined_words(
 
 
 def strongest_correlation(correlation: Correlation) -> tuple[str, str, float] | None:
-    """The pair of parameters that the records tell apart worst, and their correlation."""
+    """Most correlated pair of parameters, and its correlation."""
     pairs = [
         (abs(r), correlation.names[i], correlation.names[j], r)
         for i, row in enumerate(correlation.values)

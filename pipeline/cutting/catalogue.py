@@ -35,7 +35,7 @@ ToolType = Literal[
     "tap", "thread_mill", "chamfer_mill", "boring_bar", "engraver", "probe", "countersink",
     "counterbore",
 ]  # fmt: skip
-"""Kinds of tool that tables of cutting data tell apart."""
+"""Kinds of tool in tables of cutting data."""
 
 _BY_FORM: dict[str, ToolType] = {
     "flat": "end_mill", "bull_nose": "end_mill", "ball": "ball_end_mill", "drill": "drill",

@@ -66,7 +66,7 @@ class FleetInfo:
     """Name of the fleet."""
     git_commit: str | None = None
     params_sha256: str | None = None
-    """State of the code and of params.yaml that the results come from; None when not known."""
+    """State of the code and of params.yaml that the results come from; None without it."""
     budget: str = "default"
     """Name of the budget that the stages ran under."""
     notes: tuple[str, ...] = ()

@@ -51,7 +51,7 @@ class PartProgram:
 
     @property
     def inside(self) -> bool:
-        """Whether no block is known to pass a limit."""
+        """Whether no block exceeds a limit."""
         return not self.part.after.beyond
 
     @property

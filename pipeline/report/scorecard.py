@@ -107,7 +107,7 @@ def baseline_words(name: str, say: Texts = ENGLISH) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """The one figure of a sub-model that counts, in words; empty where it is not known."""
+    """The one figure of a sub-model that counts, in words; empty without one."""
 
     what: str
     value: str

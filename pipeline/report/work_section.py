@@ -213,7 +213,7 @@ def _active(cycles: list[Cycle]) -> str:
 
 
 def _running(cycles: list[Cycle]) -> str:
-    """Share of the cycles in which the spindle runs, of those whose speed is known."""
+    """Share of the cycles in which the spindle runs, of those with a recorded speed."""
     known = [(c.running * c.seconds, c.seconds) for c in cycles if c.running is not None]
     return percent(sum(runs for runs, _ in known), sum(seconds for _, seconds in known))
 

@@ -37,7 +37,7 @@ from pipeline.schema.interval import Bands as Bands
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""
 MANY_GROUPS = 20
-"""Groups from which on their scatter is known: two of them lie outside of 90 % on average [1]."""
+"""Least number of groups with a scatter: two of them lie outside of 90 % on average [1]."""
 ALL_REGIMES = ""
 """Name of the band over all regimes, for samples of a regime that was not seen in training."""
 
@@ -115,7 +115,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
     unless it is the only one: the band over all regimes serves it.
 
     ``alike`` are groups that are drawn alike, as days and tools are, and no kinds of their own.
-    ValueError when no residual is known.
+    ValueError without residuals.
     """
     known = residuals.where(np.isfinite(residuals.error))
     if not len(known.error):
@@ -270,7 +270,7 @@ def chosen_step(
     weighs the same.
 
     ``residuals`` are of training groups only; a step of 0 is an interval that does not adapt; a
-    measured value is known ``delay_s`` after its time [s]. ValueError when there is no step to
+    measured value is available ``delay_s`` after its time [s]. ValueError when there is no step to
     choose from.
     """
     if not steps:

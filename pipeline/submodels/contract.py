@@ -28,7 +28,7 @@ M = TypeVar("M", bound=Model)
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """A signal that a prediction looks at, and since when it is known."""
+    """Input signal of a prediction, and the age of its measurements."""
 
     name: str
     unit: str
@@ -61,13 +61,13 @@ class Target:
     where the column ``step`` of a prediction or the grid of its measured values tells it."""
     coverage: tuple[float, float] | None = None
     """Least and greatest share of samples inside the 90 % interval over all groups that decide [1];
-    None where no interval is asked for."""
+    None where no interval is needed."""
     most_percent: float = 0.0
     """Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
-    none is asked for."""
+    there is no limit."""
     least_auc: float = 0.0
     """Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0 where
-    none is asked for."""
+    there is no limit."""
     widens: bool = False
     """Whether the predictor itself widens the interval outside of the learnt conditions; else the
     judge does."""
@@ -108,7 +108,7 @@ class Prediction:
     note: str = ""
     """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
-    """Fault of the case's record that would explain its errors; "" where none is known."""
+    """Fault of the case's record that would explain its errors; "" where there is none."""
 
 
 Predictor = Callable[[Case], Prediction]

@@ -136,7 +136,7 @@ class PartCost:
     time: Floats
     """Machine and operator while the program runs; shape (..., B)."""
     tool: Floats
-    """Tools worn, C_t; NaN where their life is not known; shape (..., B)."""
+    """Tools worn, C_t; NaN without a life; shape (..., B)."""
     change: Floats
     """Machine and operator while worn tools are changed; NaN as ``tool``; shape (..., B)."""
     energy: Floats
@@ -144,7 +144,7 @@ class PartCost:
 
     @property
     def block(self) -> Floats:
-        """All of it for each block; NaN where the tool's life is not known.  Shape (..., B)."""
+        """All of it for each block; NaN without a tool life.  Shape (..., B)."""
         return self.time + self.tool + self.change + self.energy
 
     @property

@@ -74,7 +74,7 @@ class Material(Ranged, section="material"):
     coefficients: LinearEdge | None = None
     """Measured ones, which then are the force law."""
     taylor: dict[Literal["carbide", "hss"], Taylor] = field(default_factory=dict)
-    """Constants of tool life by the tool's material; a life that is not there is not known."""
+    """Constants of tool life by the tool's material; absent where there are none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -102,7 +102,7 @@ class Material(Ranged, section="material"):
         return self.source if self.coefficients is None else self.coefficients.source
 
     def tool_life(self, tool: Tool) -> Taylor | None:
-        """Constants of the life of ``tool`` in this material; None when they are not known."""
+        """Constants of the life of ``tool`` in this material; None without data."""
         found = self.taylor.get(tool.material)
         if found is None or tool.coating.casefold() not in ("none", "uncoated"):
             return found
@@ -110,7 +110,7 @@ class Material(Ranged, section="material"):
         return replace(found, C_m_min=C, C_range_m_min=tuple(ends))
 
     def no_life(self, tool: Tool) -> str:
-        """Why the life of ``tool`` in this material is not known, and what would tell it."""
+        """Reason for no life of ``tool`` in this material, and its remedy."""
         edge = {"carbide": "cemented carbide", "hss": "high-speed steel"}[tool.material]
         return (
             f"no source of the life of {edge} in {self.name} was found: write "

@@ -57,7 +57,7 @@ class Taylor(Ranged, section="taylor"):
     n_range: tuple[float, ...] = ()
     """Least and greatest C [m/min] and n [1] by the sources; empty where there is no spread."""
     uncoated: Annotated[float, Range(least=0.1, most=1.0)] = 1.0
-    """C of a tool that is known to have no coating over that of others [1]."""
+    """C of an uncoated tool over that of others [1]."""
     f_z_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_p_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_e_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0

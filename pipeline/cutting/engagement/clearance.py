@@ -2,7 +2,7 @@
 
 The tool is followed in steps of a cell; at each it cuts the columns under its end, and those that
 still stand higher than the underside of shank or holder, within its radius, are in its way.  What
-the holder's own cylinder touches stays: it does not cut.  What is above the holder is not known.
+the holder's own cylinder touches stays: it does not cut.  What is above the holder is left out.
 """
 
 from collections.abc import Sequence

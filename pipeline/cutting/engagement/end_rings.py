@@ -1,6 +1,6 @@
 """Rings of a tool's end: on the way into a hole the end cuts only where material is below.
 
-The flat part of an end, of a flat end all of it, is known at each angle by two radii between which
+The flat part of an end, of a flat end all of it, is given at each angle by two radii between which
 it lies on material.  A ring has the area of the columns that it presses on, so that torque and
 removal rate are those of what is removed, and their mean distance from the axis, so that thrust is
 that of the edge in the material.

@@ -197,8 +197,8 @@ class Engagement:
     def rapid_depth(self) -> Floats:
         """Depth of the material that rapids go through in each block [m]; shape (B,).
 
-        Straight down it is the way in the material, since the end of a tool has no height; contact
-        with less than two columns, or less deep than the map resolves, is none.
+        Straight down it is the path length in the material, since the end of a tool has no height;
+        contact with less than two columns, or less deep than the map resolves, is none.
         """
         depth, down = np.zeros(self.blocks), self.plunge
         wide = self.volume > 2 * self.resolution**2 * self.length

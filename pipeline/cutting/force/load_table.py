@@ -178,7 +178,7 @@ def load_table(
     N K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
     and edge terms for each length of lip; the chisel edge adds its own
     (:mod:`pipeline.cutting.force.chisel`).  In a hole of diameter d the flat of
-    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads that are not known,
+    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads without a model,
     of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one

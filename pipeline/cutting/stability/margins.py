@@ -50,7 +50,7 @@ FEED = pi / 720
 ROUNDED = 0.985
 """Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
 MOST = 3.0
-"""Greatest margin that is told apart [1]: limits are looked for up to 1 + this times the depth."""
+"""Greatest resolved margin [1]: limits are searched up to 1 + this times the depth."""
 
 
 def classes(stations: Immersions, radial: Floats) -> Ints:
@@ -137,7 +137,7 @@ class StabilityTable:
     classes: Sequence[CutClass] = field(repr=False)
     """K of them."""
     limit: Floats = field(repr=False)
-    """Depth that is allowed [m]; nan where it was not asked for yet; shape (K, C)."""
+    """Depth that is allowed [m]; nan where not computed yet; shape (K, C)."""
     kind: Ints = field(repr=False)
     block: Ints = field(repr=False)
     """Class and block of each station; shape (N,)."""
@@ -146,7 +146,7 @@ class StabilityTable:
     judged: Bools = field(repr=False)
     """Blocks of which all that is in the material was judged; air is; shape (B,)."""
     most: float = MOST
-    """Greatest margin that is told apart [1]."""
+    """Greatest resolved margin [1]."""
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
         """Least margin of each block: limit / a_p - 1, at most ``most`` [1]; ``speed_rpm``'s shape.
@@ -212,7 +212,7 @@ def stability_table(
     Dynamics, laws and tools are one for each tool; a tool whose dynamics are not known (None) is
     not judged. ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
     growing; ``thickness`` [m] is that of the chip, where a law that is not linear is taken;
-    ``most`` is the greatest margin that is told apart [1]: the less, the sooner limits are known.
+    ``most`` is the greatest resolved margin [1]: the less, the sooner limits are known.
     ValueError when a parameter is out of its range.
     """
     nodes = np.atleast_1d(np.asarray(nodes_rpm, dtype=np.float64)) / 60

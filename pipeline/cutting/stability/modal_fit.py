@@ -35,7 +35,7 @@ MOST_MODES = 16
 LESSENED = 0.9
 """Share to which each mode that is kept lessens the error on the lines left out [1]."""
 EXACT = 0.1
-"""Error on the lines left out, over what is asked, below which no mode is sought [1]."""
+"""Error on the lines left out, over the required one, that ends the search for modes [1]."""
 FELT = 0.01
 """Part of a mode at its peak, over the greatest response, below which it is left out [1]."""
 ERROR = 0.1
@@ -54,9 +54,9 @@ more."""
 _NEAR = 41
 """Lines over which the noise's median is taken."""
 _TRIED = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""Damping ratios at which a mode is sought."""
+"""Damping ratios of the search for a mode."""
 _PLACES = 3
-"""Places in the band where a mode is sought."""
+"""Places in the band of the search for a mode."""
 _PATIENCE = 2
 """Modes that may be added in vain before the search ends."""
 
@@ -194,7 +194,7 @@ def _part(mode: Mode, frequency: Floats) -> float:
 
 
 def _weight(frequency: Floats, measured: Complexes) -> Floats:
-    """1 over what each line is known to: noise, and a share of the response [N/m]."""
+    """Inverse uncertainty of each line: noise, and a share of the response [N/m]."""
     from scipy.ndimage import median_filter
 
     # noise: how far each line is from the straight line between its neighbours

@@ -100,9 +100,9 @@ class Servo(NamedTuple):
     limit: float
     period: float
     reached: float
-    """Share of the way to a new v_ref that is gone in a period [1]."""
+    """Share of a step of v_ref that is reached in a period [1]."""
     seen: float
-    """Share of the way to a new speed that the velocity loop sees in a period [1]."""
+    """Share of a step of speed that the velocity loop sees in a period [1]."""
 
 
 class ServoState(NamedTuple):

@@ -75,7 +75,7 @@ class Path:
     form: Codes = field(repr=False)
     """STRAIGHT, ROTARY or CURVED of :mod:`pipeline.machine.control.geometry`, of rows that move."""
     length: Floats = field(repr=False)
-    """Length of the way of X, Y, Z [m]; where only rotary axes move, of these [rad]."""
+    """Path length of X, Y, Z [m]; where only rotary axes move, of these [rad]."""
     factor: Floats = field(repr=False)
     """Speed [m/s] (or [rad/s]) for one unit of F, of rapids for an override of 1, of
     ``Motion.PER_TURN`` for one unit of F and 1 rev/min."""

@@ -177,7 +177,7 @@ INTERVALS: tuple[Column[ForceInterval], ...] = (
 
 
 def edges_table(edges: Sequence[ToolEdge], sources: list[Source], whose: str = "") -> Table | None:
-    """Greatest load and power of each tool, sharp and worn; None where no growth is known."""
+    """Greatest load and power of each tool, sharp and worn; None without growth."""
     rows = [(edge, edge.forces) for edge in edges if edge.forces is not None]
     caption = sentence(f"{whose}force of each tool, sharp and worn")
     return tabulated(caption, rows, EDGES, sources, note="The greatest of the tool’s blocks. "

@@ -78,7 +78,7 @@ def _factors(change: FeedChange) -> dict[str, float]:
 
 
 def _ratio(before: float | None, after: float | None) -> float:
-    """1 where one of them is not known or nothing."""
+    """Ratio of two values; 1 where one of them is missing or 0."""
     return after / before if before and after else 1.0
 
 

@@ -157,7 +157,7 @@ def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
 
 
 def _values(groups: Sequence[BlockGroup], key: str, unit: str = "") -> np.ndarray:
-    """Values of one field, NaN where not known or where F has another unit; shape (G,)."""
+    """Values of one field, NaN where missing or where F has another unit; shape (G,)."""
     known = [getattr(row, key) if unit in ("", row.feed_unit) else None for row in groups]
     return np.array(known, dtype=np.float64)
 
@@ -259,7 +259,7 @@ def per_pair(groups: int) -> int:
 
 
 def _sums(values: np.ndarray) -> np.ndarray:
-    """Sums over as many stretches as are drawn; NaN where nothing of a stretch is known."""
+    """Sums over as many stretches as are drawn; NaN where a stretch has no value."""
     starts = np.arange(0, len(values), per_pair(len(values)))
     known = np.add.reduceat(np.isfinite(values).astype(int), starts)
     return np.where(known > 0, np.add.reduceat(np.nan_to_num(values), starts), np.nan)

@@ -337,7 +337,7 @@ OFFSETS: tuple[Column[WorkOffset], ...] = (
 
 
 def _blank(part: OptimisedPart) -> str:
-    """Size and place of the blank, as one measures it; as it was named where no path is known."""
+    """Size and place of the blank, as measured; as it was named without a path."""
     path = part.path
     if path is None:
         return f"{part.stock} [mm] of"

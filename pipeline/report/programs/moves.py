@@ -33,7 +33,7 @@ class ProgramMoves:
     """Kind of move, in lower case."""
     programmed: np.ndarray
     reached: np.ndarray
-    """Feed asked for, and the greatest that the block reaches [mm/min]; NaN where there is none."""
+    """Programmed feed, and the greatest in the block [mm/min]; NaN where there is none."""
     time: np.ndarray
     """Duration of the move [s]."""
     tool: np.ndarray

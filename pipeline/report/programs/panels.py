@@ -22,7 +22,7 @@ CLOCK = ((120, 1), (7200, 60), (1e300, 3600))
 COLOURS = 6
 """Colours of the scale in style.css, f0 to f5."""
 UNKNOWN = -1
-"""Class of a value that is not known."""
+"""Class of a missing value."""
 Spans = Sequence[tuple[int, float, float]]
 """Tool, beginning and end as shares of the program [1]."""
 
@@ -112,7 +112,7 @@ class Classes:
         return len(self.bounds) + 1
 
     def of(self, values: Floats) -> np.ndarray:
-        """Class of each value; :data:`UNKNOWN` where it is not known."""
+        """Class of each value; :data:`UNKNOWN` where it is missing."""
         found = np.searchsorted(np.array(self.bounds), values, side="right")
         return np.where(np.isfinite(values), found, UNKNOWN)
 

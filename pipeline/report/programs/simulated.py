@@ -54,7 +54,7 @@ RESTS_ON = {
 }  # fmt: skip
 """Parameter of the control that decides how much a bound costs."""
 FREE = ("feed", "rapid", "spindle", "nothing")
-"""Bounds of a block that its programmer asked for."""
+"""Programmed bounds of a block."""
 MADE_FROM = "the part program and the model of the control"
 
 

@@ -26,7 +26,7 @@ RESIDUAL = "residual"
 TORQUE = "torque command"
 """Measured torque command, in its own unit."""
 MEASURED = frozenset({RESIDUAL, TORQUE})
-"""Signals that are not known before the motion."""
+"""Signals that are measured during the motion."""
 COMMANDED = ("speed", "acceleration", "since reversal")
 """Inputs that the commanded position alone gives: [m/s], [m/s^2], [1] with the direction's sign."""
 SCREW = ("screw sine", "screw cosine")
@@ -36,7 +36,7 @@ MODELLED = ("modelled error", "modelled command")
 STILL = 1e-5
 """Speed below which an axis stands [m/s]: 0.6 mm/min, below any feed."""
 PRESLIDING, SLIDING = 1e-6, 1e-3
-"""Distances since a reversal between which they are told apart, by their logarithm [m]."""
+"""Range of distances since a reversal that are resolved, by their logarithm [m]."""
 TURNED = 1e-4
 """Distance [m] after a reversal within which the regime is that of the reversal."""
 SMOOTH_S = 0.008
@@ -70,7 +70,7 @@ class Features:
     known: Bools
     """Samples that were recorded, neither put in between nor beside such; shape (N,)."""
     fuzzy: Floats | None = None
-    """Following error of the drives' model with a fuzzy PI speed loop [m], where asked for;
+    """Following error of the drives' model with a fuzzy PI speed loop [m], where needed;
     shape (N,)."""
     step: float = 0.0
     """Resolution of the measured position [m]; 0 where its values show none."""
@@ -112,7 +112,7 @@ def before_motion(
 
 
 def since_reversal(reference: Floats, speed: Floats) -> Floats:
-    """Direction of the last motion, times the decades of the way since it turned round; (T,).
+    """Direction of the last motion, times the decades of the distance since its reversal; (T,).
 
     It is 0 before the first motion and from 1 (within a um) to 4 (a millimetre and more) after it.
     """

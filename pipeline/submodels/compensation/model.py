@@ -51,7 +51,7 @@ measurements."""
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
-"""No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
+"""No network; none, and a fuzzy PI speed loop; the last available measured residual."""
 ATTENTIVE = "cnn_lstm_attention"
 """The published network."""
 ARX = "arx"
@@ -245,7 +245,7 @@ def key_of(letter: str, use: str, kind: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Compensation:
-    """The model with its networks, restored when they are first asked for."""
+    """The model with its networks, restored at their first use."""
 
     file: CompensationModel
     documents: Mapping[str, tuple[Mapping[str, Any], ...]]

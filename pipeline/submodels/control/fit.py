@@ -160,7 +160,7 @@ class ControlFit:
     from_speeds: Bools
     """Whether it was read from logged speeds, not fitted to durations; shape (D,)."""
     control: dict[str, ControlParameters]
-    """Control of each unit; what is not determined near what is known of its kind."""
+    """Control of each unit; undetermined parameters near the prior of their kind."""
     ends: dict[str, tuple[ControlParameters, ControlParameters]]
     """Ends of each unit of which something is not determined, with that at its slow and its fast
     end."""

@@ -17,7 +17,7 @@ PLANE, HEIGHT = ("X", "Y"), ("Z",)
 BY_UNIT = ("rapid_speed", "corner_jump")
 """Parameters that shops set: found for each of several machines of a kind."""
 MANY = 4
-"""Values of a kind from which on their own scatter is known."""
+"""Least number of values of a kind with a scatter of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -186,7 +186,7 @@ class Rate:
 def rapid_rates(observed: Sequence[Observed]) -> dict[str, Rate]:
     """Rapid rate of each axis that rapids of one machine show, by its letter.
 
-    A rapid of several axes is as fast as the axis with the longest way allows, so that a steady
+    A rapid of several axes is as fast as the axis with the longest travel allows, so that a steady
     reading tells the rate of that axis: speed along the path x its share of the path / override.
     """
     if not observed:

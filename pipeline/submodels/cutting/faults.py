@@ -34,7 +34,7 @@ FAR = 0.2
 CARRIES = 0.01
 """Share of a direction's power from which one of its harmonics counts as an observation [1]."""
 NEAR = 1.25
-"""Factor about the feeds of a fit inside which a feed or a moderate unit is told apart [1]."""
+"""Factor about the feeds of a fit inside which a wrong feed or unit can be identified [1]."""
 UNITS = {
     1e3: "its forces are in kN where N is stated",
     1e-3: "its forces are in mN where N is stated, or in N where kN is",

@@ -44,7 +44,7 @@ FEEDS = 1.1
 BEYOND = 2.0
 """Factor beyond the trained feeds, up and down, up to which the residual applies [1]."""
 KEPT = 64
-"""Conditions whose departures of the laws are kept, at most."""
+"""Greatest number of conditions whose departures of the draws are kept."""
 FURTHER = 0.5
 """Extrapolation of the straight line over the feed, as a share of the trained range [1]."""
 

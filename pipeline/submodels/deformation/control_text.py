@@ -41,7 +41,7 @@ class Written:
     models: Path
     """Folder of the model."""
     unknown: str = ""
-    """Why the interval of the growth is not known, where the judge says so."""
+    """Reason for no interval of the growth, from the judge."""
 
     @property
     def simulated(self) -> str:

@@ -68,7 +68,7 @@ class Fitted(ABC):
 
 
 class Method(ABC):
-    """A way to predict growth."""
+    """Method of predicting growth."""
 
     label: str
     """Name on pages."""
@@ -315,7 +315,7 @@ class _Network(Fitted):
 
 @dataclass(frozen=True, kw_only=True)
 class Network(Method):
-    """A network of :mod:`pipeline.nets` and the way in which it is trained."""
+    """A network of :mod:`pipeline.nets` and its training method."""
 
     label: str
     """Label for readers."""

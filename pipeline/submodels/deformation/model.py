@@ -56,14 +56,14 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     sensors: SensorSettings = field(default_factory=SensorSettings)
     """Settings of the plausibility check of the temperature sensors."""
     rate_s: Positive = 600.0
-    """Time constant over which warming and cooling are told from steady [s]."""
+    """Time constant of the detection of warming and cooling [s]."""
     steady_K_h: Positive = 2.0
     """Rate below which the spindle counts as steady [K/h]."""
     widening: NotNegative = 0.25
     """Temperatures and speeds up to this share of the learnt range beyond its ends are accepted
     [1]."""
     probe_delay_s: NotNegative = 600.0
-    """A reading of the probe is known to the adaptive interval this long after its time [s]."""
+    """Delay of a probe reading in the adaptive interval [s]."""
     adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
     """Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed."""
     compute: Compute = "processes"
@@ -163,7 +163,7 @@ class DeformationModel(Model):
     adaptive_step: float
     """Step of the interval that follows the probe [1]."""
     probe_delay_s: float
-    """Age at which a reading of the probe is known to it [s]."""
+    """Delay of a probe reading in it [s]."""
     second: str = ""
     """Method that the one which serves has to agree with; empty where there is no other."""
     agreement_um: float = 0.0

@@ -356,7 +356,7 @@ def filled(values: Floats, start: float) -> Floats:
 
 
 def coldest_at_start(temperatures: Floats) -> float:
-    """Lowest temperature in the first row [degC]: stands for the air until that is known."""
+    """Lowest temperature in the first row [degC]: stands for the air until its first reading."""
     first = temperatures[0][np.isfinite(temperatures[0])] if len(temperatures) else np.zeros(0)
     return float(first.min()) if len(first) else float("nan")
 

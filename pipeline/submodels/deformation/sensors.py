@@ -30,7 +30,7 @@ NOISE_K2 = 1e-6
 START_FACTOR = 10.0
 """Factor on the tolerated departure at the start, from which it decays as the lags settle [1]."""
 JUMP_SAMPLES = 3
-"""Samples whose median departure a jump is told from [1]."""
+"""Number of samples whose median departure is the reference of a jump [1]."""
 SIDE_SAMPLES = 4
 """Samples on either side of a step whose straight lines are held against each other [1]."""
 LEVEL_SD_K = 30.0
@@ -40,7 +40,7 @@ COMPARABLE = 20.0
 MAD_SD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation [1]."""
 MOVED = 4.0
-"""Movement of the others that a held value is told by, in units of the least departure [1]."""
+"""Least movement of the others that shows a held value, over the least departure [1]."""
 SET_ASIDE, SUSPECT = 1 / 3, 2.0
 """Share of the training recordings that may be set aside at first [1], and the ratio of a departure
 to the usual one from which they are [1]."""

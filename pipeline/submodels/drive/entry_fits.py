@@ -23,7 +23,7 @@ EXPLAINS = 0.02
 """Least share of an equation's squared error that a disturbance takes away [1]: what a nearly
 correct model leaves over is correlated with whatever moves, by a per cent."""
 APART = log(100.0)
-"""Log-likelihood by which one place is better than another when they are told apart [1]."""
+"""Least difference of log-likelihood between distinguishable places [1]."""
 EARLIEST, LATEST = -0.01, 0.05
 """Range of delays of a disturbance behind its channel [s]."""
 

@@ -16,7 +16,7 @@ Gaussian filter, whose derivatives are theirs.  Intervals are of a jackknife ove
 ways of motion, within which an error of the equation is the same, with the systematic parts that it
 does not show: what is left over and outlasts the filter, dilution by noise of the current, the
 class of its sensor, and what a quantity differs by with friction of the motor's bearings and
-without.  Where no play shows, no flank is sought and all samples count.
+without.  Without play all samples count.
 """
 
 from collections.abc import Callable, Sequence

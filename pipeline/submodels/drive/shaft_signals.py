@@ -60,7 +60,7 @@ class Signals:
     period: float
     """Period of the samples [s]."""
     turn: Floats | None = None
-    """Angle of the motor [rad]; None where the lead is not known; shape (T,)."""
+    """Angle of the motor [rad]; None without the lead; shape (T,)."""
 
 
 def _filtered(values: Floats, order: int = 0) -> Floats:

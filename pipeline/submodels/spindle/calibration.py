@@ -123,7 +123,7 @@ def calibrated(
 ) -> SpindleIntervals | None:
     """Prediction intervals by state and horizon; None with fewer than two training days.
 
-    ``window_s`` [s] is the length of a window, after which a measured temperature is known.
+    ``window_s`` [s] is the length of a window, after which a measured temperature is available.
     """
     if len(days) < 2:
         return None

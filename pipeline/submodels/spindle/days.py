@@ -53,7 +53,7 @@ class SpindleLimits(Ranged, section="spindle_limits"):
     coverage_most: Share = 1.0
     """Limits on the share of samples inside the 90 % interval, over all days together [1]."""
     working_day_s: Positive = 3600.0
-    """A day is a working day when this much of it is known [s]."""
+    """Least recorded time of a working day [s]."""
     bridge_s: NotNegative = 600.0
     """Longest gap over which the inputs of a window are held [s]."""
     rest_s: Positive = 3600.0

@@ -226,7 +226,7 @@ class Problem:
         return SpindleThermalParameters(heating=heating, **known)
 
     def by_stretch(self, x: Floats) -> list[Floats]:
-        """Modelled minus measured temperature [K] of each stretch, NaN where it is not known."""
+        """Modelled minus measured temperature [K] of each stretch, NaN where it is missing."""
         parameters = self.parameters(x)
         return [
             temperatures(h, t[0], parameters, p.step, ambient=a, coolant=c)[0] - t
@@ -236,7 +236,7 @@ class Problem:
         ]  # fmt: skip
 
     def residuals(self, x: Floats) -> Floats:
-        """Modelled minus measured temperature [K] where it is known, shape (N,)."""
+        """Modelled minus measured temperature [K] where there is one, shape (N,)."""
         return np.concatenate([r[m] for r, m in zip(self.by_stretch(x), self.masks, strict=True)])
 
 
@@ -397,7 +397,7 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     """Whether the records determine a parameter: its interval is bounded and it is off its bounds.
 
     A rate or ratio is determined when its 95 % interval spans less than a factor of nine, the
-    surround when it is known within 5 K.  Heat sources that are not determined were left out.
+    surround when its interval is within 5 K.  Heat sources that are not determined were left out.
     """
     if name in SOURCES:
         return True

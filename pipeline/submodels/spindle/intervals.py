@@ -1,7 +1,7 @@
 """90 % prediction intervals of a spindle's temperature, calibrated on held-out training days.
 
-The regimes are what is known when a prediction is made: whether the network's free run warms, cools
-or is steady, and how long ago the temperature was measured.
+The regimes follow from the information at the time of the prediction: whether the network's free
+run warms, cools or is steady, and how long ago the temperature was measured.
 """
 
 from dataclasses import dataclass

@@ -182,7 +182,7 @@ def curves(
 
 
 def curve_of(requested: Floats, read: Floats) -> WearCurve:
-    """Figures of wear that was read, shape (W, N), over the wear asked for, shape (W,)."""
+    """Figures of read wear, shape (W, N), over requested wear, shape (W,)."""
     mean = read.mean(axis=1)
     low, high = np.quantile(read, [0.05, 0.95], axis=1)
     error = mean - requested

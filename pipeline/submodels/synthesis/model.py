@@ -40,10 +40,10 @@ class WearCurve:
     mean: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    """Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit."""
+    """Requested wear; mean, 5 % and 95 % quantile of the read wear; in the wear's unit."""
     mae: float
     mse: float
-    """Errors of the mean against what was asked for, in the unit and its square."""
+    """Errors of the mean against the requested wear, in the unit and its square."""
     slope: float
     """Slope of a straight line through the means [1]; 1 for a sound generator."""
     rank_correlation: float

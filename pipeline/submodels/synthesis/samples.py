@@ -30,7 +30,7 @@ class Generated:
     values: Floats
     """Values in the units of the channels; shape (N, C, L)."""
     conditions: Mapping[str, Any]
-    """Conditions that all of them have; the empty word is one that is not known."""
+    """Conditions that all of them have; the empty word is an unspecified one."""
     seed: int
     """Seed of the noise."""
     served: Synthesis

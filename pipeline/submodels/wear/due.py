@@ -52,7 +52,7 @@ class Lasting:
     edges: EdgeGrowth | None = None
     """Growth of the edge forces."""
     reasons: tuple[str, ...] = ()
-    """Why one of them is not there; empty where nobody asked for it."""
+    """Reason for a missing one; empty where none was requested."""
 
 
 def fit_lasting(windows: WearWindows, settings: WearLifeSettings) -> Lasting:

@@ -146,7 +146,7 @@ def due_actions(shown: Shown[WearModel]) -> list[Action]:
 
 
 def due_truth(shown: Shown[WearModel]) -> list[Table]:
-    """Time left as told and as it is, for tools in use of a simulated machine."""
+    """Predicted and true remaining time, for tools in use of a simulated machine."""
     truth = (shown.truth or {}).get("wear") or {}
     worn = {one["tool"]: one["worn_after_min"] for one in truth.get("tools", [])}
     rows = [

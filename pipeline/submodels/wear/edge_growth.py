@@ -33,7 +33,7 @@ PLANE = 1.177
 """Median size of a plane normal distribution of standard deviation 1 [1]."""
 ROUNDS = 30
 FEWEST = 3
-"""Tools from which on an interval can be told."""
+"""Least number of tools for an interval."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,10 +8,11 @@ tools, and only where the signals have a share in it.  The blend's weights for a
 predictions of the others, each of which was left out itself.  The interval's half width is
 conformal over tools.
 
-Where wear is a class, worn tools have to be told from others: there the area under the ROC curve
-(Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or the
-blend by more than the bootstrapped standard error of the difference serves in its place, where it
-orders them better than a coin by as much: with few tools left out all areas may lie below a half.
+Where wear is a class, worn tools have to be separated from others: there the area under the ROC
+curve (Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or
+the blend by more than the bootstrapped standard error of the difference serves in its place, where
+it orders them better than a coin by as much: with few tools left out all areas may lie below a
+half.
 """
 
 from collections.abc import Mapping
@@ -260,7 +261,7 @@ def _spread(windows: WearWindows, most: int) -> Bools:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Readings:
-    """Readings of tools left out: wear measured and told by every method, (K,) each."""
+    """Readings of held-out tools: measured and predicted wear by every method, (K,) each."""
 
     by: dict[str, Floats]
     wear: Floats
@@ -327,7 +328,7 @@ def _score(out: _Readings, told: Floats, *, is_class: bool) -> MethodScore:
 
 
 def balanced_accuracy(probability: Floats, truth: Floats) -> float | None:
-    """Mean share of either class that is told right at 0.5 [1]; None with one class only.
+    """Mean share of either class that is classified right at 0.5 [1]; None with one class only.
 
     Examples
     --------

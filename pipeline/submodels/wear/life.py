@@ -37,7 +37,7 @@ TOOL_SCATTER, WEIGHT = 0.25, 3.0
 LEVELS = np.linspace(0.1, 1.0, 19)
 """Widths of the land against the criterion at which shares of life are known [1]."""
 FEWEST = 3
-"""Worn tools from which on a life is told."""
+"""Least number of worn tools for a life."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +53,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     """Wear criterion, tools in use, and description of their cuts."""
 
     criterion_um: Positive | None = None
-    """Flank wear VB at which a tool is changed [um]; None where no lives are asked for."""
+    """Flank wear VB at which a tool is changed [um]; None where no lives are needed."""
     reading_error_um: NotNegative = 3.0
     """Standard deviation of a measured VB [um]."""
     in_use: tuple[str, ...] = ()

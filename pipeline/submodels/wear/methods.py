@@ -116,7 +116,7 @@ class Curve:
     wear: Sequence[float]
 
     def predict(self, use: Floats) -> Floats:
-        """Wear at a use, shape (N,); NaN where that is not known."""
+        """Wear at a use, shape (N,); NaN without one."""
         known = np.isfinite(use)
         found = np.interp(np.where(known, use, 0.0), self.use, self.wear)
         return np.where(known, found, np.nan)

@@ -204,7 +204,7 @@ class Fitted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """K values of wear that are told: one a window, or one a recording."""
+    """K predicted values of wear: one a window, or one a recording."""
 
     of: Ints
     """Reading that each window belongs to; shape (N,)."""

@@ -1,7 +1,7 @@
 """Named parameters of a feed drive with 95 % intervals, from a vector of the inverse dynamics.
 
 Motion shows two Coulomb levels, F_c+ + F_g and F_c- - F_g, of three unknowns (gravity split).  What
-is known of the axis decides (``coulomb`` in conf/machine/): with equal Coulomb friction in both
+is declared of the axis decides (``coulomb`` in conf/machine/): with equal Coulomb friction in both
 directions the difference of the levels is twice the constant force; without a constant force each
 level is Coulomb friction.  "auto" takes the first where the levels differ by more than ``GRAVITY``
 of their mean, or one is negative, which friction alone does not explain, and the second otherwise.

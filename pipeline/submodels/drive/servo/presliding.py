@@ -6,7 +6,7 @@ squares over its logarithm.  What a wrong stiffness does to the command happens 
 of each reversal; what other errors do is the same for all stiffnesses and does not count.  The
 interval comes from leaving out one stretch of the records after the other (jackknife).
 
-With that stiffness the time in which a standing axis loses its friction is found in the same way:
+With that stiffness the time in which a standing axis loses its friction is identified likewise:
 it shows where an axis stands after it has moved, and the command falls while nothing else happens.
 """
 
