@@ -63,7 +63,7 @@ class Band:
 
 
 def band(top: float, height: float, *values: Floats, zero: bool = False) -> Band:
-    """A band wide enough for all known ``values``, and for 0 where ``zero`` says so."""
+    """Band wide enough for all ``values`` but NaN, and for 0 where ``zero`` says so."""
     every = np.concatenate([*values, [0.0] if zero else []])
     every = every[np.isfinite(every)]
     low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)

@@ -45,7 +45,7 @@ SIGNED = ("bias", "peak_percent", "mean_percent")
 MANY = 40
 """Rows above which a table of scores is folded [1]."""
 MOST_BASELINES = 3
-"""Baselines of a table above which the plain guess alone is shown [1]."""
+"""Baselines of a table above which the plain baseline alone is shown [1]."""
 MOST_COLUMNS = 12
 """Conditions and facts above which they share two columns of words [1]."""
 MOST_TASKS = 3

@@ -26,7 +26,7 @@ from pipeline.schema.model import Correlation, Parameter
 Units = Mapping[str, tuple[str, float]]
 """Unit in a file -> unit as a shop speaks it, and the factor between the two."""
 Meaning = Callable[[str, str], str]
-"""Group and name of a parameter -> what it is, for people; "–" where its name says all."""
+"""Group and name of a parameter -> its meaning in words; "–" where its name says all."""
 MOST_OPEN = 20
 """Rows of the table of the truth above which it is folded [1]."""
 MOST_NAMED = 4
@@ -192,7 +192,7 @@ class KnownValue:
 def truth_table(
     title: str, known: Sequence[KnownValue], made: Sequence[Source], note: str = ""
 ) -> Table | None:
-    """True value, value found, and whether its 95 % interval holds the truth."""
+    """True value, identified value, and whether its 95 % interval holds the truth."""
     if not known:
         return None
     judged = [one.holds for one in known if one.holds is not None]

@@ -105,7 +105,7 @@ def made_from(files: Files, *names: str) -> list[Source]:
 
 @dataclass(frozen=True, kw_only=True)
 class Counting:
-    """An error of the judgement that counts for people."""
+    """Error of the assessment that counts for readers."""
 
     key: str
     """Key of the figure that the next report is compared with."""
@@ -209,7 +209,7 @@ class PageContent:
     judged_count: tuple[str, str] | None = None
     """Key and name of the number of judged groups, for the comparison with the next report."""
     guess: str = ""
-    """Baseline that a plain guess is: it is said where that comes closer."""
+    """Plain baseline: it is named where it comes closer."""
     titles: Mapping[str, str] = field(default_factory=dict)
     """Baselines and methods in words."""
     todo: Mapping[str, str] = field(default_factory=dict)
@@ -217,7 +217,7 @@ class PageContent:
     cause: str = ""
     """Cause of a failure."""
     facts: Sequence[str] = ()
-    """Sentences on the model: how it was found, what it holds."""
+    """Sentences on the model: its identification, its content."""
     head: Sequence[tuple[str, str, str]] = ()
     """Further key figures: name, value, aside."""
     doubts: Sequence[str] = ()
@@ -432,7 +432,7 @@ class _Frame:
         return [*found, *self._interval()]
 
     def _best(self, one: Counting, score: Score) -> tuple[float, str] | None:
-        """The plain guess, else the best baseline, by the same error."""
+        """Plain baseline, else the best one, by the same error."""
         others = {name: size for name, other in score.others.items()
                   if (size := one.size(other)) is not None}  # fmt: skip
         if self.content.guess in others:

@@ -98,7 +98,7 @@ class CuttingRange:
 
     @property
     def source(self) -> str:
-        """The sources in words; empty where nothing is known."""
+        """Sources in words; empty without any."""
         return "; ".join(self.sources)
 
 

@@ -194,7 +194,7 @@ class ToolTable:
     tools: dict[int, Tool]
     """Tools by their number in the program."""
     description: str = ""
-    """Whose tools they are, for people."""
+    """Owner of the tools, for readers."""
 
     def __post_init__(self) -> None:
         if not self.tools:

@@ -32,14 +32,14 @@ RULES = {
     "counter": "a counter that does not fit its neighbours",
     "not_a_number": "a word where a number belongs",
 }
-"""Meaning of the rules of cleaning, for people."""
+"""Meaning of the rules of cleaning, in words."""
 CAUSES = {
     "unavailable": "the agent said UNAVAILABLE",
     "silence": "nothing was said for too long",
     "instance": "the agent was restarted",
     "sequence": "the agent’s buffer was overrun",
 }
-"""Meaning of the causes of gaps, for people."""
+"""Meaning of the causes of gaps, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)

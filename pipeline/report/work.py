@@ -254,7 +254,7 @@ def _runs(execution: np.ndarray, place: np.ndarray) -> list[tuple[str, int, int]
 
 
 def _binned(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Mean of the known values in each bin, NaN in a bin without one."""
+    """Mean of the values in each bin, NaN in a bin without one."""
     good = np.isfinite(values)
     count = np.bincount(place[good], minlength=DAY // BIN).astype(float)
     total = np.bincount(place[good], weights=values[good], minlength=DAY // BIN)

@@ -198,7 +198,7 @@ def interval(predicted: Floats, regime: Labels, bands: Bands) -> tuple[Floats, F
     """Low and high of the 90 % interval around predictions, each (N,).
 
     ``predicted`` in the unit of the bands; what the regime of each sample depends on has to be
-    known when the prediction is made.
+    available at the time of the prediction.
     """
     lower, upper = half_widths(regime, bands)
     return predicted - lower, predicted + upper
@@ -215,7 +215,7 @@ def adaptive(
     """Low and high of a 90 % interval that follows the errors of one group, each (N,).
 
     The half width at t is that of :func:`interval` times a factor of its regime.  The factor starts
-    at 1; each measured value that was known by t, that is of an earlier sample at least ``delay_s``
+    at 1; each measured value available by t, that is of an earlier sample at least ``delay_s``
     old, has raised it by 0.9 ``step`` when it lay outside the interval of its own time and lowered
     it by 0.1 ``step`` when it lay inside.  Nothing of t itself or later is looked at.
 

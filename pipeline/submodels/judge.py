@@ -266,7 +266,7 @@ CheckReasons = tuple[list[str], list[str]]
 
 
 def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
-    """A score over all groups with its status, by each check that its target asks for."""
+    """Score over all groups with its status by each check of its target."""
     checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], CheckReasons]] = {
         "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
     }  # fmt: skip

@@ -24,7 +24,7 @@ ALL = "all"
 
 
 def figures(predicted: Floats, measured: Floats) -> Figures:
-    """Errors of a prediction where both are known, to six significant digits.
+    """Errors of a prediction where both have a value, to six significant digits.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def _percent(part: float, whole: float) -> float | None:
 
 
 def scored_rows(frame: pd.DataFrame, target: Target) -> pd.DataFrame:
-    """Rows of a target whose measurement, prediction and what has to be beaten are known."""
+    """Rows of a target with measurement, prediction and baselines."""
     if not len(frame):
         return frame
     rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]

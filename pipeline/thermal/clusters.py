@@ -4,7 +4,7 @@ Fuzzy c-means (Bezdek: Pattern Recognition with Fuzzy Objective Function Algorit
 
     J = sum_i sum_c u_ic^2 |x_i - v_c|^2,    sum_c u_ic = 1,
 
-by turns: u_ic = 1 / sum_k (d_ic / d_ik)^2, and v_c the mean of the points by u_ic^2.
+in alternation: u_ic = 1 / sum_k (d_ic / d_ik)^2, and v_c the mean of the points by u_ic^2.
 
 Applied to the sensors of a spindle, each a point whose coordinates are its course in time, the
 centre of a cluster is itself a course: the mean temperature of its group.  So a group's temperature

@@ -106,7 +106,7 @@ class Taylor(Ranged, section="taylor"):
 
     @property
     def words(self) -> str:
-        """Speed and life, with their spread, for people."""
+        """Speed and life, with their spread, in words."""
         speed, n = (
             " to ".join(f"{end:.4g}" for end in ends)
             for ends in (self.C_range_m_min or (self.C_m_min,), self.n_range or (self.n,))

@@ -44,7 +44,7 @@ from pipeline.schema.arrays import Bools, Floats, Ints
 SHARES = 128
 """Marks of the radial coefficient in one tangential one."""
 IN_ARC = 90
-"""Least number of marks in an arc: its ends are known to half a mark each, 1.1 % of it in all."""
+"""Least number of marks in an arc: its ends are rounded by half a mark each, 1.1 % of it in all."""
 FEED = pi / 720
 """Distance between two marks of the feed's direction [rad]."""
 ROUNDED = 0.985
@@ -212,7 +212,7 @@ def stability_table(
     Dynamics, laws and tools are one for each tool; a tool whose dynamics are not known (None) is
     not judged. ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
     growing; ``thickness`` [m] is that of the chip, where a law that is not linear is taken;
-    ``most`` is the greatest resolved margin [1]: the less, the sooner limits are known.
+    ``most`` is the greatest resolved margin [1]: the less, the less computing.
     ValueError when a parameter is out of its range.
     """
     nodes = np.atleast_1d(np.asarray(nodes_rpm, dtype=np.float64)) / 60

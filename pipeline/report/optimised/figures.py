@@ -320,7 +320,7 @@ def front_places(part: OptimisedPart, keys: tuple[str, str]) -> list[Place]:
 
 
 def method_places(part: OptimisedPart, keys: tuple[str, str]) -> list[Place]:
-    """The program as it was, and what other methods found inside the limits."""
+    """The program as it was, and the results of other methods inside the limits."""
     places = []
     for row in part.methods:
         if row.feasible and row.limits == "certain":

@@ -36,7 +36,7 @@ LIMITS = {
     "spindle": "spindle",
     "nothing": "nothing: it stands",
 }
-"""Limits of the speed of a block, for people."""
+"""Limits of the speed of a block, in words."""
 
 TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
 LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothing": "s-still"}

@@ -1,6 +1,6 @@
 """Network inputs: a recording beside the drives' model, on the grid of the windows.
 
-Before the motion are known: the commanded position, its speed and acceleration, how far the axis
+Inputs before the motion: the commanded position, its speed and acceleration, how far the axis
 has come since it last turned round (friction slides only after some um), the place in a turn of the
 screw, and what the drives' model makes of the command: its following error and its torque command.
 Measured are the error that the model leaves over and the drive's torque command.  Nothing measured
@@ -84,7 +84,7 @@ def every(period: float, step_s: float) -> int:
 def before_motion(
     reference: Floats, period: float, modelled: tuple[Floats, Floats] | None, lead_mm: float | None
 ) -> dict[str, Floats]:
-    """Signals that are known before the motion, each (T,).
+    """Signals available before the motion, each (T,).
 
     Commanded position ``reference`` (T,) [m] every ``period`` [s]; ``modelled`` are following error
     [m] and torque command of the drives' model, (T,) each; ``lead_mm`` that of the screw [mm].

@@ -173,7 +173,7 @@ class SearchFacts:
     history_um: tuple[float, ...]
     """Least validation RMSE after each generation [um]."""
     chosen: Mapping[str, float]
-    """Settings that it found."""
+    """Best settings of the search."""
     bounds_hit: Mapping[str, str] = field(default_factory=dict)
     """Settings whose best value lies on a bound, and which."""
 
@@ -186,7 +186,7 @@ class LeakShown:
     kind: str
     """Kind of network of the comparison."""
     inputs: tuple[str, ...]
-    """Inputs that could not be known yet."""
+    """Inputs that are not available yet."""
     rmse_um: float
     honest_um: float
     """RMSE on training recordings left out, with them and without [um]."""

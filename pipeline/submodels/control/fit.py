@@ -226,7 +226,7 @@ def _identified(
     observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
     near: ControlFit | None,
 ) -> ControlFit:  # fmt: skip
-    """The control, with those parameters found by unit that ``near`` holds apart."""
+    """Control, with a value by unit of those parameters that ``near`` holds apart."""
     units = sorted({one.unit for one in observed})
     free = free_parameters(start, units, near.apart if near is not None else ())
     measured = np.concatenate([one.measured for one in observed])

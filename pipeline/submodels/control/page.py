@@ -30,7 +30,7 @@ MEANINGS = {
     "spindle_delay": "what each start and stop of the spindle takes beside its ramp",
     "spindle_orientation": "time to orient the spindle",
 }
-"""Meaning of the parameters of a control, for people."""
+"""Meaning of the parameters of a control, in words."""
 
 
 def content(shown: Shown[ControlModelFile]) -> PageContent:

@@ -15,7 +15,7 @@ Quantity = tuple[str, float, float, str]
 
 PLANE, HEIGHT = ("X", "Y"), ("Z",)
 BY_UNIT = ("rapid_speed", "corner_jump")
-"""Parameters that shops set: found for each of several machines of a kind."""
+"""Parameters set by the shop: fitted for each of several machines of a kind."""
 MANY = 4
 """Least number of values of a kind with a scatter of their own."""
 

@@ -28,7 +28,7 @@ from pipeline.submodels.cutting.waveform import (
 ROUNDS = 4
 """Alternations between weights and fit, at most."""
 FIRST = 0.15
-"""First guess of the model error, as a share of a direction's fluctuation [1]."""
+"""Start value of the model error, as a share of a direction's fluctuation [1]."""
 RUNOUTS = (0.0, 0.3, -0.3)
 """Starts of the runout, over feed per tooth [1]."""
 NATURALS = (0.18, 0.4, 0.9)

@@ -63,7 +63,7 @@ TERMS = {
     "runout": "runout", "helix": "helix angle", "modes": "ringing of the dynamometer’s channels",
     "teeth": "an edge of its own for each tooth",
 }  # fmt: skip
-"""Methods and terms of the model, for people."""
+"""Methods and terms of the model, in words."""
 WEAR = (
     "The edge coefficients are the part of the force that does not depend on the chip, that is "
     "rubbing. Edge coefficients that grow with the same tool, material and depth mean a wearing "

@@ -3,7 +3,7 @@
 The force in the plane of the feed is judged: its waveform as both of its components one after the
 other, whose RMSE is that of the vector; its peak and mean as the magnitude.  The channels of the
 dynamometer, a fit on the other recordings and the scatter of the revolutions are shown.  Beside the
-model stand mechanics alone, without the waveform residual, and the plain guess.
+model stand mechanics alone, without the waveform residual, and the baseline.
 """
 
 from collections.abc import Iterable, Mapping

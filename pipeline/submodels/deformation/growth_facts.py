@@ -83,7 +83,7 @@ class SensorFault:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthFacts:
-    """Everything that the page says, found once."""
+    """Facts of the page, computed once."""
 
     shown: Seen
 

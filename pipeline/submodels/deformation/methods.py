@@ -328,7 +328,7 @@ class Network(Method):
     seeded: ClassVar[bool] = True
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
-        """The network trained on the known samples, whole recordings kept for early stopping."""
+        """Network trained on the labelled samples, whole recordings kept for early stopping."""
         from pipeline.nets.training import train
 
         known = [_learnt_from(one, budget.every_s) for one in examples]

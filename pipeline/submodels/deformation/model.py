@@ -221,7 +221,7 @@ class GrowthModel:
     def stitched(self, pieces: Sequence[tuple[int, Inputs]], name: str = "") -> Floats:
         """Growth by a method [um], by each of its seeds in the first axis; shape (seeds, T).
 
-        Each stretch of time is predicted from what was known of the sensors in it.
+        Each stretch of time is predicted from the state of the sensors in it.
         """
         ensemble = self.ensembles[name] if name else self.champion
         whole = [(first, ensemble.each(inputs)) for first, inputs in pieces]
@@ -246,7 +246,7 @@ class GrowthModel:
         return found
 
     def regimes(self, pieces: Sequence[tuple[int, Inputs]]) -> np.ndarray:
-        """Regime of each sample, from what was known of the sensors then; shape (T,)."""
+        """Regime of each sample, from the state of the sensors then; shape (T,)."""
         file = self.file
         result = regimes_of(pieces[0][1], file.rate_s, file.steady_K_h)
         for first, inputs in pieces[1:]:

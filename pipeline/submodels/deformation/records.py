@@ -154,7 +154,7 @@ class Profile:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthRecording:
-    """A recording as it was found: its profile, or the reason why there is none."""
+    """Recording: its profile, or the reason for none."""
 
     name: str
     profile: Profile | None = None
@@ -343,7 +343,7 @@ def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floa
 
 
 def filled(values: Floats, start: float) -> Floats:
-    """Values with each gap held at the last known one, and at ``start`` before the first.
+    """Values with each gap held at the last value, and at ``start`` before the first.
 
     Examples
     --------

@@ -45,7 +45,7 @@ SET_ASIDE, SUSPECT = 1 / 3, 2.0
 """Share of the training recordings that may be set aside at first [1], and the ratio of a departure
 to the usual one from which they are [1]."""
 ROUNDS = 3
-"""Times the regressions are found anew without the sensors that were faulty [1]."""
+"""Number of repetitions of the regressions without the sensors that were faulty [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -408,8 +408,8 @@ def fit_sensors(
     """Regressions of the sensors on each other, from training recordings that may hold faults.
 
     The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
-    exceed it are replaced in their recording, and all is found anew. ValueError when fewer than two
-    recordings have all sensors.
+    exceed it are replaced in their recording, and all is fitted anew. ValueError when fewer than
+    two recordings have all sensors.
     """
     states = [one.state for one in profiles]
     held_s = usual_holds(states, settings)

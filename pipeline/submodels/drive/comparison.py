@@ -99,7 +99,7 @@ def force_comparison(
 
 
 def constant_level(training: Sequence[ForceComparison]) -> float:
-    """Mean force against motion over the training recordings: a guess without a model."""
+    """Mean force against motion over the training recordings, the baseline."""
     total = sum(float(one.measured @ one.direction) for one in training)
     rows = sum(len(one.measured) for one in training)
     return total / rows if rows else 0.0
@@ -201,7 +201,7 @@ def _added(
 
 
 def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoParameters:
-    """The servo with the gains that a recording was taken with, where they are known.
+    """Servo with the gains of a recording, where they are listed.
 
     Scale factors and lags stay: they belong to the servo, the listed gains to the recording.
     """

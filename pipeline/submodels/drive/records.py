@@ -20,7 +20,7 @@ class AxisChannels:
     """Channels of one axis, by their names in the recordings."""
 
     command: str | None = None
-    """Torque command: current or voltage; without it the loop gain alone can be found."""
+    """Torque command: current or voltage; without it only the loop gain is identified."""
     reference: str | None = None
     position: str | None = None
     velocity_reference: str | None = None

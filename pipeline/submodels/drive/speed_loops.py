@@ -1,6 +1,6 @@
 """PI against fuzzy PI on an axis as identified: motor, two masses on their shaft, friction.
 
-Three sets of gains: those that the axis was found with, those of Feed2025, and both kinds tuned by
+Three sets of gains: those of the identified axis, those of Feed2025, and both kinds tuned by
 the same search with the same number of evaluations for the same cost.  Current loops and inverter
 are not identified: the loops run at 10 kHz with a bandwidth of 500 Hz, dead time is left out, and
 so is a play between screw and carriage.  The step's ripple is that of the switched inverter.

@@ -64,7 +64,7 @@ class SpindleLimits(Ranged, section="spindle_limits"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """Predictions of one day in one regime, (T,) each, in steps; NaN where nothing is known."""
+    """Predictions of one day in one regime, (T,) each, in steps; NaN without data."""
 
     index: pd.DatetimeIndex
     """Time of each step, in the plant's zone."""
@@ -111,7 +111,7 @@ def runs_of(
     bridge_s: float,
     intervals: SpindleIntervals,
 ) -> DayRuns | None:
-    """A day in windows and as a free run; None where speed, load and temperature are never known.
+    """A day in windows and as a free run; None without speed, load or temperature.
 
     ``window_s`` and ``bridge_s`` [s] are the length of a window, and how long unknown inputs are
     held in windows; ``intervals`` says how regimes of the prediction interval are parted.

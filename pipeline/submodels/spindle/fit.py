@@ -121,7 +121,7 @@ def structure_of(parameters: SpindleThermalParameters) -> Structure:
 class Problem:
     """Least-squares problem of given sources and network over given stretches.
 
-    ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are known.
+    ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are given.
     The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each
     source's heating at its root mean square over the records, so that all are of similar size.
     """
@@ -242,7 +242,7 @@ class Problem:
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFit:
-    """The network found, and its uncertainty.
+    """Fitted network, and its uncertainty.
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
     the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root

@@ -34,7 +34,7 @@ MEANINGS = {
     "ambient": "temperature of the surround",
     "ambient_offset": "surround of the spindle above the measured ambient",
 }
-"""Meaning of the thermal network's parameters, for people."""
+"""Meaning of the thermal network's parameters, in words."""
 BIN_S = 300.0
 """Step over which speed and position hold are drawn as means [s]."""
 

@@ -4,7 +4,7 @@ Days left out decide on what several days show.  A source that one or two days a
 be credited so: the other days know nothing of it.  Its hours are then held out in turn, each with
 its neighbours of the same day in training, and all sources' hours are spread over the parts
 (iterative stratification, Sechidis, Tsoumakas and Vlahavas 2011).  Only the temperature is held
-out; speed and load stay known, and the fit runs through.
+out; speed and load stay given, and the fit runs through.
 """
 
 from collections.abc import Sequence
@@ -268,7 +268,7 @@ def choice_of(
 def identify_spindle_network(
     pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
 ) -> tuple[SpindleFit, dict[str, float]]:
-    """The network, and the sink to the coolant, that what was left out asks for.
+    """Network, and sink to the coolant, selected on held-out data.
 
     One node is kept unless another gains on it (:meth:`Choice.gains`): two nodes, with the heat of
     the bearings in the one or the other.  Where the records do not determine all parameters of two
@@ -340,7 +340,7 @@ def _rivals(
 def _chosen(
     rivals: Sequence[Structure], errors: dict[Structure, LeftOut], choice: Choice
 ) -> Structure:
-    """The network that what was left out asks for; one node where none gains on it."""
+    """Network selected on held-out data; one node where none gains on it."""
     better = [
         one for one in rivals
         if ONE not in rivals or (one != ONE and choice.gains(errors[ONE], errors[one]))

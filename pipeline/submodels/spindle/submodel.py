@@ -71,7 +71,7 @@ REMEDY = {
 AGAIN_DRAWN = 8
 """Forests of trees drawn with replacement that a day is predicted by again [1]."""
 HELD_S = 1200.0
-"""Time that the remedy of a spindle held in position asks for [s]."""
+"""Time of the remedy of a spindle held in position [s]."""
 RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
 
 

@@ -1,6 +1,6 @@
 """Diagnosis by the generator: wear and noise that explain recorded windows best.
 
-What is found is a profile of the distance over the wear.  Its width is no confidence interval: how
+The result is a profile of the distance over the wear.  Its width is no confidence interval: how
 far it is off on tools that were held out has to be measured.
 """
 
@@ -118,7 +118,7 @@ def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
 def explained_windows(
     served: Synthesis, windows: WearWindows, settings: LatentSearch | None = None
 ) -> tuple[list[Explanation], pd.DataFrame]:
-    """Each of some recorded windows explained, and a table of what was measured and found.
+    """Explanation of each of some recorded windows, and a table of measured and explained wear.
 
     Windows out of the conditions that were learnt are left out of both.
     """

@@ -34,7 +34,7 @@ ORDERS = "power at a spindle order"
 RECORDED, NEAREST, MEAN = "recorded", "nearest", "mean"
 """Baselines: the recorded windows themselves, the nearest training windows, the mean wear."""
 SPEED = ("spindle_speed", "speed", "spindle speed")
-"""Names of the condition by which spindle orders are known."""
+"""Names of the condition of the spindle orders."""
 ORDER_COUNT = 12
 """Spindle orders that are compared [1]; those of tooth passing are among them."""
 NEPERS_TO_DB = 10.0 / np.log(10.0)

@@ -2,7 +2,7 @@
 
 Whole tools are left out in turn.  A single method serves instead of the median of all only where
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
-best may go astray on the next.  The blend with the guess, which rests on the signals and on the
+best may go astray on the next.  The blend with the baseline, which rests on the signals and on the
 tool's use, serves unless it is worse by more than the standard error of the difference over the
 tools, and only where the signals have a share in it.  The blend's weights for a tool come from the
 predictions of the others, each of which was left out itself.  The interval's half width is
@@ -51,7 +51,7 @@ from pipeline.submodels.wear.model import (
 )
 
 LEAST_SHARE = 0.05
-"""Weight of the signals in the blend below which it is the guess [1]."""
+"""Weight of the signals in the blend below which it is the baseline [1]."""
 RESAMPLED = 200
 """Draws of tools with replacement, of the standard error of an area under the curve [1]."""
 

@@ -35,7 +35,7 @@ SLOPE_SCATTER, KIND_SCATTER = 1.0, 0.3
 TOOL_SCATTER, WEIGHT = 0.25, 3.0
 """Prior scatter of log life from tool to tool [1], and the tools that it weighs [1]."""
 LEVELS = np.linspace(0.1, 1.0, 19)
-"""Widths of the land against the criterion at which shares of life are known [1]."""
+"""Widths of the land against the criterion of the shares of life [1]."""
 FEWEST = 3
 """Least number of worn tools for a life."""
 

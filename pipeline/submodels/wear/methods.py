@@ -1,7 +1,7 @@
 """Methods on features, the baseline without sensors, and the blend; as plain numbers for a file.
 
 Ridge regression chooses its penalty on tools left out of the training tools; the forest is
-scikit-learn's, kept as arrays of its nodes; the guess is wear over the use of the tool (isotonic
+scikit-learn's, kept as arrays of its nodes; the baseline is wear over the use of the tool (isotonic
 regression), or the share of worn tools by the conditions alone where wear is a class.
 """
 
@@ -46,7 +46,7 @@ def tool_weights(tool: np.ndarray) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Ridge:
-    """Linear in scaled features: ``constant`` and F ``slopes``, found with ``penalty``."""
+    """Linear in scaled features: ``constant`` and F ``slopes``, fitted with ``penalty``."""
 
     constant: float
     slopes: Sequence[float]

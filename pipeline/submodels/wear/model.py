@@ -104,12 +104,12 @@ class WearModel(Model):
     """Unit of each condition that is a number."""
     progress: str
     progress_unit: str
-    """Use of the tool that the guess looks at; the name is empty where it is the recording's time
+    """Use of the tool in the baseline; the name is empty where it is the recording's time
     or number."""
     per_recording: bool
     """Whether a recording has one wear, the mean of its windows; else each window has one."""
     champion: str
-    """Method that serves: the blend where the guess has a share in it, unless ``alone`` is
+    """Method that serves: the blend where the baseline has a share in it, unless ``alone`` is
     significantly better on training tools left out."""
     alone: str
     """The one that needs no use of the tool: the median, or a single method that is significantly
@@ -117,7 +117,7 @@ class WearModel(Model):
     scores: Mapping[str, MethodScore]
     """Scores of every method."""
     weights: Mapping[str, float]
-    """Weights of the median and the guess in the blend; empty where there is no guess."""
+    """Weights of the median and the baseline in the blend; empty without a baseline."""
     bands: Mapping[str, Bands]
     """Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class."""
     lasting: Lasting = field(default_factory=Lasting)

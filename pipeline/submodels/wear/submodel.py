@@ -105,7 +105,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
     ends: ClassVar[Ends] = {(WEAR, ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: WearModel) -> tuple[Target, ...]:
-        """Wear of tools that were held out, beside a guess without sensors."""
+        """Wear of held-out tools, beside a baseline without sensors."""
         limits = settings.wear_limits
         beaten = tuple(name for name in (GUESS, MEAN) if name in model.scores)
         others = tuple(name for name in model.scores if name != model.champion)
