@@ -316,7 +316,6 @@ class _Frame:
 
     @property
     def name(self) -> str:
-        """Its title with a capital."""
         return f"{self.subject.title[:1].upper()}{self.subject.title[1:]}"
 
     @property
@@ -335,7 +334,6 @@ class _Frame:
         return list(found.values())
 
     def made(self, *names: str) -> list[Source]:
-        """Files that a block stands on."""
         return made_from(self.files, *names)
 
     @property
@@ -444,7 +442,6 @@ class _Frame:
         return others[name], self.title(name)
 
     def title(self, name: str) -> str:
-        """A baseline or method in words."""
         return self.content.titles.get(name, name.replace("_", " "))
 
     def _interval(self) -> list[tuple[str, str, str]]:

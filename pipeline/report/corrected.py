@@ -80,7 +80,6 @@ def _rapids(programs: dict[str, Any]) -> Iterator[str]:
 
 
 def _share(part: float) -> str:
-    """Share in percent; an increase is above 100."""
     return percent(part, 1.0) if part <= 1 else f"{100 * part:.0f}{NARROW}%"
 
 

@@ -274,7 +274,6 @@ def components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, t
 
 
 def _component(kind: str, name: str) -> str:
-    """A component by its type and its name, said once where they are one word."""
     return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
 
 

@@ -223,7 +223,7 @@ class _Task:
         return rest + start @ by_start, by_start, start
 
     def _start_error(self, record: GrowthRecord) -> float:
-        """Variance of the start value: model errors are correlated over a record."""
+        """Start deviation over sqrt(T) [K], as model errors are correlated over a record."""
         return self.start_error_K / float(np.sqrt(len(record.time_s)))
 
     def _slopes(

@@ -77,7 +77,7 @@ def power_curve(n: ArrayLike, *, rated: float, base_speed: float) -> Floats:
 
 
 def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """P_rated min(1, n / n_base) of the motor [W] at n [rev/s]; NaN above the top speed.
+    """P_rated min(1, |n| / n_base) of the motor [W] at n [rev/s]; NaN above the top speed.
 
     Examples
     --------

@@ -238,7 +238,6 @@ def _slopes(found: Floats, frequency: Floats) -> Complexes:
 
 
 def _both(values: Complexes) -> Floats:
-    """Real parts, then imaginary ones."""
     return np.concatenate([values.real, values.imag])
 
 

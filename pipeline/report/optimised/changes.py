@@ -78,7 +78,6 @@ def _factors(change: FeedChange) -> dict[str, float]:
 
 
 def _ratio(before: float | None, after: float | None) -> float:
-    """Ratio of two values; 1 where one of them is missing or 0."""
     return after / before if before and after else 1.0
 
 
@@ -150,7 +149,6 @@ def _feeds_per_tooth(row: Increase, unit: float = 1.0) -> str:
 
 
 def _change(shown: Callable[[float | None], str], before: float | None, after: float | None) -> str:
-    """Value before and after; one where they look the same."""
     then, now = shown(before), shown(after)
     return now if then == now else f"{then} → {now}"
 
@@ -235,7 +233,6 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _operations(part: OptimisedPart) -> list[Column[ToolUse]]:
-    """Column of the operations, where the document names any."""
     if not any(use.operation for use in part.tools):
         return []
     return [Column("operation", lambda use: use.operation or NONE)]

@@ -124,7 +124,6 @@ def _verified(part: OptimisedPart) -> list[str]:
 def _drawn(
     svg: Markup | None, caption: str, legend: Legend, sources: list[Source]
 ) -> Figures | None:
-    """A wide figure; None where there is nothing to draw."""
     if svg is None:
         return None
     figure = Figure(svg=svg, caption=caption, sources=sources)
@@ -354,7 +353,6 @@ def _length(value: float | None) -> str:
 
 
 def _warnings(warnings: Sequence[CutWarning]) -> list[tuple[str, str]]:
-    """The first warnings, and how many more there are."""
     left = len(warnings) - MOST_WARNINGS
     more = [("More warnings", f"{left}, in the JSON.")] if left > 0 else []
     return warnings_pairs(warnings[:MOST_WARNINGS], MOST_SPANS) + more

@@ -320,7 +320,6 @@ def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _printed(value: float | tuple[float, ...], unit: str) -> str:
-    """A limit, or a range, with its unit."""
     known = value if isinstance(value, tuple) else (value,)
     words = " to ".join(as_stated(v) for v in known)
     return f"{words}{NARROW}{unit}" if unit else words

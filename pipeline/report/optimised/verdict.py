@@ -51,7 +51,6 @@ def _grave(part: OptimisedPart) -> list[str]:
 
 
 def _lines(spans: Sequence[str]) -> str:
-    """Stretches of lines in words."""
     one = len(spans) == 1 and "–" not in spans[0]
     return f"line{'' if one else 's'} {', '.join(spans)}"
 

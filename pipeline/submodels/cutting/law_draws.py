@@ -255,7 +255,6 @@ class _Covariances:
     crosstalk: Floats
 
     def total(self, understated: float, gain: float, wear: float, shape: float) -> Floats:
-        """Sum of all covariances."""
         return (
             understated**2 * self.stated + gain**2 * self.gain + wear**2 * self.wear
             + shape**2 * self.shape + self.crosstalk

@@ -137,7 +137,6 @@ class _Comparison:
         return [terms for terms, value in self.errors.items() if terms != kept and value <= bound]
 
     def folds(self, fit: Fit) -> list[Fold]:
-        """Fits of the same terms to a part of the recordings."""
         terms = fit.problem.terms
         if terms not in self._folds:
             self._folds[terms] = left_out_fits(fit, self.most)

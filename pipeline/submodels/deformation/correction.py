@@ -181,7 +181,7 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
 
 
 def _accepted(learnt: Learnt, widening: float) -> Learnt:
-    """Accepted range of an input; a speed has 0 as its lower end."""
+    """Accepted range of an input; that of a speed begins at 0 or above."""
     low, high = learnt.accepted(widening)
     low = max(low, 0.0) if learnt.unit == "rev/min" else low
     return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{high:.5g}"))

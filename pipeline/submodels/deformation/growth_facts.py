@@ -165,7 +165,6 @@ class GrowthFacts:
         return f"{said}, {order}" if said else order
 
     def _moment(self, case: str, minute: float) -> str:
-        """Clock time of a minute of a recording."""
         start = instant(self._files.get(case, {}).get("first"))
         return "not dated" if start is None else moment(start + timedelta(minutes=minute))
 

@@ -566,7 +566,6 @@ def _agreeing(
 def _blank(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
 ) -> SensorModel:
-    """A model without moments and tolerances."""
     return SensorModel(
         sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
         mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,

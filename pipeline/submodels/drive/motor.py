@@ -83,7 +83,7 @@ class Windows:
         return self._summed(self.signals[name][:, :WINDOW], mean)
 
     def halves(self, signal: Floats) -> Floats:
-        """Integrals of g times a signal from the even and the odd samples; shape (2, B, orders)."""
+        """Integrals of g times a signal (B, W + 1), even and odd samples apart; (2, B, orders)."""
         return self._split(signal, self._function(np.arange(WINDOW + 1)))
 
     def rates(self, signal: Floats) -> Floats:

@@ -310,7 +310,6 @@ def identify_spindle_network(
 
 
 def _structures(settings: SpindleFitSettings) -> list[Structure]:
-    """Networks to try: one node, and two with the bearings' heat in the one or the other."""
     two = [Structure(nodes=2, friction_in_body=in_body) for in_body in (False, True)]
     return [*([ONE] if 1 in settings.nodes else []), *(two if 2 in settings.nodes else [])]
 

@@ -141,7 +141,6 @@ def trained(
 
 
 def _latest(earlier: Mapping[int, "TrainedGan"]) -> list["TrainedGan"]:
-    """The last state before the end, where one was looked at."""
     return [earlier[max(earlier)]] if earlier else []
 
 

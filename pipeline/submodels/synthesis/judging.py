@@ -58,7 +58,6 @@ class _Pair:
 
     @property
     def scaled(self) -> tuple[Floats, Floats]:
-        """Features on the scale of the training windows."""
         return self.served.scaling(self.real), self.served.scaling(self.fake)
 
     def again(self, figure: Callable[[Floats, Floats, Learner], Floats]) -> dict[str, Floats]:

@@ -133,7 +133,6 @@ def _left(rests_on: str, left: TimeLeft) -> dict[str, Fact]:
 
 
 def _later(left: TimeLeft, minutes: float) -> TimeLeft:
-    """Time left some minutes later."""
     ends: Floats = np.maximum(np.array([left.low, left.middle, left.high]) - minutes, 0.0)
     return TimeLeft(low=float(ends[0]), middle=float(ends[1]), high=float(ends[2]))
 

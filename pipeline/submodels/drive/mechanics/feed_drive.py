@@ -268,7 +268,6 @@ def _percent(residuals: Floats, force: Floats) -> float:
 
 
 def _rank(rows: Regressors, found: Dynamics) -> int:
-    """Rank of the Jacobian of the fitted parameters."""
     slopes = jacobian(rows, found.values)[:, found.fitted]
     length = np.linalg.norm(slopes, axis=0)
     singular = np.linalg.svd(slopes / np.where(length > 0, length, 1.0), compute_uv=False)
