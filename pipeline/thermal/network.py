@@ -185,7 +185,7 @@ def temperatures(
     Parameters
     ----------
     sources : ndarray, shape (..., T, len(SOURCES))
-        From :func:`heat_sources`, held over each step.
+        Heat sources of :func:`heat_sources`, held over each step.
     start : array_like, shape (...)
         Measured temperature at the first sample [degC].
     parameters : SpindleThermalParameters

@@ -104,7 +104,7 @@ def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
 
 
 def resonance(motor_inertia: float, load_inertia: float, stiffness: float) -> float:
-    """Return sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
+    """Resonance sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
 
     >>> round(resonance(3.19e-4, 2.68e-3, 650.0))
     1510

@@ -47,14 +47,14 @@ class CurrentLoopParameters(Ranged, section="current_loop"):
     """h, of the loop and of the inverter's carrier [s]."""
 
     def gains(self, resistance: float, inductance: float) -> tuple[float, float]:
-        """Return K [V/A] and K (1 - a) [V/A per period] of a winding [ohm], [H]."""
+        """K [V/A] and K (1 - a) [V/A per period] of a winding [ohm], [H]."""
         fade = -expm1(-resistance * self.period / inductance)
         proportional = -expm1(-self.bandwidth * self.period) * resistance / fade
         return proportional, proportional * fade
 
 
 def induced_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
-    """Return the voltages [V] induced in d and q by speed [rad/s] at these currents [A]."""
+    """Voltages [V] induced in d and q by speed [rad/s] at these currents [A]."""
     w_e = motor.pole_pairs * speed
     return -w_e * motor.inductance_q * i_q, w_e * (motor.inductance_d * i_d + motor.flux)
 

@@ -59,7 +59,7 @@ class MotorParameters(Ranged, section="motor"):
 
 
 def force_constant(torque_constant: float, lead: float) -> float:
-    """Return k = 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
+    """Force constant 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
     return 2 * np.pi * torque_constant / lead
 
 
@@ -73,23 +73,23 @@ def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any
 
 
 def torque(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the electromagnetic torque T_e [N m] of currents [A]."""
+    """Electromagnetic torque T_e [N m] of currents [A]."""
     reluctance = (motor.inductance_d - motor.inductance_q) * i_d
     return 1.5 * motor.pole_pairs * (motor.flux + reluctance) * i_q
 
 
 def input_power(i_d: Any, i_q: Any, u_d: Any, u_q: Any) -> Any:
-    """Return the electrical power into the motor [W]."""
+    """Electrical power into the motor [W]."""
     return 1.5 * (u_d * i_d + u_q * i_q)
 
 
 def copper_loss(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the loss in the windings [W]."""
+    """Loss in the windings [W]."""
     return 1.5 * motor.resistance * (i_d * i_d + i_q * i_q)
 
 
 def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
-    """Return the vector (x, y) turned by the angle of this cosine and sine.
+    """Vector (x, y) turned by the angle of this cosine and sine.
 
     With the rotor's angle it leads from dq to the stator's frame, with its negative back.
     """

@@ -103,7 +103,7 @@ def settling_time(time: Floats, error: Floats, band: float) -> float:
 def step_response(
     drive: ThreeLoopParameters, trial: SpeedTrial, direction: int = 1
 ) -> StepResponse:
-    """Return the response of a drive to a step of the speed, and then one of the load."""
+    """Response of a drive to a step of the speed, and then one of the load."""
     half = round(trial.duration / trial.period)
     load = np.zeros(2 * half + 1)
     load[half:] = direction * trial.load
@@ -147,7 +147,7 @@ def ramp_error(
     feedforward: float,
     direction: int,
 ) -> float:
-    """Return the greatest distance of the carriage from a ramp [m].
+    """Greatest distance of the carriage from a ramp [m].
 
     The ramp has the speed ``feed`` [m/s] in the ``direction`` 1 or -1; ``feedforward`` is the share
     of it that is fed forward [1].
@@ -162,7 +162,7 @@ def ramp_error(
 
 
 def with_speed_loop(drive: ThreeLoopParameters, kind: str, values: Floats) -> ThreeLoopParameters:
-    """Return the drive with a speed loop of a kind of ``TUNED`` and these values, shape (D,)."""
+    """Drive with a speed loop of a kind of ``TUNED`` and these values, shape (D,)."""
     named = dict(zip(TUNED[kind], map(float, values), strict=True))
     fuzzy = None
     if "error_scale" in named:
@@ -179,7 +179,7 @@ def with_speed_loop(drive: ThreeLoopParameters, kind: str, values: Floats) -> Th
 
 
 def published(drive: ThreeLoopParameters, kind: str, trial: SpeedTrial) -> Floats:
-    """Return Feed2025's gains, and input scales that the step and its acceleration just fill.
+    """Feed2025's gains, and input scales that the step and its acceleration just fill.
 
     The input scales are not published; full torque on the whole inertia is the greatest change.
     """
@@ -192,7 +192,7 @@ def published(drive: ThreeLoopParameters, kind: str, trial: SpeedTrial) -> Float
 def tuned(
     drive: ThreeLoopParameters, kind: str, trial: SpeedTrial, search: Search
 ) -> ThreeLoopParameters:
-    """Return the drive with the best speed loop of a search.
+    """Drive with the best speed loop of a search.
 
     ``search`` takes costs over a population and both bounds, and returns the best individual as
     ``x``, in logarithms to the base 10.

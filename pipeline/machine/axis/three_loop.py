@@ -166,7 +166,7 @@ def _winding(drive: ThreeLoopParameters) -> drive_train.Winding:
 
 
 def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
-    """Return the parameters of the speeds; the guideway's friction about the screw."""
+    """Parameters of the speeds; the guideway's friction about the screw."""
     motor, transmission, r = drive.motor, drive.transmission, drive.transmission.ratio
     rigid = isinf(transmission.stiffness)
     return drive_train.Shafts(

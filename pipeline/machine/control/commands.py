@@ -120,7 +120,7 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
     Parameters
     ----------
     path : Path
-        From :func:`pipeline.machine.control.planner.limited_path`.
+        Path of :func:`pipeline.machine.control.planner.limited_path`.
     speeds : (1 or P, M) array
         Spindle speed, at least 0 [rev/min].
     motion_time : (P, M) array
