@@ -61,8 +61,7 @@ class Tool(Ranged, section="tool"):
     holder_diameter_mm: Length | None = None
     """Diameter of the holder at its face, the underside of all that is above the stickout [mm]."""
     youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
-    """Young's modulus of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed
-    steel."""
+    """Young's modulus [GPa]: about 600 for cemented carbide, 210 for high-speed steel."""
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     """Distance of the tool's axis from the spindle's [um]."""
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
@@ -70,8 +69,7 @@ class Tool(Ranged, section="tool"):
     material: Literal["carbide", "hss"] = "carbide"
     """Cutting material; chooses a material's constants of tool life."""
     coating: str = ""
-    """Coating by its maker's name, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" if
-    unspecified."""
+    """Coating by its maker's name, "TiAlN", "TiN", "DLC"; "none" without one, "" if unspecified."""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
     """Price of a new tool, or of an insert's set of edges, in the currency of the costs."""
     edges: Annotated[int, Range(least=1, most=1000)] = 1

@@ -41,8 +41,7 @@ class Day:
     """Runs of states, the most frequent state of each bin."""
     speed: np.ndarray
     held: np.ndarray
-    """Mean speed [rev/min] and share of the time under position control [1] in each bin, NaN where
-    not known."""
+    """Mean speed [rev/min] and share of the time under position control [1] in each bin."""
     kinds: dict[str, float] = field(default_factory=dict)
     """Time in each kind of segment [s]."""
 

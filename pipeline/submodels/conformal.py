@@ -50,8 +50,7 @@ class Residuals:
     """Errors of predictions of groups that the predicting model did not see."""
 
     error: Floats
-    """Measured minus predicted, in the unit of the quantity; what is not finite does not count;
-    shape (N,)."""
+    """Measured minus predicted, in the quantity's unit; not finite ones are skipped; (N,)."""
     regime: Labels
     group: Labels
     """Regime and group of each sample; shape (N,)."""

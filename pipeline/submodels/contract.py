@@ -69,8 +69,7 @@ class Target:
     """Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0 where
     there is no limit."""
     widens: bool = False
-    """Whether the predictor itself widens the interval outside of the learnt conditions; else the
-    judge does."""
+    """Whether the predictor widens its interval beyond training conditions; else the judge does."""
     widest: float = 2.5
     """Greatest half width of a 90 % interval over the RMSE with which it is said [1]; 1.64 is that
     of normal errors.  Beyond it the interval is "not known", and the prediction stands alone."""

@@ -39,8 +39,7 @@ class Uncertainty:
     """Covariance of the parameters, robust against residuals that hang together within a block;
     shape (D, D)."""
     half_width: Floats
-    """Half of the 95 % interval; infinite when there are no more blocks than parameters;
-    shape (D,)."""
+    """Half of the 95 % interval; infinite without more blocks than parameters; shape (D,)."""
     condition: float
     """Condition number of the Jacobian with columns scaled to length one."""
     correlation: Floats

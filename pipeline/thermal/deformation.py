@@ -55,8 +55,7 @@ class GrowthRecord:
     ambient_C: Floats
     """Ambient temperature [degC]; shape (T,)."""
     temperatures_C: Floats
-    """Temperatures of N sensors or groups of sensors [degC]; nan where missing, N = 0 without any;
-    shape (T, N)."""
+    """Temperatures of N sensors or groups [degC]; nan where missing, N may be 0; shape (T, N)."""
     growth_m: Floats
     """Growth of the spindle towards the probe [m], nan where missing; shape (T,)."""
 

@@ -65,8 +65,7 @@ class Taylor(Ranged, section="taylor"):
     f_z_ref_mm: Annotated[float, Range(least=1e-4, most=10.0)] | None = None
     a_p_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
     a_e_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
-    """Feed for each tooth, axial and radial depth that C belongs to [mm]; needed with an
-    exponent."""
+    """Feed per tooth, axial and radial depth of C [mm]; needed with an exponent."""
     speed_range_m_min: tuple[float, ...] = ()
     """Lowest and highest cutting speed of the tests [m/min]."""
     source: str = ""

@@ -19,8 +19,7 @@ class EndRings:
     """Rings of P stations on the way down over less than the whole flat end, rising."""
 
     station: Ints
-    """Indices of the stations of the engagement, rising; at all others the whole end counts; shape
-    (P,)."""
+    """Rising indices of the stations; at all others the whole end counts; shape (P,)."""
     inner: Singles
     outer: Singles
     """Inner and outer radius of the part of the flat on material, at each of F angles [m]; none

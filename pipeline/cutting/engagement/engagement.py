@@ -47,8 +47,7 @@ class ToolPath:
     feed: Bools
     """Whether it moves at feed; False for rapids; shape (Q,)."""
     direction: NDArray[np.int8]
-    """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4), 0 when it
-    stands; shape (Q,)."""
+    """Spindle direction: 1 clockwise from above (M3), -1 anticlockwise (M4), 0 at rest; (Q,)."""
 
     def __post_init__(self) -> None:
         for item in fields(self):

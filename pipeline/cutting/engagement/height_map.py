@@ -37,8 +37,8 @@ class HeightMap:
     cell: float
     """Edge of a cell: the resolution [m]."""
     heights: Singles
-    """Top of the material in each cell [m]; ``floor`` where there is none.  Rows are along y;
-    shape (rows, columns)."""
+    """Top of the material in each cell [m], ``floor`` without any; rows along y, (rows,
+    columns)."""
     floor: float
     """Underside of the stock [m]."""
     notice: str = ""

@@ -38,8 +38,7 @@ class Immersions:
     blocks: int
     """Blocks of the program, B."""
     unjudged: Bools
-    """Blocks with a station in the material that is not milling with a spindle that turns: plunges,
-    rapids; shape (B,)."""
+    """Blocks with a cut that is no milling, under a turning spindle: plunges, rapids; (B,)."""
     lowest: Floats | None = None
     highest: Floats | None = None
     """Least and greatest height above the tip of the edge in the material [m]; from the tip to

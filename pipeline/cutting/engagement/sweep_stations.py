@@ -161,8 +161,7 @@ _DEPTH_SHARE = 0.05
 _SHIFT_CELLS = 1.0
 _THIN_CELLS = 2.0
 _GAP = 6
-"""Steps in air after which a thin engagement is over: less than a cell wide, it has no column in
-each step."""
+"""Steps in air that end a thin engagement, which has no column in each step."""
 
 
 @compiled

@@ -89,11 +89,9 @@ class DepthLimits:
     n: Floats
     """Spindle speed [1/s]; shape (S,)."""
     depth_limit: Floats
-    """Least depth at which chatter begins [m]; inf where none is up to the depth looked at;
-    shape (S,)."""
+    """Least depth of chatter [m]; inf where there is none up to the searched depth; shape (S,)."""
     error: Floats
-    """Estimated error of the finest cells before extrapolation, over the depth limit [1];
-    shape (S,)."""
+    """Estimated error of the finest cells before extrapolation over the limit [1]; shape (S,)."""
     cells: Ints
     """Cells of the cut in one tooth period; shape (S,)."""
 

@@ -269,8 +269,7 @@ class DriveTraces:
     command: Floats = field(repr=False)
     """Set at the sample [A]."""
     greatest: Floats
-    """Greatest speed error [m/s] and change of it [m/s^2], as magnitudes, where friction is a
-    spring; shape (P, 2)."""
+    """Greatest speed error [m/s] and change of it [m/s^2] where friction is a spring; (P, 2)."""
 
 
 def simulate(

@@ -24,8 +24,7 @@ class ServoParameters(Ranged, section="servo"):
     position_gain: Positive
     """P_p [1/s]."""
     velocity_gain: Positive
-    """V_p, command for one unit of velocity error [A s/m] ([V s/m] where the command is a
-    voltage)."""
+    """V_p, command per velocity error [A s/m] ([V s/m] where the command is a voltage)."""
     integral_gain: NotNegative = 0.0
     """V_i [A/m]."""
     position_scale: Positive = 1.0

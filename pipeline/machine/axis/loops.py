@@ -155,7 +155,6 @@ class PositionLoopParameters(Ranged, section="position_loop"):
     velocity_feedforward: NotNegative = 0.0
     """f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all."""
     motor_encoder: bool = False
-    """Whether the position is the motor's, L / 2 pi times its angle, or a scale's at the
-    carriage."""
+    """Whether the position is the motor's, L / 2 pi times its angle, or the carriage scale's."""
     every: _Every = 10
     """Periods of the current loop for one of the position loop."""

@@ -59,8 +59,7 @@ class AxisParameters(Ranged):
     """Towards the centre of arcs, and the average that the corners of a curve made of chords may
     reach [mm/s^2]."""
     corner_jump: NotNegative
-    """Greatest jump of speed at a corner [mm/min]; 0 stands still wherever the axis changes its
-    speed."""
+    """Greatest jump of speed at a corner [mm/min]; 0 stops wherever an axis changes its speed."""
     jerk: Positive | None = None
     """Greatest jerk before interpolation [mm/s^3]; the profile ``s_curve`` needs it."""
     acceleration_limit: Positive | None = None

@@ -58,8 +58,7 @@ class Segments:
     last: Rows = field(repr=False)
     """Rows that a segment begins and ends with."""
     table: Floats = field(repr=False)
-    """Segments and the corners after them, shape (14, S); rows as in
-    :mod:`pipeline.machine.control.blends`."""
+    """Segments and corners after them, (14, S); rows as :mod:`pipeline.machine.control.blends`."""
 
 
 @dataclass(frozen=True, kw_only=True)

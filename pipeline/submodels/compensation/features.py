@@ -70,8 +70,7 @@ class Features:
     known: Bools
     """Samples that were recorded, neither put in between nor beside such; shape (N,)."""
     fuzzy: Floats | None = None
-    """Following error of the drives' model with a fuzzy PI speed loop [m], where needed;
-    shape (N,)."""
+    """Following error of the drives' model with fuzzy PI [m], where needed; shape (N,)."""
     step: float = 0.0
     """Resolution of the measured position [m]; 0 where its values show none."""
 

@@ -46,8 +46,7 @@ if TYPE_CHECKING:
     from pipeline.twin.program_axes import Residual
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
-"""Prediction before the motion, from commands and the drives' model; estimation with earlier
-measurements."""
+"""Prediction before the motion, by commands; estimation with earlier measurements as well."""
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
@@ -146,8 +145,7 @@ class UseModel:
     """Use of a model on one axis."""
 
     champion: str
-    """Kind with the least RMSE on training recordings left out, or the baseline where none is
-    better."""
+    """Kind with the least RMSE on held-out training recordings, or the baseline."""
     scores: Mapping[str, KindScore]
     """Scores by kind, and of the baseline."""
     bands: Mapping[str, Band]

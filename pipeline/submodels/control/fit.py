@@ -65,8 +65,7 @@ class Optimum:
     values: Floats
     """Values of all parameters, in their units; shape (D,)."""
     jacobian: Floats
-    """Jacobian of the residuals, on the scale of the search [1]; 0 by what was not fitted;
-    shape (N, D)."""
+    """Jacobian of the residuals, on the scale of the search [1]; 0 if not fitted; shape (N, D)."""
     residuals: Floats
     """Residuals over the scale beyond which they count linearly [1]; shape (N,)."""
 
@@ -84,8 +83,7 @@ class Left:
     values: Floats
     """Value of each at the end of the search, in its unit."""
     felt: Floats
-    """Inverse of the half width from the residuals, with all others given; on the scale of the
-    search."""
+    """Inverse half width from the residuals, all others given; on the scale of the search."""
 
 
 def optimum(
@@ -162,8 +160,7 @@ class ControlFit:
     control: dict[str, ControlParameters]
     """Control of each unit; undetermined parameters near the prior of their kind."""
     ends: dict[str, tuple[ControlParameters, ControlParameters]]
-    """Ends of each unit of which something is not determined, with that at its slow and its fast
-    end."""
+    """Control with the undetermined parameters at their slow and fast end, by unit."""
     apart: frozenset[str]
     """Parameters that units do not share, or that runs of one unit alone determine."""
     differ: frozenset[str]

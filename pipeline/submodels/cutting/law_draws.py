@@ -139,8 +139,7 @@ class FittedLine:
     gain: Floats
     """Their change by the gain of each recording; shape (6, R)."""
     edges: Floats
-    """Their change by the edge force of each recording, tangential, radial, axial;
-    shape (6, R, 3)."""
+    """Their change by the edge force of each recording, tangential, radial, axial; (6, R, 3)."""
     crosstalk: Floats
     """Their change by the share of each of ``PAIRS``; shape (6, 6)."""
     reading: Callable[[ChipShape], Floats]

@@ -154,8 +154,7 @@ class CutModel:
     :func:`pipeline.submodels.cutting.waveform.columns` has them; shape (D,)."""
     natural: Floats | None
     damping: Floats | None
-    """Natural frequency [Hz] and damping [1] of the channel modes for feed, normal and axis; shape
-    (3,)."""
+    """Natural frequency [Hz] and damping [1] of the channels for feed, normal and axis; (3,)."""
     left_out: Floats
     """Variance of the model error of each direction's harmonics [N^2]; shape (3,)."""
     residuals: Sequence[WaveformResidual] = ()
@@ -165,8 +164,7 @@ class CutModel:
     chip: ChipShape = STRAIGHT
     """Chip shape of the force law."""
     line: Floats | None = None
-    """Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default;
-    shape (6,)."""
+    """Its line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default; (6,)."""
     _departures: dict[tuple[CutConditions, int], Complexes] = field(
         default_factory=dict, repr=False
     )

@@ -52,8 +52,7 @@ class CuttingRecording:
     conditions: CutConditions | None = None
     """Conditions of the cut, at the set speed."""
     revolution: Revolution | None = None
-    """Its mean revolution, forces on the tool along feed, normal, axis; None when it is left
-    out."""
+    """Mean revolution, forces on the tool along feed, normal, axis; None if left out."""
     zero_measured: bool = False
     """Whether the zero of its channels was measured in air."""
     reason: str = ""

@@ -70,11 +70,9 @@ class RoundedFit:
     folds: Sequence[Fold]
     """Fits without some of the recordings, in the order of the selection's."""
     factor: Floats
-    """Ratio of the standard deviations of the law's constants to those of the fit alone [1]; shape
-    (6,)."""
+    """Ratio of the constants' standard deviations to those of the fit alone [1]; shape (6,)."""
     alike: Fit | None = None
-    """Fit with teeth of alike edges, where held-out recordings do not distinguish it from
-    ``fit``."""
+    """Fit with alike teeth, where held-out recordings do not distinguish it from ``fit``."""
 
     @property
     def coefficients(self) -> Floats:

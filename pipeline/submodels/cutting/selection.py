@@ -237,8 +237,7 @@ class FitUncertainty:
     condition: float
     """Condition number of the Jacobian with columns scaled to length one [1]."""
     factor: Floats
-    """Ratio of the six coefficients' standard deviations to those of the fit alone [1]; shape
-    (6,)."""
+    """Ratio of the coefficients' standard deviations to those of the fit alone [1]; shape (6,)."""
 
     def half_width(self, by: Mapping[str, float]) -> float:
         """Half of the 95 % interval of a quantity with this gradient by unknowns, 0 by others."""

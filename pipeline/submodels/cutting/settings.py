@@ -55,8 +55,7 @@ class Dynamometer:
     :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the opposite
     force: ``-x`` when its x points along the feed."""
     normal: str = "-y"
-    """Channel of the force on the tool to the left of the feed, F_y; with M4, to the right of
-    it."""
+    """Channel of the force on the tool to the left of the feed, F_y; with M4, to the right."""
     axial: str = "z"
     """Channel of the force that lifts the workpiece, F_z: ``z`` of a dynamometer under the
     workpiece that points upwards."""
@@ -92,8 +91,7 @@ class CuttingSetup:
     dynamometer: Dynamometer = field(default_factory=Dynamometer)
     """Orientation of its channels."""
     sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
-    """Unknowns of the tool that are identified; a helix angle that is given is the start of the
-    search."""
+    """Unknowns of the tool that are identified; a given helix angle is the start of the search."""
 
     def __post_init__(self) -> None:
         if self.tool.kind == "drill":

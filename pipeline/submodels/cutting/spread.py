@@ -51,8 +51,7 @@ class ForceWave:
     shaped: Floats
     """Variance by the model error of all harmonics [N^2]; shape (3,)."""
     recording: Floats
-    """Standard deviation by each cause that differs from recording to recording [N]; shape (K,
-    ANGLES, 3)."""
+    """Standard deviation by cause that differs between recordings [N]; shape (K, ANGLES, 3)."""
 
     @property
     def deviation(self) -> Floats:

@@ -176,8 +176,7 @@ class Terms:
     teeth: bool = False
     """Runout and helix of the tool, modes of the channels, edges of single teeth."""
     edge: EdgeGrowth = "at once"
-    """Growth of the edge force with the chip; where there is one, the cutting force has a size
-    effect, too."""
+    """Growth of the edge force with the chip; with one, the cutting force has a size effect."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -129,8 +129,7 @@ class Control:
     foot: tuple[str, ...]
     alarm: tuple[str, ...]
     offset: tuple[str, ...]
-    """Lines before and after; where an input is out of range; that write the offset {value}
-    [mm]."""
+    """Lines before and after; out of an input's range; that write the offset {value} [mm]."""
 
 
 FANUC = Control(

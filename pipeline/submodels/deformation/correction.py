@@ -83,8 +83,7 @@ class Correction:
     growth_um: tuple[float, float]
     """Least and greatest growth of these recordings [um]."""
     ranges: Mapping[str, Learnt]
-    """Ranges of validity: training range of each input and of growth, and the accepted share beyond
-    its ends."""
+    """Training range of each input and of growth, and the accepted share beyond its ends."""
     bands: Mapping[str, Band]
     """90 % intervals of the method by regime [um]."""
 

@@ -60,8 +60,7 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     steady_K_h: Positive = 2.0
     """Rate below which the spindle counts as steady [K/h]."""
     widening: NotNegative = 0.25
-    """Temperatures and speeds up to this share of the learnt range beyond its ends are accepted
-    [1]."""
+    """Accepted share of the training range of temperatures and speeds beyond its ends [1]."""
     probe_delay_s: NotNegative = 600.0
     """Delay of a probe reading in the adaptive interval [s]."""
     adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)

@@ -43,8 +43,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
     temperatures: Mapping[str, Channel]
-    """Name of each sensor -> its channel; three or more, from the front of the spindle to its
-    rear."""
+    """Channel of each sensor by its name; three or more, from front to rear of the spindle."""
     displacement: Channel
     """Reading of the probe at the spindle's nose, positive where the spindle grows."""
     speed: Channel | None = None
@@ -56,8 +55,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     longest_gap_s: Annotated[float, Range(above=0.0)] = 180.0
     """A row older than this is no sample [s]."""
     probe_is_zeroed: bool = True
-    """Whether the probe was set to zero when the recording began; else the first reading is
-    subtracted."""
+    """Whether the probe was set to zero at the start; else the first reading is subtracted."""
     places: Mapping[str, str] = field(default_factory=dict)
     """Places of sensors, in words, by their names."""
 

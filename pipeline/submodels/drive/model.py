@@ -63,8 +63,7 @@ class DriveIdentification:
     shafts: Mapping[str, ShaftFit] = field(default_factory=dict)
     """Shafts of the axes whose both ends were recorded."""
     loop_gains: Mapping[str, loop_gain.LoopGain] = field(default_factory=dict)
-    """Gains of the axes whose commanded and actual position was recorded, with or without a
-    torque."""
+    """Gains of axes with recorded commanded and actual position, with or without a torque."""
 
 
 def identify_drives(

@@ -124,18 +124,15 @@ class SplitFit:
     values: Floats
     """0 where the regressor is not excited; shape (D,)."""
     half_width: Floats
-    """Half width of the 95 % interval; infinite for what is not excited, or interchangeable;
-    shape (D,)."""
+    """Half width of the 95 % interval; infinite if not excited, or interchangeable; (D,)."""
     excited: Bools
     """Whether the halves agree on the regressor; shape (D,)."""
     interchangeable: Bools
-    """Whether it takes part in a combination of excited regressors that they do not agree on;
-    shape (D,)."""
+    """Whether it is part of an excited combination that they do not agree on; shape (D,)."""
     condition: float
     """Condition of the excited regressors, each scaled to length one."""
     correlation: Floats
-    """Correlation of the parameters; 0 beside the diagonal for those that are not excited;
-    shape (D, D)."""
+    """Correlation of the parameters; 0 beside the diagonal if not excited; shape (D, D)."""
     rms: float
     """Rms of the residuals, in the unit of what is fitted."""
 

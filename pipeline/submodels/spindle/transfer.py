@@ -52,8 +52,7 @@ class TransferSettings(Ranged, section="spindle_transfer"):
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
     """Lengths of the sibling's record, from its first start [min]."""
     between_machines: Positive = 0.3
-    """Standard deviation of the logarithm of a rate or coefficient between machines of a type
-    [1]."""
+    """Standard deviation of log rates and coefficients between machines of a type [1]."""
     between_machines_K: Positive = 2.0
     """Standard deviation of the surround's temperature between machines [K]."""
 
@@ -75,8 +74,7 @@ class Transfer:
     machine: str
     golden: str
     origin: str
-    """The sibling, the machine that the prior is of, and of which kind the sibling's records
-    are."""
+    """Sibling, machine of the prior, and kind of the sibling's records."""
     days_judged: tuple[str, ...]
     """Days of the sibling that no parameter saw."""
     resolution_K: float
@@ -86,8 +84,7 @@ class Transfer:
     pooled: Mapping[str, float]
     """Parameters from both machines with the longest record, by name, in the model's units."""
     not_transferred: tuple[str, ...]
-    """Heat sources of the sibling that the golden machine does not have: nothing of them is
-    known."""
+    """Heat sources of the sibling that the golden machine does not have."""
     sentence: str
     """Leading parameters, and the range in which they lead."""
 

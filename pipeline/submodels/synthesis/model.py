@@ -145,8 +145,7 @@ class Reference:
     """Wear in its unit; shape (N,)."""
     shown: Floats
     like: Floats
-    """A few recorded windows over the wear, and generated ones at their conditions;
-    shape (S, C, L)."""
+    """Recorded windows over the wear, and generated ones at their conditions; (S, C, L)."""
     shown_wear: Floats
     """Wear of both; shape (S,)."""
 

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from pipeline.schema.forest import Trees
 
 PENALTIES = tuple(float(x) for x in np.geomspace(1e-3, 1e3, 13))
-"""Penalties of the ridge regression, as multiples of the mean eigenvalue of the features' products
-[1]."""
+"""Penalties of the ridge regression over the mean eigenvalue of the features' products [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,8 +104,7 @@ class WearModel(Model):
     """Unit of each condition that is a number."""
     progress: str
     progress_unit: str
-    """Use of the tool in the baseline; the name is empty where it is the recording's time
-    or number."""
+    """Use of the tool in the baseline; the name is empty for the recording's time or number."""
     per_recording: bool
     """Whether a recording has one wear, the mean of its windows; else each window has one."""
     champion: str

@@ -243,8 +243,7 @@ class LoadLog:
     load: Floats
     """Load [%]; NaN where it is missing; shape (T,)."""
     cut: NDArray[np.int64] | None = None
-    """Number of the cut of each row, negative for none; without it the spindle ran without load;
-    shape (T,)."""
+    """Cut of each row, negative for none; None for a spindle without load; shape (T,)."""
     removal: Floats | None = None
     edge: Floats | None = None
     """Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air; shape (T,)."""

@@ -26,8 +26,7 @@ class NoLoad:
     """No-load power of a spindle."""
 
     fit: Regression
-    """Regression for p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds
-    determine."""
+    """Regression for p0, p1, p2 [W], [W s], [W s^2], n in rev/s, as far as determined."""
     lowest: float
     highest: float
     """Speeds between which it holds [rev/s]."""

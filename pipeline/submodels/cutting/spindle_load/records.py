@@ -74,8 +74,7 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
     share: rated power, efficiency and meter together [1]."""
     settle_s: Annotated[float, Range(least=0.1, most=60.0, unit="s")] = 1.5
-    """Time of constant speed and cut before a reading counts: five times the lag of the meter
-    [s]."""
+    """Time of constant speed and cut before a reading counts, five lags of the meter [s]."""
     setup: Setup = field(default_factory=Setup)
     """Set-up of the control, for the programs."""
 

@@ -126,8 +126,7 @@ class Estimates:
     values: Floats
     low: Floats
     high: Floats
-    """Values with their 95 % intervals [SI, force in the fit's unit]; NaN where not determined;
-    shape (D,)."""
+    """Values, 95 % intervals [SI, force in the fit's unit]; NaN if undetermined; shape (D,)."""
     determined: Bools
     """Whether the recordings determine it; shape (D,)."""
     how: tuple[str, ...]
@@ -148,8 +147,7 @@ class AxisFit(Estimates):
     relative_error_percent: float = np.nan
     """Error of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
-    """Bandwidth of the comparison of model and recording [Hz]; nan where they were taken as they
-    are."""
+    """Bandwidth of the comparison of model and recording [Hz]; nan for unfiltered ones."""
     condition: float = np.nan
     rank: int = 0
     """Condition number and rank of the Jacobian with columns scaled to length one."""

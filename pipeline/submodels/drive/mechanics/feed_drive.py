@@ -107,8 +107,7 @@ class FeedDriveFit(AxisFit):
 
     command_unit: str
     force_unit: str
-    """Units of the motor's command and of forces, the command's where the force constant is not
-    listed."""
+    """Units of the command and of forces, the command's where the force constant is not listed."""
     feed_drive: FeedDriveParameters
     """Drive with all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()
