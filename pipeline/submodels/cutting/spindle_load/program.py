@@ -56,7 +56,7 @@ class Lines:
     cuts: NDArray[np.bool_] = field(repr=False)
     """Whether anything is in the material in a line; shape (L,)."""
     stretches: Mapping[int, tuple[Stretch, ...]] = field(repr=False)
-    """Stretches of each line as long as the tool's radius at least; others are entries and exits."""
+    """Stretches of each line no shorter than the tool's radius; others are entries and exits."""
 
 
 def program_lines(raw: Path, cut: LoadCut, setup: Setup) -> Lines:
