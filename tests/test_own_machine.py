@@ -95,9 +95,9 @@ def test_the_spindle_that_warms_is_modelled_and_timers_are_found(tmp_path: Path)
         rows += [f"{time}|{item}|{value}" for item, value in values.items()]
     log.write_text("\n".join(rows) + "\n")
     found = propose("lathe", devices, [log], None, tmp_path / "raw")
-    signals = found.found.signals
+    signals = found.mapping.signals
     assert (signals["spindle_speed"], signals["second_spindle_speed"]) == ("n2", "n1")
-    assert "its temperature moves most" in found.found.choices["spindle_speed"].why
+    assert "its temperature moves most" in found.mapping.choices["spindle_speed"].why
     assert [signals[f"{one}_time"] for one in ("total", "auto", "cut")] == [
         "POWERED", "WORKING", "LOADED",
     ]  # fmt: skip

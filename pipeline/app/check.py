@@ -15,7 +15,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import parse_program
-from pipeline.optimisation.operations import MAY_BE, told_operations
+from pipeline.optimisation.operations import MAY_BE, operations_without_cut
 from pipeline.optimisation.proof.prove import Proof, proved
 from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
 from pipeline.optimisation.text.words import FeedWords
@@ -82,7 +82,7 @@ def range_lines(
     lines = len(old) == len(new)
     known = set(in_force(old, np.arange(len(old)), lines=lines))
     known_speeds = {speed_of(key) for key in known}
-    told = told_operations(program, new, tools).code
+    told = operations_without_cut(program, new, tools).code
     written = FeedWords(program, new).written(new.feed)
     limits_of = cache(partial(_limits, tools, data))
     rows = _cuts(new)

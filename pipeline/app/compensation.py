@@ -45,7 +45,7 @@ def write_compensation(
     file = growth.file
     done = Written(
         machine=machine, origin=file.origin, method=file.compared[file.champion].label,
-        status=status, found=correction(growth, _training(machine, parameters, growth)),
+        status=status, correction=correction(growth, _training(machine, parameters, growth)),
         models=folder, unknown=next(iter(SUBMODEL.unknown_columns(folder).values()), ""),
     )  # fmt: skip
     lines = table_lines(done) if kind == "csv" else control_lines(done, CONTROLS[kind])
@@ -83,7 +83,7 @@ def _training(machine: str, parameters: dict[str, Any], growth: GrowthModel) -> 
 
 def said(done: Written, out: Path, kind: str) -> Iterator[str]:
     """Report of ``kerf compensation`` in lines."""
-    found = done.found
+    found = done.correction
     below, above = found.interval_um
     yield f"{done.machine}{done.simulated}: growth by {done.method}"
     if "champion" not in done.models.parts:

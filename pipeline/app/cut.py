@@ -197,7 +197,7 @@ def workshop_of(on: Controlled, options: CutOptions, rule: WearRule = "known") -
         catalogue=structure(on.parameters, "catalogue", CuttingCatalogue),
         wear=ToolWear(
             machine=machine_wear(on.models), rule=options.wear.rule or rule,
-            asked=options.wear.rule is not None, given=options.wear.given,
+            requested=options.wear.rule is not None, given=options.wear.given,
         ),
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from shutil import copy2
 
 from pipeline.app.fleet import CONF, DATA, machine_parameters
-from pipeline.app.machine_signals import Choice, Found, find_signals
+from pipeline.app.machine_signals import Choice, SignalMapping, find_signals
 from pipeline.app.machine_tables import table_lines
 from pipeline.app.records import (
     ItemRecord,
@@ -49,7 +49,7 @@ class Proposal:
     """Format and pattern of its logs."""
     series: dict[str, ItemSeries]
     """Reports of the logs, by data item."""
-    found: Found
+    mapping: SignalMapping
     """Data items of the signals."""
     time_zone: str = UTC
     """Time zone of the plant's days."""
@@ -59,7 +59,7 @@ class Proposal:
     @property
     def days(self) -> list[str]:
         """Days of the plant on which the spindle's temperature, else anything, was reported."""
-        item = self.found.signals.get("spindle_temperature", "")
+        item = self.mapping.signals.get("spindle_temperature", "")
         some = [self.series[item]] if item in self.series else list(self.series.values())
         days = {d for one in some for d in days_of(one.time[one.known], self.time_zone)}
         return sorted(days)
@@ -73,7 +73,7 @@ class Proposal:
     @property
     def lacking(self) -> list[str]:
         """Signals that the spindle's model needs and no item is."""
-        return [name for name in SPINDLE if name not in self.found.signals]
+        return [name for name in SPINDLE if name not in self.mapping.signals]
 
     @property
     def strangers(self) -> list[str]:
@@ -113,7 +113,7 @@ def propose(
     items = [(every.item_name(i), i) for i in every.items]
     return Proposal(
         name=name, model=every, devices=place, device=device, groups=groups, series=series,
-        found=find_signals(items, series), time_zone=time_zone, tables=tables,
+        mapping=find_signals(items, series), time_zone=time_zone, tables=tables,
     )  # fmt: skip
 
 
@@ -194,16 +194,18 @@ def machine_text(p: Proposal) -> str:
         *_records(p),
         *_spindle(p),
         "mapping:",
-        "  signals:" if p.found.choices else "  signals: {}",
+        "  signals:" if p.mapping.choices else "  signals: {}",
     ]  # fmt: skip
-    for choice in p.found.choices.values():
+    for choice in p.mapping.choices.values():
         lines += _signal(choice)
     lines.append(f"  time_zone: {p.time_zone}   # days go from midnight to midnight of this clock")
-    if p.found.position_control:
-        inside = ", ".join(f"{k}: {_quoted(v)}" for k, v in p.found.position_control.items())
+    if p.mapping.position_control:
+        inside = ", ".join(f"{k}: {_quoted(v)}" for k, v in p.mapping.position_control.items())
         lines.append(f"  position_control: {{{inside}}}   # the spindle stands while C moves")
-    elif "c_angle" in p.found.signals and "spindle_speed" in p.found.signals:
-        inside = f"angle: {p.found.signals['c_angle']}, speed: {p.found.signals['spindle_speed']}"
+    elif "c_angle" in p.mapping.signals and "spindle_speed" in p.mapping.signals:
+        inside = (
+            f"angle: {p.mapping.signals['c_angle']}, speed: {p.mapping.signals['spindle_speed']}"
+        )
         lines.append("  # If the modelled spindle is the C axis too, also set")
         lines.append("  # spindle.position_control to true above, and:")
         lines.append(f"  # position_control: {{{inside}}}")
@@ -237,12 +239,12 @@ def _records(p: Proposal) -> list[str]:
 
 
 def _spindle(p: Proposal) -> list[str]:
-    said = p.found.signals
+    said = p.mapping.signals
     extra = [n for n in ("second_spindle_speed", "second_spindle_load", "path_feedrate")
              if n in said]  # fmt: skip
     return [
         "spindle:",
-        f"  position_control: {str(bool(p.found.position_control)).lower()}",
+        f"  position_control: {str(bool(p.mapping.position_control)).lower()}",
         f"  ambient: {str('ambient_temperature' in said).lower()}",
         f"  extra: [{', '.join(extra)}]",
     ]
@@ -272,7 +274,7 @@ def said(p: Proposal, submodels: Sequence[tuple[str, str, str]]) -> list[str]:
                      f"described, {len(p.series)} stand in the logs")  # fmt: skip
     if p.tables:
         lines.append("columns of tables stand in comments, with what each could be: choose")
-    for choice in p.found.choices.values():
+    for choice in p.mapping.choices.values():
         where = choice.item or "open: " + " or ".join(choice.candidates)
         lines.append(f"  {choice.signal}: {where} ({choice.why})")
     if p.strangers and p.series:

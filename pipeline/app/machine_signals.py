@@ -62,7 +62,7 @@ class Choice:
 
 
 @dataclass
-class Found:
+class SignalMapping:
     """Decisions, open choices, and the items that show a spindle held in position."""
 
     choices: dict[str, Choice] = field(default_factory=dict)
@@ -75,25 +75,27 @@ class Found:
         return {name: c.item for name, c in self.choices.items() if c.item is not None}
 
 
-def find_signals(items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]) -> Found:
+def find_signals(
+    items: Sequence[tuple[str, DataItem]], series: Mapping[str, ItemSeries]
+) -> SignalMapping:
     """Signals of ``items`` (name in observations, declaration); ``series`` empty without a log."""
-    found, log = Found(), Log(series)
+    mapping, log = SignalMapping(), Log(series)
     usable = [(n, i) for n, i in items if i.category != "CONDITION" and i.type]
     for signal, kinds in EVENTS.items():
-        _one_of(found, log, signal, _first_type(usable, kinds))
+        _one_of(mapping, log, signal, _first_type(usable, kinds))
     for name, wanted in (("rapid_override", True), ("feed_override", False)):
         fits = [(n, i) for n, i in usable if i.type == "PATH_FEEDRATE_OVERRIDE"
                 and (i.sub_type == "RAPID") == wanted]  # fmt: skip
-        _one_of(found, log, name, fits)
+        _one_of(mapping, log, name, fits)
     for signal, words in _TIMES.items():
         fits = [(n, i) for n, i in usable if i.type in ("ACCUMULATED_TIME", "EQUIPMENT_TIMER")
                 and any(word in (i.sub_type or "").upper() for word in words)]  # fmt: skip
-        _one_of(found, log, signal, fits)
-    _temperatures(found, log, usable)
-    taken = _spindles(found, log, usable)
-    _axes(found, log, [(n, i) for n, i in usable if n not in taken])
-    _c_axis(found, log)
-    return found
+        _one_of(mapping, log, signal, fits)
+    _temperatures(mapping, log, usable)
+    taken = _spindles(mapping, log, usable)
+    _axes(mapping, log, [(n, i) for n, i in usable if n not in taken])
+    _c_axis(mapping, log)
+    return mapping
 
 
 def _first_type(
@@ -106,7 +108,9 @@ def _first_type(
     return []
 
 
-def _one_of(found: Found, log: "Log", signal: str, fits: Sequence[tuple[str, DataItem]]) -> None:
+def _one_of(
+    mapping: SignalMapping, log: "Log", signal: str, fits: Sequence[tuple[str, DataItem]]
+) -> None:
     """Decide ``signal`` among items that fit: the only one, or the only one that the log has."""
     if not fits:
         return
@@ -114,7 +118,7 @@ def _one_of(found: Found, log: "Log", signal: str, fits: Sequence[tuple[str, Dat
     there = [n for n in names if n in log.series and log.series[n].known.any()]
     if log.series and not there:
         why = "described, and without a value in the logs"
-        found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(names))
+        mapping.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(names))
         return
     there = there or names
     chosen = next(i for n, i in fits if n == there[0])
@@ -122,10 +126,10 @@ def _one_of(found: Found, log: "Log", signal: str, fits: Sequence[tuple[str, Dat
         why = _described(chosen)
         if len(names) > 1:
             why += ", the only one of its kind with values in the log"
-        found.choices[signal] = Choice(signal=signal, item=there[0], why=why)
+        mapping.choices[signal] = Choice(signal=signal, item=there[0], why=why)
     else:
         why = f"{len(there)} items of type {chosen.type}: choose one"
-        found.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(there))
+        mapping.choices[signal] = Choice(signal=signal, item=None, why=why, candidates=tuple(there))
 
 
 def _described(item: DataItem) -> str:
@@ -134,7 +138,9 @@ def _described(item: DataItem) -> str:
     return ", ".join(filter(None, (kind, f"of {where}" if where else "", item.units)))
 
 
-def _temperatures(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> None:
+def _temperatures(
+    mapping: SignalMapping, log: "Log", usable: Sequence[tuple[str, DataItem]]
+) -> None:
     for signal, words in (
         ("ambient_temperature", ("ambient", "environment", "room")),
         ("coolant_temperature", ("coolant",)),
@@ -147,10 +153,12 @@ def _temperatures(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem
                 w in f"{n} {i.component} {i.component_name} {i.sub_type}".lower() for w in words
             )
         ]
-        _one_of(found, log, signal, fits)
+        _one_of(mapping, log, signal, fits)
 
 
-def _spindles(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> set[str]:
+def _spindles(
+    mapping: SignalMapping, log: "Log", usable: Sequence[tuple[str, DataItem]]
+) -> set[str]:
     """Speeds, each with the load and temperature that belong to it; the busiest is modelled."""
     speeds = [(n, i) for n, i in usable if i.type in ("ROTARY_VELOCITY", "SPINDLE_SPEED")
               and i.sub_type not in (*_NOT_ACTUAL, "OVERRIDE")]  # fmt: skip
@@ -167,18 +175,18 @@ def _spindles(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) 
             if chosen:
                 spindle[kind.lower()], reasons[kind.lower()] = chosen, reason
                 taken.add(chosen)
-        found.spindles.append(spindle)
+        mapping.spindles.append(spindle)
         why.append(reasons)
-    order = sorted(range(len(speeds)), key=lambda k: _rank(log, found.spindles[k]), reverse=True)
-    clear = len(order) < 2 or _rank(log, found.spindles[order[0]]) > _rank(
-        log, found.spindles[order[1]])  # fmt: skip
+    order = sorted(range(len(speeds)), key=lambda k: _rank(log, mapping.spindles[k]), reverse=True)
+    clear = len(order) < 2 or _rank(log, mapping.spindles[order[0]]) > _rank(
+        log, mapping.spindles[order[1]])  # fmt: skip
     for place, k in zip(("spindle", "second_spindle"), order, strict=False):
-        for quantity, item_name in found.spindles[k].items():
+        for quantity, item_name in mapping.spindles[k].items():
             signal, note = f"{place}_{quantity}", why[k][quantity]
             if len(order) > 1 and quantity == "speed":
                 note += _which(place, log, clear=clear)
-            found.choices[signal] = Choice(signal=signal, item=item_name, why=note)
-    found.spindles = [found.spindles[k] for k in order]
+            mapping.choices[signal] = Choice(signal=signal, item=item_name, why=note)
+    mapping.spindles = [mapping.spindles[k] for k in order]
     return taken
 
 
@@ -227,13 +235,13 @@ def _stem(name: str) -> str:
     return re.sub(rf"({words})", "", name.lower()).strip("_- .")
 
 
-def _axes(found: Found, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> None:
+def _axes(mapping: SignalMapping, log: "Log", usable: Sequence[tuple[str, DataItem]]) -> None:
     for letters, component in (("XYZ", "Linear"), ("ABC", "Rotary")):
         for letter in letters:
             for kind, quantity in _AXIS[component].items():
                 fits = [(n, i) for n, i in usable if i.type == kind and i.component == component
                         and _letter(i) == letter and i.sub_type not in _NOT_ACTUAL]  # fmt: skip
-                _one_of(found, log, f"{letter.lower()}_{quantity}", fits)
+                _one_of(mapping, log, f"{letter.lower()}_{quantity}", fits)
 
 
 def _letter(item: DataItem) -> str:
@@ -243,22 +251,22 @@ def _letter(item: DataItem) -> str:
     return match.group(1).upper() if match else ""
 
 
-def _c_axis(found: Found, log: "Log") -> None:
+def _c_axis(mapping: SignalMapping, log: "Log") -> None:
     """Whether the modelled spindle is the C axis: it stands while the angle moves."""
-    signals = found.signals
+    signals = mapping.signals
     angle, speed = signals.get("c_angle"), signals.get("spindle_speed")
     if angle is None or speed is None:
         return
     mode, rate = signals.get("spindle_rotary_mode"), signals.get("c_angular_velocity")
-    stands = [log.standing_while(one["speed"], angle) for one in found.spindles]
+    stands = [log.standing_while(one["speed"], angle) for one in mapping.spindles]
     alone = (
         stands and stands[0] >= STANDING_SHARE and not any(s >= STANDING_SHARE for s in stands[1:])
     )
     if mode is None and not alone:
         return
-    found.position_control = {"angle": angle, "speed": speed}
-    found.position_control |= {"rate": rate} if rate else {}
-    found.position_control |= {"mode": mode} if mode else {}
+    mapping.position_control = {"angle": angle, "speed": speed}
+    mapping.position_control |= {"rate": rate} if rate else {}
+    mapping.position_control |= {"mode": mode} if mode else {}
 
 
 class Log:

@@ -95,11 +95,11 @@ def log_to_standard_error(verbose: int, quiet: bool) -> None:
 class Step:
     """Result of a step of a command, for its line in the log."""
 
-    found: list[str] = field(default_factory=list)
+    results: list[str] = field(default_factory=list)
 
     def add(self, words: str) -> None:
         """Add a finding."""
-        self.found.append(words)
+        self.results.append(words)
 
 
 @contextmanager
@@ -108,7 +108,7 @@ def step(what: str) -> Iterator[Step]:
     started, one = time.perf_counter(), Step()
     yield one
     took = time.perf_counter() - started
-    LOG.info("%s", "; ".join([what, *one.found, f"took {took:.2f} s"]))
+    LOG.info("%s", "; ".join([what, *one.results, f"took {took:.2f} s"]))
 
 
 def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[Path] = ()) -> None:

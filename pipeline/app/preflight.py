@@ -84,27 +84,27 @@ def _with_contacts(
     return replace(found, violations=met, clearance=clearance_not_checked(moves, tools))
 
 
-def preflight_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]:
+def preflight_lines(result: Preflight, program: Path, machine: str) -> Iterator[str]:
     """Each violation, and what was not checked, a line of text each."""
-    yield from beyond_lines(found, program, machine)
-    yield from not_checked_lines(found, machine)
+    yield from beyond_lines(result, program, machine)
+    yield from not_checked_lines(result, machine)
 
 
-def clearance_lines(found: Preflight) -> Iterator[str]:
+def clearance_lines(result: Preflight) -> Iterator[str]:
     """Shanks and holders that were not checked against the part, in one line."""
-    if found.clearance is None:
+    if result.clearance is None:
         yield NO_BLANK
-    elif found.clearance:
-        yield f"not checked: {'; '.join(found.clearance)}"
+    elif result.clearance:
+        yield f"not checked: {'; '.join(result.clearance)}"
 
 
-def beyond_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]:
+def beyond_lines(result: Preflight, program: Path, machine: str) -> Iterator[str]:
     """Each violation, and how many there are."""
-    for said in violation_lines(found.violations):
+    for said in violation_lines(result.violations):
         yield f"warning: {said}"
-    met = sum(one.what in IN_MATERIAL for one in found.violations)
+    met = sum(one.what in IN_MATERIAL for one in result.violations)
     for many, does in (
-        (len(found.violations) - met, f"leaves the limits of {machine}"),
+        (len(result.violations) - met, f"leaves the limits of {machine}"),
         (met, "brings a shank, a holder or a rapid into the part"),
     ):
         if many:
@@ -114,10 +114,10 @@ def beyond_lines(found: Preflight, program: Path, machine: str) -> Iterator[str]
             )
 
 
-def not_checked_lines(found: Preflight, machine: str) -> Iterator[str]:
+def not_checked_lines(result: Preflight, machine: str) -> Iterator[str]:
     """Limits that the machine's file does not list, in one line."""
-    if found.not_checked:
+    if result.not_checked:
         yield (
             f"not listed in conf/machine/{machine}.yaml, not checked: "
-            f"{'; '.join(found.not_checked)}"
+            f"{'; '.join(result.not_checked)}"
         )

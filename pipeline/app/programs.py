@@ -51,7 +51,7 @@ VERDICT_WORDS = {
 }  # fmt: skip
 """Words for a model's verdict in a sentence."""
 NOTHING = "{} holds no block that the control carries out: name a part program"
-ASKED_SHARE = 0.02
+UNIT_TIME_SHARE = 0.02
 """Share of a program's time by which units of a machine differ where a choice is required [1]."""
 WITHOUT_TIME = {
     "tool_change": "{} tool change(s) are done",
@@ -478,7 +478,7 @@ def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
         told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
         own = document["total_time_s"]
         widest = max(abs(seconds - own) for seconds in others.values())
-        asked = widest > ASKED_SHARE * own
+        asked = widest > UNIT_TIME_SHARE * own
         yield (
             f"{'warning: ' * asked}on unit {document['unit']}, the default one"
             f"{', which matters here: name yours' * asked}; with --unit: {told}"

@@ -77,14 +77,14 @@ def _words(value: float | str) -> str:
     return (value or "not given") if isinstance(value, str) else f"{value:g}"
 
 
-def explained_lines(found: Explanation, served: Synthesis) -> Iterator[str]:
+def explained_lines(result: Explanation, served: Synthesis) -> Iterator[str]:
     """Lines on an explained recording."""
     simulated = " (simulated)" if served.file.origin == "simulated" else ""
-    low, high = found.as_good
+    low, high = result.as_good
     yield (
-        f"{served.file.machine}{simulated}: wear {found.best:.3g} {found.unit} explains it best; "
-        f"{low:.3g} to {high:.3g} {found.unit} do about as well"
+        f"{served.file.machine}{simulated}: wear {result.best:.3g} {result.unit} explains it best; "
+        f"{low:.3g} to {high:.3g} {result.unit} do about as well"
     )
     yield f"{'wear':>8}  {'distance':>9}"
-    for wear, distance in zip(found.wear, found.distance, strict=True):
+    for wear, distance in zip(result.wear, result.distance, strict=True):
         yield f"{wear:>8.4g}  {distance:>9.4g}"

@@ -113,19 +113,20 @@ def _shared(model: SpindleModelFile, settings: Any, machine: str) -> Any:
     return replace(theirs, position_control=held, extra=())
 
 
-def transfer_table(found: Transfer) -> list[str]:
+def transfer_table(result: Transfer) -> list[str]:
     """The curve as lines of a table, with its sentence."""
-    simulated = f" ({found.origin})" if found.origin == "simulated" else ""
+    simulated = f" ({result.origin})" if result.origin == "simulated" else ""
     lines = [
-        f"{found.machine}{simulated} from {found.golden}: RMSE over free runs of "
-        f"{len(found.days_judged)} {'day' if len(found.days_judged) == 1 else 'days'} not used [K]",
+        f"{result.machine}{simulated} from {result.golden}: RMSE over free runs of "
+        f"{len(result.days_judged)} {'day' if len(result.days_judged) == 1 else 'days'} not used "
+        "[K]",
         f"{'warm-up, min':>12}  {'pooled':>8}  {'own only':>8}  {'golden':>8}",
     ]
-    for one in found.points:
+    for one in result.points:
         own = "-" if one.own is None else f"{one.own:.2f}"
         lines.append(f"{one.minutes:>12g}  {one.pooled:>8.2f}  {own:>8}  {one.golden:>8.2f}")
     lacking = [
-        f"Nothing is known from {found.golden} of these heat sources: "
-        f"{', '.join(found.not_transferred)}."
+        f"Nothing is known from {result.golden} of these heat sources: "
+        f"{', '.join(result.not_transferred)}."
     ]
-    return [*lines, found.sentence, *(lacking if found.not_transferred else [])]
+    return [*lines, result.sentence, *(lacking if result.not_transferred else [])]

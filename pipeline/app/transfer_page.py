@@ -49,27 +49,27 @@ DRAWN = {
 
 
 def write_transfer_page(
-    found: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
+    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
 ) -> None:
     """Write the page of a transfer."""
-    page = transfer_page(found, sources, credit)
+    page = transfer_page(result, sources, credit)
     write_text(rendered(page), out)
 
 
-def transfer_page(found: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:
+def transfer_page(result: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:
     """Who leads, figure and table of the curve, what could not be transferred."""
-    status, word = _verdict(found)
-    sections = [_curve_section(found, sources), _lacking_section(found), _basis_section(found)]
+    status, word = _verdict(result)
+    sections = [_curve_section(result, sources), _lacking_section(result), _basis_section(result)]
     return StandalonePage(
-        program=f"Spindle parameters from {found.golden}",
-        machine=found.machine,
-        about=f"Kerf: spindle temperature of {found.machine} predicted from its first minutes of "
-        f"warm-up, with and without the golden machine {found.golden}",
-        origin="simulated" if found.origin == "simulated" else "recorded",
+        program=f"Spindle parameters from {result.golden}",
+        machine=result.machine,
+        about=f"Kerf: spindle temperature of {result.machine} predicted from its first minutes of "
+        f"warm-up, with and without the golden machine {result.golden}",
+        origin="simulated" if result.origin == "simulated" else "recorded",
         status=status,
         word=word,
-        sentences=[found.sentence.replace("'", "’")],
-        key_figures=_key_figures(found),
+        sentences=[result.sentence.replace("'", "’")],
+        key_figures=_key_figures(result),
         sections=[section for section in sections if section is not None],
         credit=credit,
     )
@@ -117,10 +117,10 @@ def _curve_section(found: Transfer, sources: Sequence[Source]) -> Section:
     )  # fmt: skip
 
 
-def curve_figure(found: Transfer) -> Markup:
+def curve_figure(result: Transfer) -> Markup:
     """A curve with its points for each of the pooled, own and golden parameters."""
-    values = {name: _errors(found.points, name) for name in DRAWN}
-    into, across = band(TOP, HEIGHT, *values.values(), zero=True), _across(found.points)
+    values = {name: _errors(result.points, name) for name in DRAWN}
+    into, across = band(TOP, HEIGHT, *values.values(), zero=True), _across(result.points)
     into = Band(top=into.top, height=into.height, low=0.0, high=into.high)
     curves = [
         svg.curve(UNITS * across / 100, into.down(values[name]), one.curve)
@@ -134,10 +134,10 @@ def curve_figure(found: Transfer) -> Markup:
     ]
     parts = [
         svg.text(0, TOP - 10, "RMSE, K", "head"),
-        *into.levels(5), *_minutes_axis(found.points, across, into.bottom),
+        *into.levels(5), *_minutes_axis(result.points, across, into.bottom),
         into.content(curves), *dots,
     ]  # fmt: skip
-    label = f"Error of {found.machine} against minutes of warm-up. {found.sentence}"
+    label = f"Error of {result.machine} against minutes of warm-up. {result.sentence}"
     return svg.figure(parts, height=into.bottom + 40, label=label, kind="golden")
 
 
@@ -161,7 +161,7 @@ def _minutes_axis(points: Sequence[TransferPoint], across: Floats, bottom: float
     return parts
 
 
-def transfer_rows(found: Transfer, caption: str, sources: Sequence[Source]) -> Table:
+def transfer_rows(result: Transfer, caption: str, sources: Sequence[Source]) -> Table:
     """A row for each length of the record."""
     columns = [
         Column[TransferPoint]("Warm-up", lambda one: f"{_minutes(one)}{NARROW}min", None),
@@ -171,9 +171,11 @@ def transfer_rows(found: Transfer, caption: str, sources: Sequence[Source]) -> T
         ),
         Column[TransferPoint]("Golden, as they are", lambda one: fixed(one.golden, 2), "K"),
     ]
-    table = tabulated(caption, found.points, columns, sources, note=_gaps(found.points))
+    table = tabulated(caption, result.points, columns, sources, note=_gaps(result.points))
     if table is None:
-        raise ValueError(f"the transfer to {found.machine} has no points: name lengths of a record")
+        raise ValueError(
+            f"the transfer to {result.machine} has no points: name lengths of a record"
+        )
     return table
 
 

@@ -44,7 +44,7 @@ class Reading:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WearTold:
+class WearReadings:
     """Wear of recordings, with what it rests on."""
 
     machine: str
@@ -74,7 +74,7 @@ class WearTold:
 def wear_of_files(
     files: Sequence[Path], machine: str, model: str = CHAMPION,
     given: Sequence[str] = (), *, anyway: bool = False,
-) -> WearTold:  # fmt: skip
+) -> WearReadings:  # fmt: skip
     """Wear of the tools in ``files``.
 
     ``given``: conditions as ``name=value``, numbers in the unit of section ``wear_records``;
@@ -114,7 +114,7 @@ def wear_of_files(
         methods.append(NAMES[method])
         readings += [replace(one, low=None, high=None) for one in some] if unknown else some
     notes += dict.fromkeys(unknown.values())
-    return WearTold(
+    return WearReadings(
         machine=machine, origin=wear.file.origin, model=model, status=status,
         quantity=wear.file.quantity, unit=wear.file.wear_unit, use_unit=wear.file.progress_unit,
         method=", ".join(dict.fromkeys(methods)), readings=tuple(readings), notes=tuple(notes),
@@ -226,20 +226,20 @@ def _known(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def said(told: WearTold) -> Iterator[str]:
+def said(wear: WearReadings) -> Iterator[str]:
     """Report of ``kerf wear`` in lines."""
-    yield f"{told.machine}{told.simulated}: {told.quantity} by {told.method}"
-    if told.model != CHAMPION:
+    yield f"{wear.machine}{wear.simulated}: {wear.quantity} by {wear.method}"
+    if wear.model != CHAMPION:
         yield "with the latest model, not with the champion"
-    if told.status != "passed":
-        yield f"WARNING: the wear model {VERDICT_WORDS[told.status]}"
-    yield from told.notes
+    if wear.status != "passed":
+        yield f"WARNING: the wear model {VERDICT_WORDS[wear.status]}"
+    yield from wear.notes
     by_recording: dict[str, list[Reading]] = {}
-    for one in told.readings:
+    for one in wear.readings:
         by_recording.setdefault(one.recording, []).append(one)
     width = max(map(len, by_recording), default=0)
-    is_class = told.unit == "1"
-    ends_known = any(one.low is not None for one in told.readings)
+    is_class = wear.unit == "1"
+    ends_known = any(one.low is not None for one in wear.readings)
     head = f"{'worn, 1' if is_class else 'VB, um':>8}"
     head += "  90 % interval, um" if ends_known else ""
     yield f"{'recording':<{width}}  {'time, s':>9}  {head}"
@@ -254,14 +254,14 @@ def said(told: WearTold) -> Iterator[str]:
             yield f"{name:<{width}}  {max(one.time_s, 0.0):9.2f}  {value}{ends}"
         if len(some) > SHOWN:
             mean = float(np.mean([one.wear for one in some]))
-            yield f"{name}: {len(places)} of {len(some)} windows shown, mean {mean:.3g} {told.unit}"
+            yield f"{name}: {len(places)} of {len(some)} windows shown, mean {mean:.3g} {wear.unit}"
 
 
-def document(told: WearTold) -> Mapping[str, Any]:
+def document(wear: WearReadings) -> Mapping[str, Any]:
     """Wear report as JSON holds it, with units in the names."""
     return {
-        "machine": told.machine, "origin": told.origin, "model": told.model,
-        "status": told.status, "quantity": told.quantity, "unit": told.unit,
-        "use_unit": told.use_unit, "method": told.method, "notes": list(told.notes),
-        "readings": [vars(one) for one in told.readings],
+        "machine": wear.machine, "origin": wear.origin, "model": wear.model,
+        "status": wear.status, "quantity": wear.quantity, "unit": wear.unit,
+        "use_unit": wear.use_unit, "method": wear.method, "notes": list(wear.notes),
+        "readings": [vars(one) for one in wear.readings],
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What pages are made of: figures as SVG, tables, sections, numbers as people write them.
+"""Parts of pages: figures as SVG, tables, sections, numbers for readers.
 
 Colours are CSS classes and all text is escaped.  ``sources`` reads the files that a page stands on
 and remembers the hash of each.

@@ -27,7 +27,7 @@ class Band:
 
     top: float
     height: float
-    """Where it stands [px]."""
+    """Place of the band [px]."""
     low: float
     high: float
     """Values at its bottom and its top."""
@@ -38,7 +38,7 @@ class Band:
         return self.top + self.height
 
     def pixel(self, value: float) -> float:
-        """Where a value stands [px]; beyond the band at its edge."""
+        """Position of a value [px]; beyond the band at its edge."""
         share = (self.high - min(max(value, self.low), self.high)) / (self.high - self.low)
         return self.top + self.height * share
 
@@ -63,7 +63,7 @@ class Band:
 
 
 def band(top: float, height: float, *values: Floats, zero: bool = False) -> Band:
-    """A band wide enough for all known ``values``, and for 0 where ``zero`` says so."""
+    """Band wide enough for all ``values`` but NaN, and for 0 where ``zero`` says so."""
     every = np.concatenate([*values, [0.0] if zero else []])
     every = every[np.isfinite(every)]
     low, high = (float(every.min()), float(every.max())) if len(every) else (0.0, 1.0)
@@ -94,18 +94,8 @@ class Beyond:
 def beyond(across: Floats, values: Floats, into: Band, unit: str) -> Beyond:
     """Triangles at the band's edge above or below values (T,) that lie beyond its scale.
 
-    Values that would share a triangle are one, with the farthest of them on hover.
-
-    Parameters
-    ----------
-    across : ndarray, shape (T,)
-        Places along the width, ascending [%].
-    values : ndarray, shape (T,)
-        Values; NaN where not known.
-    into : Band
-        The band that they are drawn in.
-    unit : str
-        Unit of the values, for the words on hover.
+    Values that would share a triangle are one, with the farthest of them on hover; ``across`` (T,)
+    are their places along the width, ascending [%].
     """
     marks: list[Markup] = []
     out = {True: values > into.high, False: values < into.low}
@@ -132,7 +122,7 @@ def _triangle(x: float, value: float, into: Band, unit: str, up: bool) -> Markup
 
 
 def beyond_words(outside: Sequence[Beyond], unit: str) -> str:
-    """What a head says of the marks of :func:`beyond`; empty where nothing lies beyond."""
+    """Words of a head on the marks of :func:`beyond`; empty where nothing lies beyond."""
     farthest = max((one.farthest for one in outside if one.count), key=abs, default=None)
     if farthest is None:
         return ""

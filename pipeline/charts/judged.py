@@ -1,4 +1,4 @@
-"""A judgement on its page: scores by group with n and interval, methods, conditions, provenance."""
+"""Assessment on a page: scores by group with n and interval, methods, conditions, provenance."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 ROLES: Mapping[Role, str] = {
     "training": "fitted on", "held_out": "held out", "golden": "golden", "sealed": "sealed",
 }  # fmt: skip
-"""What a case was for, in a table."""
+"""Role of a case, in a table."""
 HEADS = {
     "mae": "MAE", "rmse": "RMSE", "max": "largest error", "bias": "bias",
     "relative_percent": "relative RMSE", "max_percent": "relative largest error",
@@ -45,7 +45,7 @@ SIGNED = ("bias", "peak_percent", "mean_percent")
 MANY = 40
 """Rows above which a table of scores is folded [1]."""
 MOST_BASELINES = 3
-"""Baselines of a table above which the plain guess alone is shown [1]."""
+"""Baselines of a table above which the plain baseline alone is shown [1]."""
 MOST_COLUMNS = 12
 """Conditions and facts above which they share two columns of words [1]."""
 MOST_TASKS = 3
@@ -286,10 +286,7 @@ class Tried:
 def tried_table(
     caption: str, tried: Sequence[Tried], made: Sequence[Source], where: str, note: str = ""
 ) -> Table | None:
-    """Everything that was tried, the least error of each task first.
-
-    ``where`` says what the error that chose is of.
-    """
+    """Table of all that was tried, least error first by task; ``where``: records of the error."""
     order = list(dict.fromkeys(one.task for one in tried))
     rows = sorted(tried, key=lambda one: (order.index(one.task), one.error is None, one.error or 0))
     later = any(one.later is not None for one in rows)
@@ -317,7 +314,7 @@ def _later(one: Tried, name: str) -> str:
 
 
 def chosen_words(tried: Sequence[Tried], where: str) -> str:
-    """What serves of each task, and where another does better on the records that decide."""
+    """Champion of each task, and a better method on the test records, if there is one."""
     tasks = list(dict.fromkeys(one.task for one in tried))
     if len(tasks) > MOST_TASKS:
         kept = Counter(one.label for one in tried if one.serves)

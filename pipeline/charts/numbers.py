@@ -1,4 +1,4 @@
-"""Numbers, times and units as a person reads them: sensible digits, always a unit, UTC."""
+"""Numbers, times and units in readers' notation: sensible digits, always a unit, UTC."""
 
 import math
 import re
@@ -21,7 +21,7 @@ UNITS = {
     "MILLIMETER/SECOND": "mm/s", "DEGREE": "°", "DEGREE/SECOND": "°/s", "SECOND": "s", "um": "µm",
     "WATT": "W", "deg": "°",
 }  # fmt: skip
-"""How MTConnect's unit names are written for people."""
+"""Unit names of MTConnect as written for readers."""
 
 
 def _superscript(exponent: int) -> str:
@@ -45,7 +45,7 @@ AS_READ: tuple[tuple[re.Pattern[str], str | Callable[[re.Match[str]], str]], ...
     (re.compile(r"(?<![^\s(])-(?=\d)"), "−"),
     (re.compile(r"± (?=\d)"), f"±{NARROW}"),
 )
-"""What terminals and files write in plain letters -> as it is set on a page."""
+"""Plain notation of terminals and files -> typeset notation of a page."""
 
 
 def as_read(text: str) -> str:

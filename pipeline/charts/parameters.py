@@ -1,4 +1,4 @@
-"""Parameters of a model on its page: values with intervals, what is open, the simulated truth."""
+"""Parameters of a model on its page: values with intervals, undetermined ones, simulated truth."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ from pipeline.schema.model import Correlation, Parameter
 Units = Mapping[str, tuple[str, float]]
 """Unit in a file -> unit as a shop speaks it, and the factor between the two."""
 Meaning = Callable[[str, str], str]
-"""Group and name of a parameter -> what it is, for people; "–" where its name says all."""
+"""Group and name of a parameter -> its meaning in words; "–" where its name says all."""
 MOST_OPEN = 20
 """Rows of the table of the truth above which it is folded [1]."""
 MOST_NAMED = 4
@@ -34,7 +34,7 @@ MOST_NAMED = 4
 ILL = 1e4
 """Condition of the scaled Jacobian above which parameters are hard to separate [1]."""
 CLOSE = 0.95
-"""Correlation above which of two parameters little more than the sum is known [1]."""
+"""Correlation above which little more than the sum of two parameters is determined [1]."""
 
 
 def listed(meanings: Mapping[str, str]) -> Meaning:
@@ -130,7 +130,7 @@ def undetermined_words(
 
 
 def strongest_correlation(correlation: Correlation) -> tuple[str, str, float] | None:
-    """The pair of parameters that the records tell apart worst, and their correlation."""
+    """Most correlated pair of parameters, and its correlation."""
     pairs = [
         (abs(r), correlation.names[i], correlation.names[j], r)
         for i, row in enumerate(correlation.values)
@@ -141,7 +141,7 @@ def strongest_correlation(correlation: Correlation) -> tuple[str, str, float] | 
 
 
 def fit_words(residual: str, condition: float | None, correlation: Correlation) -> str:
-    """How well a fit holds, and which two parameters are the most correlated; "" for nothing."""
+    """Quality of a fit, and its two most correlated parameters; "" for nothing."""
     said = [residual] if residual else []
     if condition is not None:
         ill = ", so some are hard to separate" if condition > ILL else ""
@@ -166,7 +166,7 @@ class KnownValue:
     true: float
     """True value, in the unit of the parameter."""
     parameter: Parameter
-    """As identified."""
+    """Identified parameter."""
     period: float = 0.0
     """Period up to which it is determined, in the same unit; 0 for none."""
 
@@ -192,7 +192,7 @@ class KnownValue:
 def truth_table(
     title: str, known: Sequence[KnownValue], made: Sequence[Source], note: str = ""
 ) -> Table | None:
-    """True value, value found, and whether its 95 % interval holds the truth."""
+    """True value, identified value, and whether its 95 % interval holds the truth."""
     if not known:
         return None
     judged = [one.holds for one in known if one.holds is not None]
@@ -225,7 +225,7 @@ def _truth_row(one: KnownValue) -> list[Cell]:
 
 
 def truth_words(known: Iterable[KnownValue], title: str) -> str:
-    """How many intervals hold the truth, and which miss it; empty where none does."""
+    """Number of intervals that hold the truth, and those that miss it; empty where none does."""
     judged = [one for one in known if one.holds is not None]
     missed = [one.name for one in judged if not one.holds]
     if not missed:

@@ -1,4 +1,4 @@
-"""The parts that a page is made of: sections, figures, legends, words for what is absent."""
+"""Parts of a page: sections, figures, legends, words for what is absent."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ from pipeline.schema.model import Parameter
 
 @dataclass(frozen=True, kw_only=True)
 class Figure:
-    """One figure: its SVG, what stands below it, where it comes from."""
+    """Figure: its SVG, its caption, its sources."""
 
     svg: Markup
     caption: str
@@ -68,7 +68,7 @@ class Listing:
 
 @dataclass(frozen=True, kw_only=True)
 class Heading:
-    """What the blocks after it are about, with one paragraph on it."""
+    """Heading of the blocks after it, with one paragraph."""
 
     heading: str
     text: str = ""
@@ -79,7 +79,7 @@ Block = Table | Figures | Heading | Listing
 
 @dataclass(frozen=True, kw_only=True)
 class Section:
-    """One section: paragraphs, pairs of (what, what to do), then tables and figures."""
+    """Section: paragraphs, pairs of (finding, action), then tables and figures."""
 
     key: str
     title: str
@@ -90,12 +90,12 @@ class Section:
 
 
 def present(*blocks: Block | None) -> list[Block]:
-    """Those blocks that there are."""
+    """Blocks that exist."""
     return [b for b in blocks if b is not None]
 
 
 def absent(path: Path, remedy: str) -> str:
-    """One sentence for a file that is not there, and what would bring it."""
+    """Sentence on a missing file, and how to get it."""
     return f"Not known: there is no {shown(path)}. {remedy}"
 
 
@@ -118,7 +118,7 @@ Role = Literal["tool room", "maintenance", "process engineer", "ML engineer", "d
 
 @dataclass(frozen=True, kw_only=True)
 class Action:
-    """One thing to do: ``what``, ``where``, ``why``, ``until`` when, and who does it.
+    """Action: ``what``, ``where``, ``why``, ``until`` when, and who does it.
 
     ``evidence`` is the key of the section that shows why; empty where no section does.
     """
@@ -151,24 +151,24 @@ def unremarkable(group: str, name: str, before: Parameter, now: Parameter) -> st
 
 @dataclass(frozen=True, kw_only=True)
 class SubModelPage:
-    """What only one sub-model can show and say on its machine's page."""
+    """Content that only one sub-model can show on its machine's page."""
 
     verdict: PartVerdict | None = None
-    """For the head of the page, in the words of the shop floor; None where nothing was judged."""
+    """Verdict for the head of the page, in shop-floor words; None where nothing was judged."""
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
     """Name, value, aside; the first is the one that counts."""
     doubts: list[str] = field(default_factory=list)
-    """What a model that passed is no good at; they make a reservation of its pass."""
+    """Weaknesses of a model that passed; they make a reservation of its pass."""
     notes: list[str] = field(default_factory=list)
-    """What else is unusual, the most important first."""
+    """Further observations, the most important first."""
     actions: list[Action] = field(default_factory=list)
-    """What these records ask of people, besides what ``verdict`` says of the model."""
+    """Actions from these records, besides those of ``verdict`` on the model."""
     sections: list[Section] = field(default_factory=list)
-    """In the order in which they are read."""
+    """Sections in reading order."""
     truth: list[Table] = field(default_factory=list)
-    """What is true of a simulated machine beside what was identified."""
+    """Truth of a simulated machine beside the identified values."""
     compared: dict[str, Compared] = field(default_factory=dict)
     """Key figures that the next report is compared with."""
     changed: ChangeNote = unremarkable
-    """What a change of a parameter since the last report means: of its group, its name, the
-    parameter then and now; empty where it says nothing."""
+    """Meaning of a change of a parameter since the last report, by its group, its name, the
+    parameter then and now; empty where there is none."""

@@ -1,4 +1,4 @@
-"""Reading the files of a machine while remembering which file, with which hash, gave what.
+"""Files of a machine, read with a record of path and hash behind each figure.
 
 Nothing here raises for a file that is absent or broken: a report on part of the data is still a
 report.  What is absent or broken is remembered, so that the pages can say so.
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """One file that a figure stands on: its path as shown, its SHA-256, what it was made from."""
+    """File behind a figure: its path as shown, its SHA-256, its own sources."""
 
     path: str
     sha256: str
@@ -80,7 +80,7 @@ class SourceRegistry:
     def table(
         self, path: Path, columns: tuple[str, ...], made_from: str = "", *, all_of: bool = True
     ) -> pa.Table | None:
-        """Those ``columns`` of a Parquet file; None when it is absent, broken or lacks one.
+        """Selected ``columns`` of a Parquet file; None when it is absent, broken or lacks one.
 
         With ``all_of=False`` columns that the file does not have are left out.
         """
@@ -100,7 +100,7 @@ class SourceRegistry:
             return None
 
     def source(self, path: Path) -> Source | None:
-        """What is remembered of a file that was read."""
+        """Record of a file that was read."""
         return self.used.get(shown(path))
 
     def _content(self, path: Path, made_from: str) -> bytes | None:
@@ -120,12 +120,9 @@ def shown(path: Path) -> str:
 
 
 def picked(document: Any, wanted: type[T], path: str) -> T:
-    """Those keys of a document that a type has; what is null there takes the type's default.
+    """Keys of a document that a type has; null there takes the type's default.
 
-    Raises
-    ------
-    ValueError
-        When the document is no mapping of keys, or a value is of another kind.
+    ValueError when the document is no mapping of keys, or a value is of another kind.
     """
     names = {one.name for one in fields(wanted)}  # type: ignore[arg-type]
     if not isinstance(document, dict):
@@ -135,10 +132,7 @@ def picked(document: Any, wanted: type[T], path: str) -> T:
 
 
 def stated(truth: Any, *keys: str) -> Any:
-    """What the truth of a simulated machine states under ``keys``; None where it states nothing.
-
-    A truth is the simulated shop's own document, of whatever shape its machine has.
-    """
+    """Truth of a simulated machine under ``keys``, of any shape; None where it states nothing."""
     for key in keys:
         truth = truth.get(key) if isinstance(truth, dict) else None
     return truth

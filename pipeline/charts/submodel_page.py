@@ -1,4 +1,4 @@
-"""The page of a sub-model: one frame, made of its stored files and of what it alone declares.
+"""Page of a sub-model: one frame, made of its stored files and of its own declarations.
 
 Verdict, key figures, what is not determined, parameters, scores by group, typical and worst case,
 conditions that were not learnt, known truth and files are made here.  A sub-model declares the
@@ -105,7 +105,7 @@ def made_from(files: Files, *names: str) -> list[Source]:
 
 @dataclass(frozen=True, kw_only=True)
 class Counting:
-    """An error of the judgement that counts for people."""
+    """Error of the assessment that counts for readers."""
 
     key: str
     """Key of the figure that the next report is compared with."""
@@ -172,7 +172,7 @@ def sized(value: float | None, error: str, unit: str) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Drawn:
-    """What is drawn of a typical and of the worst case, and over which axis."""
+    """Drawing of a typical and of the worst case, and its axis."""
 
     quantity: str
     """Quantity whose error ranks the cases."""
@@ -196,36 +196,36 @@ class Drawn:
 
 @dataclass(frozen=True, kw_only=True)
 class PageContent:
-    """What only one sub-model knows of its page; whatever is empty is left to its files."""
+    """Page content that only one sub-model has; whatever is empty is left to its files."""
 
     about: str = ""
-    """What is modelled, and what it is good for, in two or three sentences."""
+    """Subject and use of the model, in two or three sentences."""
     rules: str = ""
-    """How it is judged, and what the baselines are."""
+    """Rules of the assessment, and the baselines."""
     case: str = "record"
-    """What a group of records is: a day, a run, a tool."""
+    """Kind of group of records: a day, a run, a tool."""
     counts: Sequence[Counting] = ()
     """Errors that count, the first one most; those with a limit where none is named."""
     judged_count: tuple[str, str] | None = None
     """Key and name of the number of judged groups, for the comparison with the next report."""
     guess: str = ""
-    """Baseline that a plain guess is: it is said where that comes closer."""
+    """Plain baseline: it is named where it comes closer."""
     titles: Mapping[str, str] = field(default_factory=dict)
     """Baselines and methods in words."""
     todo: Mapping[str, str] = field(default_factory=dict)
-    """What to do, by the status of the verdict."""
+    """Action by the status of the verdict."""
     cause: str = ""
-    """What explains a failure."""
+    """Cause of a failure."""
     facts: Sequence[str] = ()
-    """Sentences on the model: how it was found, what it holds."""
+    """Sentences on the model: its identification, its content."""
     head: Sequence[tuple[str, str, str]] = ()
     """Further key figures: name, value, aside."""
     doubts: Sequence[str] = ()
-    """What a model that passed is no good at."""
+    """Weaknesses of a model that passed."""
     notes: Sequence[str] = ()
-    """What else is unusual."""
+    """Further observations."""
     actions: Sequence[Action] = ()
-    """What these records ask of people."""
+    """Actions from these records."""
     meaning: Meaning = lambda group, name: "–"
     """Meanings of parameters."""
     units: Units = field(default_factory=dict)
@@ -239,9 +239,9 @@ class PageContent:
     tried: Sequence[judged.Tried] = ()
     """Methods that were compared."""
     tried_where: str = "on training records left out in turn"
-    """What the errors that chose are of."""
+    """Records of the errors that decided the choice."""
     drawn: Sequence[Drawn] = ()
-    """What is drawn of typical and worst cases; the quantities that count where none is named."""
+    """Drawings of typical and worst cases; the quantities that count where none is named."""
     shown_facts: Sequence[str] = ()
     """Facts of cases that stand in their table, by what their names begin with."""
     of_judgement: Sequence[Block | None] = ()
@@ -251,11 +251,11 @@ class PageContent:
     truth: Sequence[KnownValue] = ()
     """Parameters beside the truth of a simulated machine."""
     truth_note: str = ""
-    """What to know of that truth."""
+    """Remark on that truth."""
     truths: Sequence[Table] = ()
     """Further tables of the truth."""
     changed: ChangeNote = unremarkable
-    """What a change of a parameter since the last report means."""
+    """Meaning of a change of a parameter since the last report."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -265,9 +265,9 @@ class Subject:
     name: str
     """Name of its folder."""
     title: str
-    """What it models, as people on the shop floor call it."""
+    """Subject of the model in the words of the shop floor."""
     needs: str
-    """What to record for it."""
+    """Record that it needs."""
 
 
 def submodel_page(files: Files, subject: Subject, content: PageContent) -> SubModelPage:
@@ -295,7 +295,7 @@ def submodel_page(files: Files, subject: Subject, content: PageContent) -> SubMo
 
 
 def undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
-    """What a figure too near to its limit asks for, the same of every sub-model."""
+    """Action on a figure too near to its limit, the same of every sub-model."""
     reasons = [one.rstrip(".").removesuffix(", not decided") for one in verdict.reasons]
     why, *others = reasons or ["the judge gave no reason"]
     more = f"; and {counted(len(others), 'more figure')}" if others else ""
@@ -308,7 +308,7 @@ def undecided(verdict: Verdict, title: str, needs: str) -> PartVerdict:
 
 @dataclass(frozen=True, kw_only=True)
 class _Frame:
-    """What a page is made of."""
+    """Input of a page."""
 
     files: Files
     subject: Subject
@@ -316,7 +316,6 @@ class _Frame:
 
     @property
     def name(self) -> str:
-        """Its title with a capital."""
         return f"{self.subject.title[:1].upper()}{self.subject.title[1:]}"
 
     @property
@@ -335,7 +334,6 @@ class _Frame:
         return list(found.values())
 
     def made(self, *names: str) -> list[Source]:
-        """Files that a block stands on."""
         return made_from(self.files, *names)
 
     @property
@@ -432,7 +430,7 @@ class _Frame:
         return [*found, *self._interval()]
 
     def _best(self, one: Counting, score: Score) -> tuple[float, str] | None:
-        """The plain guess, else the best baseline, by the same error."""
+        """Plain baseline, else the best one, by the same error."""
         others = {name: size for name, other in score.others.items()
                   if (size := one.size(other)) is not None}  # fmt: skip
         if self.content.guess in others:
@@ -444,7 +442,6 @@ class _Frame:
         return others[name], self.title(name)
 
     def title(self, name: str) -> str:
-        """A baseline or method in words."""
         return self.content.titles.get(name, name.replace("_", " "))
 
     def _interval(self) -> list[tuple[str, str, str]]:
@@ -465,7 +462,7 @@ class _Frame:
         return [("90 % interval", half, aside)]
 
     def doubts(self) -> list[str]:
-        """Where the plain guess comes closer than the model."""
+        """Baselines that come closer than the model."""
         found = []
         for one in self.counts:
             pairs = [
@@ -494,16 +491,17 @@ class _Frame:
             found[one.key] = Compared(name=one.name, unit="" if unit == "1" else unit, value=value)
         if self.content.judged_count is not None:
             key, name = self.content.judged_count
-            many = [s for s in self.content.counts[0].scores(self.files.verdict)
-                    if s.group != "all"]  # fmt: skip
-            value = None if self.files.verdict is None else len(many)
+            v = self.files.verdict
+            scores = [] if v is None else self.content.counts[0].scores(v)
+            many = [s for s in scores if s.group != "all" and v and s.role == v.judged_role]
+            value = None if v is None else len(many)
             found[key] = Compared(name=name, unit="", value=value)
         return found
 
     # ---- sections
 
     def model_section(self) -> Section:
-        """What is modelled: own figures, parameters, methods."""
+        """Section on the model: own figures, parameters, methods."""
         key, title, model = self.subject.name, f"{self.name}: the model", self.files.model
         if model is None:
             words = absent(self.files.folder / "model.json", f"It needs {self.subject.needs}.")

@@ -13,7 +13,7 @@ FULL = 1000  # height of a curve's viewport, in its own units
 
 
 def tag(name: str, content: str | Markup = "", **attributes: str | float | None) -> Markup:
-    """One SVG element; ``class_`` is written ``class`` and ``_`` in names becomes ``-``."""
+    """SVG element; ``class_`` is written ``class`` and ``_`` in names becomes ``-``."""
     parts = [
         Markup(' {}="{}"').format(key.rstrip("_").replace("_", "-"), _short(value))
         for key, value in attributes.items() if value is not None
@@ -142,10 +142,7 @@ def thinned(x: np.ndarray, y: np.ndarray, width: float) -> tuple[np.ndarray, np.
 
 
 def ticks(low: float, high: float, most: int = 5) -> list[float]:
-    """At most ``most`` round values between ``low`` and ``high``, both included where round.
-
-    A few more where one would stand alone, which is no scale.
-    """
+    """Round values from ``low`` to ``high``, at most ``most``, more where one would stand alone."""
     span = max(high - low, 1e-9)
     step = 10.0 ** np.floor(np.log10(span / most))
     for factor in (1, 2, 2.5, 5, 10):

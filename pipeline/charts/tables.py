@@ -1,4 +1,4 @@
-"""Tables as the pages show them: heads, units, cells in words, and where they come from."""
+"""Tables of the pages: heads, units, cells in words, and their sources."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -38,10 +38,7 @@ class Cell:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """One table; the first cell of each row names it.
-
-    ``folded`` tables open on demand and say in ``caption`` how much they hold.
-    """
+    """Table, rows named by their first cells; ``folded`` ones state their size in ``caption``."""
 
     caption: str
     heads: list[Head]
@@ -66,10 +63,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Column(Generic[Thing]):
-    """One column of a table of things: its head, and what stands in it of each thing.
-
-    ``unit`` None says that the column holds words; numbers without a unit have an empty one.
-    """
+    """Column: its head, its cell of each thing; ``unit`` None for words, "" for plain numbers."""
 
     name: str
     cell: Callable[[Thing], str | Cell]
@@ -130,7 +124,7 @@ MANY = 3  # files of one folder that are named one by one below a figure
 
 
 def sources(shelf: SourceRegistry, *paths: Path) -> list[Source]:
-    """What a figure stands on; more than three files of one folder are named together."""
+    """Sources of a figure; more than three files of one folder are named together."""
     found = [s for p in paths if (s := shelf.source(p)) is not None]
     folders: dict[str, list[Source]] = {}
     for source in found:
@@ -146,5 +140,5 @@ def _together(folder: str, group: list[Source]) -> list[Source]:
 
 
 def left_out(count: int, shown: int) -> str:
-    """What a caption adds when a table shows less than there is."""
+    """Words of a caption on a table's omissions."""
     return f" ({shown} of {number(count)} shown)" if count > shown else ""

@@ -22,7 +22,7 @@ Operation = Literal[
     "drilling", "centre_drilling", "countersinking", "counterboring", "deep_drilling", "reaming",
     "boring", "tapping", "thread_milling", "chamfering", "engraving", "probing", "lead", "air",
 ]  # fmt: skip
-"""What a tool does in a cut, in the terms of cutting-data tables."""
+"""Kind of cut, in the terms of cutting-data tables."""
 
 OPERATIONS: tuple[Operation, ...] = get_args(Operation)
 
@@ -35,7 +35,7 @@ ToolType = Literal[
     "tap", "thread_mill", "chamfer_mill", "boring_bar", "engraver", "probe", "countersink",
     "counterbore",
 ]  # fmt: skip
-"""Kinds of tool that tables of cutting data tell apart."""
+"""Kinds of tool in tables of cutting data."""
 
 _BY_FORM: dict[str, ToolType] = {
     "flat": "end_mill", "bull_nose": "end_mill", "ball": "ball_end_mill", "drill": "drill",
@@ -55,10 +55,10 @@ ball-nosed hold inserts."""
 
 
 def tool_type(tool: Tool, operation: Operation) -> ToolType:
-    """The kind of tool by which cutting data are listed.
+    """Kind of tool by which cutting data are listed.
 
-    It is the tool's role; where the tool table gives none, what the operation needs, or else what
-    the form of its end and its size say.
+    The tool's role; where the tool table gives none, by the operation, or else by the end form and
+    the size.
 
     Examples
     --------
@@ -98,19 +98,13 @@ class CuttingRange:
 
     @property
     def source(self) -> str:
-        """The sources in words; empty where nothing is known."""
+        """Sources in words; empty without any."""
         return "; ".join(self.sources)
 
 
 @dataclass(frozen=True, kw_only=True)
 class CatalogueRow(Ranged, section="catalogue.rows"):
-    """Rows of a table of cutting data: one line of feeds over the diameter, one range of speed.
-
-    Raises
-    ------
-    ValueError
-        When a list has the wrong length or order.
-    """
+    """Rows of a cutting-data table: one line of feeds over the diameter, one range of speed."""
 
     tools: tuple[ToolType, ...]
     """Kinds of tool that it is for."""
@@ -126,7 +120,7 @@ class CatalogueRow(Ranged, section="catalogue.rows"):
     feed_mm: Annotated[tuple[tuple[float, ...], ...], Range(least=0.0, most=10.0)] = ()
     """Least and greatest feed in each span [mm]; none where the source has none."""
     feed_per: Literal["tooth", "revolution"] = "tooth"
-    """What ``feed_mm`` is for."""
+    """Reference of ``feed_mm``."""
     cutting_speed_m_min: Annotated[tuple[float, ...], Range(least=0.0, most=10_000.0)] | None = None
     """Least and greatest v_c [m/min]."""
     axial_over_diameter: Annotated[float, Range(above=0.0, most=100.0)] | None = None
@@ -222,7 +216,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
     tool_material: Literal["carbide", "hss"]
     """Cutting material."""
     coatings: tuple[str, ...]
-    """As in the tool table; ``none`` is an uncoated tool."""
+    """Coatings as in the tool table; ``none`` is an uncoated tool."""
     groups: Annotated[tuple[int, int], Range(least=1, most=41)] = (1, 41)
     """First and last group of VDI 3323."""
     feed: Annotated[float, Range(above=0.0, most=10.0)] = 1.0
@@ -243,13 +237,7 @@ class CoatingFactor(Ranged, section="catalogue.coatings"):
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingCatalogue:
-    """Cutting data of public tables.
-
-    Raises
-    ------
-    ValueError
-        When rows contradict each other, or a source is missing, empty or never used.
-    """
+    """Cutting data of public tables, free of contradictions, every source in use."""
 
     rows: tuple[CatalogueRow, ...]
     """No two of them hold for the same tool, material and operation."""
@@ -276,10 +264,7 @@ class CuttingCatalogue:
     def lookup(
         self, tool: Tool, material: Material, operation: Operation, width: float = 0.0
     ) -> CuttingRange | None:  # fmt: skip
-        """Range of feed per tooth and cutting speed; None outside of the catalogue.
-
-        ``width`` is a_e over D that the row is for [1]; by default the narrowest.
-        """
+        """Feed per tooth and cutting speed, a_e over D by default the narrowest; None if absent."""
         found = self._row(tool, material, operation, width)
         if found is None:
             return None

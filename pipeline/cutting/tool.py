@@ -23,22 +23,21 @@ Role = Literal[
     "", "face_mill", "spot_drill", "centre_drill", "reamer", "tap", "thread_mill", "chamfer_mill",
     "boring_bar", "engraver", "probe", "countersink", "counterbore",
 ]  # fmt: skip
-"""What a tool is made for, where the form of its end does not say it."""
+"""Purpose of a tool, where the form of its end does not show it."""
 Length = Annotated[float, Range(least=0.01, most=1000.0)]
 """Length on a tool [mm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Tool(Ranged, section="tool"):
-    """One tool."""
+    """Milling cutter or drill."""
 
     kind: Kind
     """Form of its end."""
     role: Role = ""
-    """What it is made for, where that is neither plain milling nor drilling: ``face_mill``,
-    ``spot_drill``, ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``,
-    ``boring_bar``, ``engraver``, ``probe``, ``countersink`` or ``counterbore``.  Geometry goes by
-    ``kind``."""
+    """Purpose, where that is neither plain milling nor drilling: ``face_mill``, ``spot_drill``,
+    ``centre_drill``, ``reamer``, ``tap``, ``thread_mill``, ``chamfer_mill``, ``boring_bar``,
+    ``engraver``, ``probe``, ``countersink`` or ``counterbore``. Geometry goes by ``kind``."""
     diameter_mm: Length
     """D over the cutting edges [mm]."""
     flutes: Annotated[int, Range(least=1, most=200)]
@@ -46,9 +45,9 @@ class Tool(Ranged, section="tool"):
     helix_deg: Annotated[float, Range(least=-75.0, most=75.0)] = 0.0
     """Helix angle of the edges [deg]; positive for a right-hand helix."""
     corner_radius_mm: Annotated[float, Range(least=0.0, most=500.0)] = 0.0
-    """Of a bull-nose end mill [mm]; a ball's is D / 2, others have none."""
+    """Corner radius of a bull-nose end mill [mm]; a ball's is D / 2, others have none."""
     point_angle_deg: Annotated[float, Range(least=30.0, most=180.0)] = 140.0
-    """Of a drill, the whole angle [deg]."""
+    """Point angle of a drill, the whole angle [deg]."""
     cutting_edge_angle_deg: Annotated[float, Range(least=1.0, most=90.0)] | None = None
     """Tool cutting edge angle kappa_r of a mill, between its edge and the surface that it makes
     (ISO 3002-1), the lead angle of face mills [deg]; by default 45 of a ``face_mill``, 90 of
@@ -56,13 +55,13 @@ class Tool(Ranged, section="tool"):
     flute_length_mm: Length | None = None
     """Length that can cut [mm]."""
     stickout_mm: Annotated[float, Range(least=0.1, most=3000.0)] | None = None
-    """From the holder's face to the tip [mm]; without it no deflection is known."""
+    """Stickout from the holder's face to the tip [mm]; needed for the deflection."""
     shank_diameter_mm: Length | None = None
     """[mm]; the tool's diameter by default.  A wider one begins where the flutes end."""
     holder_diameter_mm: Length | None = None
-    """Of the holder at its face, the underside of all that is above the stickout [mm]."""
+    """Diameter of the holder at its face, the underside of all that is above the stickout [mm]."""
     youngs_modulus_GPa: Annotated[float, Range(least=1.0, most=2000.0)] = 600.0
-    """Of the tool [GPa]: about 600 for cemented carbide, 210 for high-speed steel."""
+    """Young's modulus [GPa]: about 600 for cemented carbide, 210 for high-speed steel."""
     runout_um: Annotated[float, Range(least=0.0, most=2000.0)] = 0.0
     """Distance of the tool's axis from the spindle's [um]."""
     runout_deg: Annotated[float, Range(least=-360.0, most=360.0)] = 0.0
@@ -70,10 +69,9 @@ class Tool(Ranged, section="tool"):
     material: Literal["carbide", "hss"] = "carbide"
     """Cutting material; chooses a material's constants of tool life."""
     coating: str = ""
-    """As its maker names it, "TiAlN", "TiN", "DLC"; "none" of an uncoated tool, "" where it is not
-    known."""
+    """Coating by its maker's name, "TiAlN", "TiN", "DLC"; "none" without one, "" if unspecified."""
     price: Annotated[float, Range(least=0.0, most=1e12)] = 0.0
-    """Of a new tool, or of an insert's set of edges, in the currency of the costs."""
+    """Price of a new tool, or of an insert's set of edges, in the currency of the costs."""
     edges: Annotated[int, Range(least=1, most=1000)] = 1
     """Lives that one price buys (regrinds, edges of an insert)."""
     feed_per_tooth_mm: tuple[float, ...] | None = None
@@ -93,7 +91,7 @@ class Tool(Ranged, section="tool"):
     flank_wear_um: Annotated[float, Range(least=0.0, most=2000.0)] | None = None
     """Flank wear VB that it has now, as measured [um]."""
     name: str = ""
-    """For people."""
+    """Name for readers."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -124,7 +122,7 @@ class Tool(Ranged, section="tool"):
 
     @property
     def corner_radius(self) -> float:
-        """Of the end's corner [m]: 0 for a flat end, R for a ball."""
+        """Corner radius of the end [m]: 0 for a flat end, R for a ball."""
         return self.radius if self.kind == "ball" else self.corner_radius_mm * MM
 
     @property
@@ -134,7 +132,7 @@ class Tool(Ranged, section="tool"):
 
     @property
     def point_angle(self) -> float:
-        """Of a drill [rad]."""
+        """Point angle of a drill [rad]."""
         return self.point_angle_deg * DEGREE
 
     @property
@@ -189,18 +187,12 @@ def _check_span(name: str, span: tuple[float, ...] | None, high: float) -> None:
 
 @dataclass(frozen=True, kw_only=True)
 class ToolTable:
-    """Tools by their number.
-
-    Raises
-    ------
-    ValueError
-        When there is no tool, or a number is negative.
-    """
+    """Tools by their non-negative number, at least one."""
 
     tools: dict[int, Tool]
-    """By the number in the program."""
+    """Tools by their number in the program."""
     description: str = ""
-    """Whose tools they are, for people."""
+    """Owner of the tools, for readers."""
 
     def __post_init__(self) -> None:
         if not self.tools:
@@ -258,19 +250,14 @@ def tip_stiffness(tool: Tool) -> float:
 
 
 def tip_deflection(tool: Tool, force: ArrayLike) -> Floats:
-    """Deflection of the tip under a force across the axis [m].
+    """Deflection of the tip under a force across the axis [m]; NaN without the tool's stickout.
 
     Parameters
     ----------
     tool : Tool
-        Its stickout, flute length, diameters and modulus of elasticity count.
+        Tool with stickout, flute length, diameters and modulus of elasticity.
     force : array_like
-        On the tip, across the axis [N], any shape.
-
-    Returns
-    -------
-    ndarray
-        Of the shape of ``force``; NaN without the tool's stickout.
+        Force on the tip, across the axis [N], any shape.
     """
     return np.asarray(force, dtype=np.float64) / tip_stiffness(tool)
 

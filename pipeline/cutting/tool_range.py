@@ -1,4 +1,4 @@
-"""What a tool may be given: by the tool table, by the limits of a part, by the catalogue.
+"""Feed and cutting-speed ranges of a tool: tool table, limits of the part, catalogue.
 
 The tool table goes first, then the limits of the part, then the catalogue; feed for each tooth and
 cutting speed each have the first that knows them.
@@ -21,7 +21,7 @@ def tool_range(
     tool: Tool, listed: CuttingRange | None = None,
     *, cutting_speed_m_min: Sequence[float] | None = None,
 ) -> CuttingRange:  # fmt: skip
-    """What a tool may be given, where it is known, and where that is from.
+    """Feed and cutting-speed ranges of a tool, with their sources.
 
     The tool table's own ranges go first, then ``cutting_speed_m_min`` of the part's limits, then
     what the catalogue has (:func:`listed_range`).
@@ -46,7 +46,7 @@ def tool_range(
 def listed_range(
     catalogue: CuttingCatalogue, material: Material, tool: Tool, operations: Sequence[Operation]
 ) -> CuttingRange | None:
-    """What the catalogue has for a tool in a material; None where it has nothing.
+    """Catalogue range of a tool in a material; None where it has none.
 
     Entries and ramps are cut at the speed of the cut that they lead to, so that where they have no
     row they have its values.
@@ -67,7 +67,7 @@ def listed_range(
 def by_width(
     catalogue: CuttingCatalogue, material: Material, tool: Tool, operation: Operation
 ) -> tuple[CuttingRange, ...]:
-    """Of one operation, or of the first whose values hold for it too; narrow cuts first."""
+    """Ranges of one operation, or of the first similar operation with data; narrow cuts first."""
     names = (operation, *LIKE.get(operation, ()))
     ranges = (catalogue.by_width(tool, material, name) for name in names)
     return next((found for found in ranges if found), ())

@@ -1,4 +1,4 @@
-"""Plausible sizes of tools: values of a tool table that another unit would explain.
+"""Plausibility of tool sizes: values of a tool table in a wrong unit.
 
 The ranges are those of the tools on sale, micro tools and gun drills among them (catalogues of
 Sandvik Coromant, Tungaloy, Mitsubishi and botek), rounded outwards: what lies outside of them is
@@ -23,9 +23,9 @@ class OddSize:
     field: str
     """Its name in the tool table."""
     value: float
-    """As it stands there."""
+    """Value as in the tool table."""
     reason: str
-    """What is odd, as the end of a sentence."""
+    """Finding, as the end of a sentence."""
     units: tuple[str, ...] = ()
     """Units in which the value would be usual."""
     beside: str = ""
@@ -33,7 +33,7 @@ class OddSize:
 
     @property
     def remedy(self) -> str:
-        """What to do, as a sentence."""
+        """Remedy, as a sentence."""
         meant = f"; {' or '.join(self.units)} seems to be meant" if self.units else ""
         fields = f"{self.field} and {self.beside}" if self.beside else self.field
         return f"Check {fields} and its unit{meant}; leave it where the tool is of that size."

@@ -104,14 +104,14 @@ def _warnings(run: Run, inside: bool, modal: str) -> Iterator[str]:
         yield "the line stands in a subprogram: its caller is not returned to from here"
 
 
-def restart_lines(found: Restart) -> Iterator[str]:
+def restart_lines(restart: Restart) -> Iterator[str]:
     """The state in words, a line of text each."""
-    for warning in found.warnings:
+    for warning in restart.warnings:
         yield f"warning: {warning}"
-    yield f"in force before line {found.line}:"
-    for name, words in found.words.items():
+    yield f"in force before line {restart.line}:"
+    for name, words in restart.words.items():
         yield f"  {name:<16} {words}"
-    for name, point in (("position", found.program), ("machine position", found.machine)):
+    for name, point in (("position", restart.program), ("machine position", restart.machine)):
         moved = [(a, v) for i, (a, v) in enumerate(zip(AXES, point, strict=True)) if i < 3 or v]
         unit = " (mm)" if name != "position" else ""
         yield f"  {name:<16} {' '.join(f'{axis}{value:g}' for axis, value in moved)}{unit}"

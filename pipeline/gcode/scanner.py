@@ -370,7 +370,7 @@ def number_of(data: Bytes, at: int) -> float:
 
 
 @compiled
-def read_numbers(data: Bytes, at: npt.NDArray[np.int32], found: npt.NDArray[np.float64]) -> None:
-    """Write the numbers of the WORDs at ``at`` (n,) to ``found`` (n,), as :func:`number_of`."""
+def read_numbers(data: Bytes, at: npt.NDArray[np.int32], numbers: npt.NDArray[np.float64]) -> None:
+    """Write the numbers of the WORDs at ``at`` (n,) to ``numbers`` (n,), as :func:`number_of`."""
     for index in range(len(at)):
-        found[index] = number_of(data, at[index])
+        numbers[index] = number_of(data, at[index])

@@ -31,9 +31,9 @@ def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Float
     Parameters
     ----------
     speed : array
-        With a sign for the direction [rev/min].
+        Spindle speed, signed by the direction [rev/min].
     acceleration : array
-        Below the base speed [rev/min/s].
+        Acceleration below the base speed [rev/min/s].
     base_speed : float
         [rev/min]; infinite for constant torque at all speeds.
     """
@@ -50,16 +50,9 @@ def spindle_waits(
 ) -> tuple[Rows, Rows, Floats]:
     """Rows that wait for the spindle, and how long it takes.
 
-    Speeds of the spindle, shape (P, M), are at least 0 [rev/min].
-
-    Returns
-    -------
-    rows : (N,) array
-        Spindle codes that are waited for.
-    waiting : (N,) array
-        First row that waits for each: of those after it, or the row itself.
-    time : (P, N) array
-        Time of the spindle from the code on [s].
+    Spindle codes that are waited for, (N,); the first row that waits for each, which may be the row
+    itself, (N,); time of the spindle from the code on, (P, N) [s]. Spindle ``speeds``, shape (P,
+    M), are at least 0 [rev/min].
     """
     rows, waiting = _waiting(moves, parameters)
     now = speeds[:, rows] * moves.direction[rows]
@@ -111,7 +104,7 @@ def _rows_of(moves: Moves, kinds: tuple[Kind, ...]) -> Rows:
 
 
 def _speed_changes(moves: Moves, rows: Rows) -> Bools:
-    """Which spindle rows only change the speed of a rotating spindle."""
+    """Flags of spindle rows that only change the speed of a rotating spindle."""
     before = np.where(rows > 0, moves.direction[rows - 1], 0)
     same: Bools = (before == moves.direction[rows]) & (before != 0)
     return same

@@ -71,15 +71,15 @@ class FeatureScaling:
     scale: Floats
 
     @staticmethod
-    def of(found: Floats) -> "FeatureScaling":
+    def of(values: Floats) -> "FeatureScaling":
         """Scaling by features, shape (N, K)."""
-        low, middle, high = np.quantile(found, [0.25, 0.5, 0.75], axis=0)
-        wide = np.maximum(high - low, 0.1 * found.std(axis=0))
+        low, middle, high = np.quantile(values, [0.25, 0.5, 0.75], axis=0)
+        wide = np.maximum(high - low, 0.1 * values.std(axis=0))
         return FeatureScaling(shift=middle, scale=np.where(wide > TINY, wide, 1.0))
 
-    def __call__(self, found: Floats) -> Floats:
+    def __call__(self, values: Floats) -> Floats:
         """Scaled features; those far out are brought to 10, so that none decides alone."""
-        return np.clip((found - self.shift) / self.scale, -10.0, 10.0)
+        return np.clip((values - self.shift) / self.scale, -10.0, 10.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ MM = 1e3
 
 def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
     """Blocks (K,) that cut and exceed a limit, by the limit's name; margins are not counted."""
-    blocks, found, tools = of.found.blocks, of.found.limits, of.found.cut.tools
+    blocks, found, tools = of.results.blocks, of.results.limits, of.results.cut.tools
     running = blocks.spindle_speed > 0
     load, bending, torque = (
         tool_limits(tools, name, getattr(limits, name))[blocks.tool] for name in BY_TOOL
@@ -53,7 +53,7 @@ def exceeded_limits(of: AssessedCut, limits: CutLimit) -> dict[str, Bools]:
 
 def _marks(of: AssessedCut, height: float | None) -> Floats:
     """Feed for each tooth over that whose marks have the height; NaN where none is given."""
-    blocks, tools = of.found.blocks, of.found.cut.tools
+    blocks, tools = of.results.blocks, of.results.cut.tools
     if height is None:
         return np.full(len(blocks), np.nan)
     most = np.array([feed_for_marks(tool, height) for tool in tools])[blocks.tool]
@@ -80,7 +80,7 @@ class Side:
     @classmethod
     def of_rows(cls, cut: Cut, of: AssessedCut, rows: Rows) -> "Side":
         """``rows`` (M,) are those of the cut that the rows before have become."""
-        moves, cost = cut.plan.path.moves, of.found.cost
+        moves, cost = cut.plan.path.moves, of.results.cost
         owner = np.minimum(np.searchsorted(rows, np.arange(len(moves))), len(rows) - 1)
         each = np.full(len(moves), np.nan) if cost is None else cost.block
         return cls(

@@ -205,7 +205,7 @@ def _sides(result: Result) -> tuple[Side, Side]:
 
 
 def _totals(side: Side, result: Result) -> Totals:
-    sums = summary(side.of.found)
+    sums = summary(side.of.results)
     passed = exceeded_limits(side.of, result.job.limits)
     alike = {one.name for one in fields(Totals)} & {one.name for one in fields(sums)} - {"cost"}
     return Totals(

@@ -258,7 +258,7 @@ def operations(program: Program, moves: Moves, cut: Cut, blocks: CutBlocks) -> O
     return _told(code, program, moves, known, slender)
 
 
-def told_operations(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
+def operations_without_cut(program: Program, moves: Moves, tools: Mapping[int, Tool]) -> Operations:
     """Operation of each row of a program as far as it is known without the cut.
 
     Rows without a sign are roughing, those of a drill drilling; see :data:`MAY_BE` for

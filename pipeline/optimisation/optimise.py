@@ -111,7 +111,7 @@ def optimise_worn(
     that allows one; a requested wear is not.  Raises as :func:`optimise` does.
     """
     wear = workshop.wear
-    if wear.rule != "criterion" or wear.asked or wear.given:
+    if wear.rule != "criterion" or wear.requested or wear.given:
         return optimise(job_of(request, workshop), progress)
 
     def worn(share: float) -> Job:

@@ -125,7 +125,7 @@ def _written(result: "Result", rows: Bools) -> Bools:
 
 def _totals(side: Side, tool: int, rows: Bools, shown: Bools) -> ToolTotals:
     """Totals of the rows of a tool, the feed per tooth the greatest of some of them."""
-    found = side.of.found
+    found = side.of.results
     feed = tool_totals(found, tool, shown).feed_per_tooth_mm
     return replace(tool_totals(found, tool, rows), feed_per_tooth_mm=feed)
 
@@ -339,7 +339,7 @@ def setup_sheet(
 ) -> SetupSheet:
     """Tools and offsets of the optimised program, with its warnings."""
     cut, job = result.answer.cut, result.job
-    moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.found)}
+    moves, totals = cut.plan.path.moves, {one.tool: one for one in by_tool(after.results)}
     tools = []
     for number in dict.fromkeys(moves.tool[moves.tool >= 0].tolist()):
         tool, used = job.cut.tools.get(number), totals.get(number)

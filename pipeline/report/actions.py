@@ -1,4 +1,4 @@
-"""Actions that a machine's records and models ask for, as rows of one table on the lead's page."""
+"""Actions from a machine's records and models, as rows of one table on the lead's page."""
 
 from collections.abc import Iterator
 from typing import get_args
@@ -28,16 +28,8 @@ def machine_actions(
 ) -> list[ActionRow]:
     """Everything that is to be done about a machine, what is urgent first.
 
-    Parameters
-    ----------
-    facts : MachineFacts
-        Of the machine.
-    grave : list of (str, str)
-        Faults that make its judgement doubtful, each with what mends it.
-    trusted : bool
-        Whether the whole twin passed; no optimised program is proposed otherwise.
-    say : Texts
-        Language of the rows.
+    ``grave`` are faults that make its judgement doubtful, each with what mends it; only of a twin
+    that is ``trusted`` as a whole optimised programs are proposed.
     """
     rows = [
         *_alarms(facts, say), *_sensors(facts, say), *_of_submodels(facts, say),
@@ -61,7 +53,6 @@ def _absent(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _alarms(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """Alarms that were active at the end of the records, and those that come on most days."""
     for same in facts.alarms.kinds:
         last = same[-1]
         if any(one.ended == "open" for one in same):
@@ -103,7 +94,7 @@ def _sensors(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
-    """What the sub-models ask for, and those that may not be used as they are."""
+    """Actions of the sub-models, and those that may not be used as they are."""
     machine = facts.folders.name
     for one in facts.models:
         keys = {section.key for section in one.page.sections}
@@ -125,10 +116,7 @@ def _of_submodels(facts: MachineFacts, say: Texts) -> Iterator[ActionRow]:
 
 
 def _why(one: ModelledPart, say: Texts) -> tuple[str, bool]:
-    """The figure that counts, where it is beyond its limit, else the verdict's first sentence.
-
-    With whether the words are the page's own, not the sub-model's.
-    """
+    """Key figure beyond its limit, or the verdict's first sentence; True for the page's words."""
     figure, verdict = counting_figure(one, say), one.page.verdict
     if verdict is None or verdict.status != "failed" or not figure.passed_limit:
         first, _, rest = ("" if verdict is None else verdict.sentence).partition(". ")
@@ -138,7 +126,7 @@ def _why(one: ModelledPart, say: Texts) -> tuple[str, bool]:
 
 
 def _records(facts: MachineFacts, grave: list[tuple[str, str]], say: Texts) -> Iterator[ActionRow]:
-    """What is wrong with the records themselves."""
+    """Defects of the records themselves."""
     records = link(facts.folders.name, RECORDS, "records")
     for why, what in grave:
         yield _data(what, say("where.records"), why, NOW, records)
@@ -213,7 +201,7 @@ WHOLE_FROM = 9.95
 
 
 def gain(one: PartProgram, say: Texts) -> str:
-    """What an optimised program saves, what it asks for beside it, and what it rests on."""
+    """Savings of an optimised program, its requirements, and their basis."""
     beside = []
     before, after = one.part.before.tool_life_share, one.part.after.tool_life_share
     if before and after is not None:
@@ -232,7 +220,6 @@ def gain(one: PartProgram, say: Texts) -> str:
 
 
 def _less(one: PartProgram, say: Texts) -> str:
-    """``18 % less time``."""
     change = one.gain or 0.0
     percent = say.number(change, 2) if change < WHOLE_FROM else f"{change:.0f}"
     aim = one.part.objective if one.part.objective in AIMS else "time"
@@ -240,7 +227,7 @@ def _less(one: PartProgram, say: Texts) -> str:
 
 
 def _forces(one: PartProgram, say: Texts) -> list[str]:
-    """Where the forces behind the loads come from; nothing where the document does not say it."""
+    """Source of the forces behind the loads; nothing where the document does not name it."""
     drawn = () if one.part.certainty is None else one.part.certainty.uncertain
     others = [q.source.partition(",")[0] for q in drawn if q.what.startswith(COEFFICIENTS)]
     own = any(q.source == OWN for q in drawn)

@@ -20,7 +20,7 @@ OPEN = np.iinfo(np.int64).min
 
 @dataclass(frozen=True, kw_only=True)
 class Alarm:
-    """One warning or fault; times in nanoseconds since 1970, ``end`` None while it is open."""
+    """Warning or fault; times in nanoseconds since 1970, ``end`` None while it is open."""
 
     item: str
     where: str
@@ -35,7 +35,7 @@ class Alarm:
 
     @property
     def seconds(self) -> float | None:
-        """How long it was active [s]; None while it is open."""
+        """Duration of the alarm [s]; None while it is open."""
         return None if self.end is None else (self.end - self.start) / NS
 
     @property
@@ -50,7 +50,7 @@ class Alarm:
 
     @property
     def kind(self) -> tuple[str, str, str, str]:
-        """What alarms have in common that are counted together."""
+        """Key of alarms that are counted together."""
         return self.level, self.item, self.code, self.message
 
 
@@ -65,7 +65,7 @@ class Alarms:
 
     @property
     def kinds(self) -> list[list[Alarm]]:
-        """Those of one kind together: open ones first, then faults, then the most frequent."""
+        """Alarms by kind: open ones first, then faults, then the most frequent."""
         found: dict[tuple[str, str, str, str], list[Alarm]] = {}
         for one in self.alarms:
             found.setdefault(one.kind, []).append(one)
@@ -143,7 +143,6 @@ def columns(say: Texts) -> tuple[Column[Alarm], ...]:
 
 
 def _place(one: Alarm, say: Texts) -> Cell | str:
-    """Program, and line, that were in the control."""
     if not one.program:
         return "–"
     if one.line is None:
@@ -151,24 +150,24 @@ def _place(one: Alarm, say: Texts) -> Cell | str:
     return code(say("alarms.line", program=one.program, line=f"{one.line:.0f}"))
 
 
-def alarms_section(found: Alarms, say: Texts = ENGLISH) -> Section | None:
-    """What the control warned of; nothing of a machine whose records hold no conditions."""
-    if not found.alarms:
-        return _none(found, say)
-    made = sources(found.shelf, found.folders.clean / "alarms.parquet")
-    each = tabulated(say("alarms.each"), found.alarms[::-1], columns(say), made, most=MOST_ROWS,
+def alarms_section(alarms: Alarms, say: Texts = ENGLISH) -> Section | None:
+    """Section on the alarms; nothing of a machine whose records hold no conditions."""
+    if not alarms.alarms:
+        return _none(alarms, say)
+    made = sources(alarms.shelf, alarms.folders.clean / "alarms.parquet")
+    each = tabulated(say("alarms.each"), alarms.alarms[::-1], columns(say), made, most=MOST_ROWS,
                      folded=True)  # fmt: skip
-    kinds = _kinds(found, "alarms.all_kinds", MOST_ON_RECORDS, say)
-    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
+    kinds = _kinds(alarms, "alarms.all_kinds", MOST_ON_RECORDS, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
                    blocks=present(kinds, each))  # fmt: skip
 
 
-def lead_alarms(found: Alarms, say: Texts) -> Section | None:
+def lead_alarms(alarms: Alarms, say: Texts) -> Section | None:
     """The same for the lead's page, shorter; nothing where records hold no conditions."""
-    if not found.alarms:
-        return _none(found, say)
-    return Section(key="alarms", title=say("alarms.title"), text=[_words(found.alarms, say)],
-                   blocks=present(_kinds(found, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
+    if not alarms.alarms:
+        return _none(alarms, say)
+    return Section(key="alarms", title=say("alarms.title"), text=[_words(alarms.alarms, say)],
+                   blocks=present(_kinds(alarms, "alarms.kinds", MOST_KINDS, say)))  # fmt: skip
 
 
 def _none(found: Alarms, say: Texts) -> Section | None:
@@ -179,7 +178,6 @@ def _none(found: Alarms, say: Texts) -> Section | None:
 
 
 def _kinds(found: Alarms, caption: str, most: int, say: Texts) -> Table | None:
-    """Alarms by kind; the caption says how many kinds there are beyond those shown."""
     kinds, words = found.kinds, say(caption)
     if len(kinds) > most:
         words = say("alarms.shown", caption=words, shown=most, count=len(kinds))

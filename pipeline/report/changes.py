@@ -24,7 +24,7 @@ UNITS = {"active_h": "h", "parts_before_s": "s", "parts_after_s": "s"}
 
 @dataclass(frozen=True, kw_only=True)
 class KeyFigure:
-    """One key figure: its name, its unit, its value, and whether that is a count."""
+    """Key figure: its name, its unit, its value, and whether that is a count."""
 
     name: str
     unit: str = ""
@@ -62,7 +62,7 @@ class MachineFigures:
     """Key figures of one machine."""
 
     figures: Mapping[str, KeyFigure]
-    """In the order in which changes are shown."""
+    """Key figures in the order in which changes are shown."""
     parameters: Mapping[str, Mapping[str, Mapping[str, Parameter]]] = field(default_factory=dict)
     """Parameters of each sub-model, by group and name, without method and remedy."""
     raw: Mapping[str, str] = field(default_factory=dict)
@@ -83,7 +83,7 @@ class KeyFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Change:
-    """One key figure then and now, in words; ``note`` says what a change means."""
+    """Key figure then and now, in words; ``note`` is the meaning of a change."""
 
     what: str
     before: str
@@ -135,10 +135,7 @@ def key_figures(facts: MachineFacts, verdict: MachineVerdict) -> MachineFigures:
 
 @dataclass(frozen=True, kw_only=True)
 class Earlier:
-    """The report that this one is compared with: figures by machine, or why there are none.
-
-    ``why_not`` is the key of a text.
-    """
+    """Report of the comparison: figures by machine, or ``why_not``, the key of a text."""
 
     machines: Machines | None
     why_not: str = ""
@@ -176,17 +173,7 @@ def changes(
     before: MachineFigures, now: MachineFigures, notes: Mapping[str, ChangeNote],
     say: Texts = ENGLISH,
 ) -> list[Change]:  # fmt: skip
-    """Differences between two sets of key figures of one machine.
-
-    Parameters
-    ----------
-    before, now : MachineFigures
-        Of the earlier report and of this one.
-    notes : mapping of str to callable
-        By sub-model: what a change of one of its parameters means.
-    say : Texts
-        Language of the words.
-    """
+    """Changes of a machine's key figures; ``notes`` gives the meaning of a parameter's change."""
     found = []
     for key in dict.fromkeys([*now.figures, *before.figures]):
         old, new = before.figures.get(key), now.figures.get(key)

@@ -1,4 +1,4 @@
-"""Section on corrected commands: what the shop floor made of them, before and after."""
+"""Section on corrected commands: following errors on the shop floor before and after."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,14 +13,11 @@ MADE_FROM = "both commands of each program, driven on the simulated shop floor"
 MOVES_UM = 1.0
 """Following error of an axis that moves in cuts, RMS [um]; less is that of one that stands."""
 PLACES = {"measured": "at the loop’s sensor", "carriage": "at the carriage"}
-"""Where the error is taken: at the sensor that closes the loop, and where the axis truly is."""
+"""Place of the error: at the sensor that closes the loop, and at the carriage itself."""
 
 
 def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | None:
-    """Following error of each axis with the command as planned and as corrected.
-
-    The JSON of the shop floor's drives is at ``path``; there is no section without it.
-    """
+    """Following error of each axis with the command as planned and as corrected, from the JSON."""
     if path is None:
         return None
     document = shelf.document(path, MADE_FROM)
@@ -49,7 +46,7 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
 
 
 def _gain(programs: dict[str, Any]) -> Iterator[str]:
-    """What is left of the following error of axes that move in cuts."""
+    """Remaining following error of axes that move in cuts."""
     in_cuts = [
         axis["measured"].get("cutting", axis["measured"])
         for one in programs.values()
@@ -67,7 +64,7 @@ def _gain(programs: dict[str, Any]) -> Iterator[str]:
 
 
 def _rapids(programs: dict[str, Any]) -> Iterator[str]:
-    """What becomes of rapids, and a warning where the path as a whole is further off."""
+    """Effect on rapids, and a warning where the path as a whole is further off."""
     yield (
         "Rapids are commanded as planned, since their axes are at their limits: the correction "
         "fades out after a cut and in before the next, for all axes at the same time."
@@ -83,7 +80,6 @@ def _rapids(programs: dict[str, Any]) -> Iterator[str]:
 
 
 def _share(part: float) -> str:
-    """In percent; what grew as that, above 100."""
     return percent(part, 1.0) if part <= 1 else f"{100 * part:.0f}{NARROW}%"
 
 

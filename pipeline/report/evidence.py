@@ -31,17 +31,17 @@ class EvidencePage:
     """Body of a page on one subject of a machine: a sub-model, its programs, its records."""
 
     subject: str
-    """Of :func:`~pipeline.report.folders.evidence_page`."""
+    """Subject of :func:`~pipeline.report.folders.evidence_page`."""
     title: str
-    """For people."""
+    """Title for readers."""
     state: StateLine | None = None
-    """What was judged; None where nothing is."""
+    """State of what was assessed; None where nothing was."""
     key_figures: list[tuple[str, str, str]] = field(default_factory=list)
     """Name, value, aside."""
     notes: list[str] = field(default_factory=list)
-    """What else is to be known."""
+    """Further notes."""
     sections: list[Section] = field(default_factory=list)
-    """In the order in which they are read."""
+    """Sections in reading order."""
     pages: list[tuple[str, str]] = field(default_factory=list)
     """Address and title of pages below this one: those of the programs."""
 
@@ -128,7 +128,7 @@ def _missing_section(facts: MachineFacts) -> Section | None:
 
 
 def _asked(record: str, logged: tuple[str, ...]) -> str:
-    """What to record, and what of it the log holds already."""
+    """Record that is needed, and the part of it that the log holds already."""
     held = already(record, logged)
     return f"{record.rstrip('.')}. Logged already: {joined(held)}." if held else record
 
@@ -155,8 +155,8 @@ def _truth_section(facts: MachineFacts) -> Section:
 
 
 Counted = tuple[str, int, int | None]
-"""What was counted, how often it is there, and how often it was found."""
-FOUND: tuple[Column[Counted], ...] = (
+"""Counted item, its true number, and the number read."""
+COUNT_COLUMNS: tuple[Column[Counted], ...] = (
     Column("Quantity", lambda row: row[0]),
     Column("true", lambda row: number(row[1]), ""),
     Column("found", lambda row: number(row[2]), ""),
@@ -181,7 +181,7 @@ def _records_truth_table(facts: MachineFacts, truth: Truth) -> Table | None:
     ]  # fmt: skip
     rows = [(what, true, found) for what, true, found in lines if true is not None]
     caption = "What was simulated against what was found"
-    return tabulated(caption, rows, FOUND, sources(facts.shelf, truth.path))
+    return tabulated(caption, rows, COUNT_COLUMNS, sources(facts.shelf, truth.path))
 
 
 def _difference(true: int, seen: int | None) -> str:
@@ -270,7 +270,6 @@ ORIGINS: tuple[Column[tuple[str, SourceFile]], ...] = (
 
 
 def _provenance_table(shelf: SourceRegistry) -> Table | None:
-    """Every file that this page was made from."""
     used = sorted(shelf.used.values(), key=lambda s: s.path)
     caption = f"Every file that this page was made from ({number(len(used))})"
     return tabulated(caption, used, USED, folded=True)

@@ -1,4 +1,4 @@
-"""Facts about one machine, gathered once; everything on its page is made from them."""
+"""Facts about one machine, the input of its page."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -38,7 +38,7 @@ class TrueCounts:
 
 @dataclass(frozen=True, kw_only=True)
 class TrueCycle:
-    """One simulated cycle: whether the log shows its start and its end."""
+    """Simulated cycle: whether the log shows its start and its end."""
 
     start_seen: bool = True
     end_seen: bool = True
@@ -62,7 +62,7 @@ class Truth:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineFacts:
-    """One machine: its folders, the content of its files, and which files those were."""
+    """Facts of a machine: its folders, the content of its files, and their sources."""
 
     folders: MachineFolders
     shelf: SourceRegistry
@@ -114,7 +114,7 @@ class MachineFacts:
 
     @property
     def silence(self) -> float | None:
-        """By how much [s] the log ends before other live sources; None where it does not.
+        """Time by which the log ends before other live sources [s]; None where it does not.
 
         A machine whose agent says at the end that it is unavailable is off, not silent.
         """
@@ -179,7 +179,7 @@ def _truth(folders: MachineFolders, shelf: SourceRegistry) -> Truth | None:
 
 
 def _day_uses(models: list[ModelledPart], golden: GoldenSets | None) -> dict[str, str]:
-    """For which models each day served, in words."""
+    """Models that each day served, in words."""
     learn = {case.group for one in models if one.model is not None for case in one.model.trained_on}
     judge = set() if golden is None or golden.golden is None else set(_days(golden.golden.days))
     for one in models:
@@ -199,10 +199,7 @@ WORD = re.compile(r"[a-z]+")
 
 
 def absent_items(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, list[str]]:
-    """Data items that the machine's file names and no record has, each with those called like it.
-
-    From ``summary.json`` of cleaning; one that cannot be read is told, not raised.
-    """
+    """Data items of the machine's file without a record, each with similar names, by cleaning."""
     path = folders.clean / "summary.json"
     summary = shelf.document(path, "data/signals observations, by cleaning") or {}
     absent, near = summary.get("absent", []), summary.get("near", {})
@@ -236,7 +233,7 @@ def _is_number(kind: object) -> bool:
 
 
 def already(wanted: str, signals: tuple[str, ...]) -> list[str]:
-    """Of ``signals`` those that the sentence ``wanted`` asks for: it has every word of the name."""
+    """Signals in the sentence ``wanted``: it has every word of the name."""
     asked = {_singular(word) for word in WORD.findall(wanted.lower())}
     found = [name for name in signals if {_singular(w) for w in name.lower().split("_")} <= asked]
     return [name.replace("_", " ") for name in found]

@@ -17,7 +17,7 @@ MOST_NAMES = 12
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRow:
-    """One machine: its verdict, its first action, its group and the end of its records."""
+    """Row of a machine: its verdict, its first action, its group and the end of its records."""
 
     folders: MachineFolders
     verdict: MachineVerdict
@@ -61,7 +61,7 @@ def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> Fleet
 
 
 def group_of(verdict: MachineVerdict) -> str:
-    """Key of the group that a machine belongs to, by the most urgent of what it asks for."""
+    """Key of the group that a machine belongs to, by its most urgent action."""
     actions = [row.action for row in verdict.actions]
     if verdict.twin.status == "unknown" and all(one.who not in AT_MACHINE for one in actions):
         return "unknown"

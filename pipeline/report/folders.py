@@ -1,4 +1,4 @@
-"""Folders of a machine that its page is made of, and the state of the project."""
+"""Folders of a machine as input of its page, and the state of the project."""
 
 import re
 from collections.abc import Iterable
@@ -24,7 +24,7 @@ class MachineFolders:
     golden: Path
     """File ``data/golden/<machine>.json``; may be absent."""
     origin: Literal["simulated", "recorded"]
-    """Where the records come from; simulated results are labelled wherever they stand."""
+    """Origin of the records; simulated results are labelled wherever they stand."""
     submodels: tuple[str, ...] = ()
     """Sub-models that the machine has records for, in the order of its page."""
     truth: Path | None = None
@@ -40,11 +40,11 @@ class MachineFolders:
     corrected: Path | None = None
     """JSON of corrected commands driven on the simulated shop floor; None where none were."""
     description: str = ""
-    """What machine it is, in a sentence."""
+    """Description of the machine in a sentence."""
     credit: str = ""
     """Whose recording it is; shown wherever results on it are shown."""
     missing: tuple[tuple[str, str], ...] = ()
-    """What the machine has no records of, and what to record."""
+    """Missing records of the machine, and what to record."""
 
     def __post_init__(self) -> None:
         if not NAME.fullmatch(self.name) or self.name == "index":
@@ -66,11 +66,11 @@ class FleetInfo:
     """Name of the fleet."""
     git_commit: str | None = None
     params_sha256: str | None = None
-    """State of the code and of params.yaml that the results come from; None when not known."""
+    """State of the code and of params.yaml that the results come from; None without it."""
     budget: str = "default"
     """Name of the budget that the stages ran under."""
     notes: tuple[str, ...] = ()
-    """What that budget cut short, or anything else that every reader must know."""
+    """Remarks on the budget's cuts, or anything else that every reader must see."""
     versions: dict[str, str] = field(default_factory=dict)
     """Versions of the libraries that the numbers depend on."""
 

@@ -1,4 +1,4 @@
-"""Page of one machine for its maintenance lead: what is to be done, and what may be trusted."""
+"""Page of one machine for its maintenance lead: actions, and trust in the twin."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -26,27 +26,17 @@ MOST_CHANGES = 6
 
 @dataclass(frozen=True, kw_only=True)
 class LeadPage:
-    """One machine for its maintenance lead.
-
-    Parameters
-    ----------
-    folders : MachineFolders
-        Of the machine.
-    verdict : MachineVerdict
-        Its condition, its twin, and what is to be done.
-    scorecard : list of Line
-        What the twin may be trusted for.
-    sections : list of Section
-        Changes, alarms, time, last records.
-    pages : list of (str, str)
-        File and title, in English, of each page of evidence.
-    """
+    """Page of a machine for its maintenance lead."""
 
     folders: MachineFolders
     verdict: MachineVerdict
+    """Condition of the machine, its twin, and what is to be done."""
     scorecard: list[Line]
+    """Trust in the twin, by sub-model."""
     sections: list[Section] = field(default_factory=list)
+    """Changes, alarms, time, last records."""
     pages: list[tuple[str, str]] = field(default_factory=list)
+    """File and title, in English, of each page of evidence."""
     most_actions: int = MOST_ACTIONS
 
 
@@ -54,21 +44,7 @@ def lead_page(
     facts: MachineFacts, verdict: MachineVerdict, evidence: list[EvidencePage],
     changes: list[Change], why_none: str, *, since: str, say: Texts,
 ) -> LeadPage:  # fmt: skip
-    """The lead's page of one machine.
-
-    Parameters
-    ----------
-    facts, verdict, evidence
-        Of the machine.
-    changes : list of Change
-        Since the last report.
-    why_none : str
-        Why there are none.
-    since : str
-        Which report they are changes of, as the end of a title.
-    say : Texts
-        Language of the page.
-    """
+    """The lead's page of one machine; ``since`` names the report that changes are held against."""
     name = facts.folders.name
     sections = [
         lead_alarms(facts.alarms, say),
@@ -112,7 +88,7 @@ KINDS = ("cut", "air", "warm_up")
 
 @dataclass(frozen=True, kw_only=True)
 class Use:
-    """One use of the time: its name, its seconds, the whole that it is a share of."""
+    """Use of the time: its name, its seconds, the whole that it is a share of."""
 
     name: str
     seconds: float | None
@@ -177,7 +153,7 @@ MOST_SOURCES = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Origin:
-    """One source: its files, its last record [s] since 1970 (None without a clock)."""
+    """Source: its files, its last record [s] since 1970 (None without a clock)."""
 
     name: str
     files: int

@@ -65,37 +65,17 @@ def write_report(
     *,
     say: Texts = ENGLISH,
 ) -> list[Path]:
-    """Write the pages of a fleet and ``out/report.json``.
+    """Write the pages of a fleet and ``out/report.json``, and return every page.
 
     Those are ``index.html``, ``<machine>.html`` for its lead, and for the evidence
     ``<machine>_<sub-model>.html``, ``<machine>_programs.html``, ``<machine>_records.html`` and for
     each part program ``<machine>_program_<name>.html``.
 
-    Parameters
-    ----------
-    machines : list of MachineFolders
-        The fleet; files that are absent are reported, not raised.
-    fleet : FleetInfo
-        State of the project.
-    previous : Path or None
-        ``report.json`` of the last report, or its folder; it may be the one in ``out``.  Written
-        again with nothing changed, the pages are the same bytes.
-    out : Path
-        Folder of the report; made when it does not exist.
-    metrics : Path or None
-        File of the report's metrics.
-    say : Texts
-        Language of the fleet's and the leads' pages; those of evidence are in English.
-
-    Returns
-    -------
-    list of Path
-        Every page.
-
-    Raises
-    ------
-    ValueError
-        When two machines have the same name, or two pages would.
+    Files of ``machines`` that are absent are reported, not raised. ``previous`` is the
+    ``report.json`` of the last report, or its folder, which may be ``out``; written again with
+    nothing changed, the pages are the same bytes. ``metrics`` is the file of the report's metrics.
+    The fleet's and the leads' pages are in the language of ``say``, those of evidence in English.
+    ValueError when two machines have the same name, or two pages would.
     """
     names = [m.name for m in machines]
     double = sorted({n for n in names if names.count(n) > 1})

@@ -15,7 +15,7 @@ from pipeline.report.optimised.tables import AIMS, aim
 from pipeline.schema.part import OptimisedPart, Side, TrialCuts, TrialPart
 
 WORTH = 1.0  # percent less: below it nobody changes a program that runs
-SURE = 0.05  # chance of a load above its limit: with more nobody is told to load a program
+OVERLOAD_CHANCE = 0.05  # of a load above its limit: with more no program is called loadable
 MODELS = "the program, its part in conf/machine and the machine’s models"
 WHAT = (
     "F and S of each block were chosen again, inside the limits of the part; every other byte of "
@@ -28,14 +28,14 @@ CUT = "the programs before and after, cut on the simulated shop floor"
 
 @dataclass(frozen=True, kw_only=True)
 class PartProgram:
-    """One part program, before and after."""
+    """Part program, before and after."""
 
     label: str
     """Label of its files."""
     part: OptimisedPart
-    """As it is stored."""
+    """Stored document of the optimised program."""
     path: Path
-    """Of that document; the optimised program lies beside it."""
+    """Path of that document; the optimised program lies beside it."""
     cut: TrialPart | None = None
     """Trial cuts of both on the simulated shop floor; None where nothing was cut."""
 
@@ -51,7 +51,7 @@ class PartProgram:
 
     @property
     def inside(self) -> bool:
-        """Whether no block is known to pass a limit."""
+        """Whether no block exceeds a limit."""
         return not self.part.after.beyond
 
     @property
@@ -63,7 +63,7 @@ class PartProgram:
 
     @property
     def limit(self) -> float | None:
-        """Of the load [N]."""
+        """Limit of the load [N]."""
         return self.part.load_limit_N
 
     @property
@@ -100,7 +100,7 @@ class PartPrograms:
 
     @property
     def seconds(self) -> tuple[float, float] | None:
-        """Of all programs together, before and after [s]; None where one is not known."""
+        """Time of all programs together, before and after [s]; None where one is missing."""
         pairs = [(one.part.before.time_s, one.part.after.time_s) for one in self.programs]
         known = [(a, b) for a, b in pairs if a is not None and b is not None]
         if not known or len(known) < len(pairs):
@@ -122,39 +122,39 @@ def part_programs(folders: MachineFolders, shelf: SourceRegistry) -> PartProgram
     return PartPrograms(programs=programs, trial=folders.trial if trial is not None else None)
 
 
-def loadable(found: PartPrograms) -> list[PartProgram]:
+def loadable(parts: PartPrograms) -> list[PartProgram]:
     """Optimised programs that are worth a look, the greatest gain first."""
-    worth = [one for one in found.programs if is_worth_loading(one)]
+    worth = [one for one in parts.programs if is_worth_loading(one)]
     return sorted(worth, key=lambda one: -(one.gain or 0.0))
 
 
 def is_worth_loading(one: PartProgram) -> bool:
     """Whether it gains enough, is proved, inside its limits, and no trial cut speaks against it."""
-    sure = one.proved and not one.overloaded and (one.epsilon or 0.0) <= SURE
+    sure = one.proved and not one.overloaded and (one.epsilon or 0.0) <= OVERLOAD_CHANCE
     return sure and one.inside and (one.gain or 0.0) >= WORTH
 
 
-def refused(found: PartPrograms) -> list[PartProgram]:
+def refused(parts: PartPrograms) -> list[PartProgram]:
     """Programs that must not be loaded: not proved, or too often beyond the limit when cut."""
-    return [one for one in found.programs if not one.proved or one.overloaded]
+    return [one for one in parts.programs if not one.proved or one.overloaded]
 
 
-def part_key_figures(found: PartPrograms) -> list[tuple[str, str, str]]:
-    """By how much all programs together are shorter; nothing without any."""
-    seconds = found.seconds
+def part_key_figures(parts: PartPrograms) -> list[tuple[str, str, str]]:
+    """Saving of time of all programs together; nothing without any."""
+    seconds = parts.seconds
     if seconds is None or not seconds[0]:
         return []
     change = 100 * (seconds[1] / seconds[0] - 1)
     return [("Time of part programs", f"{signed(change)} %",
-             f"predicted, of {counted(len(found.programs), 'program')}")]  # fmt: skip
+             f"predicted, of {counted(len(parts.programs), 'program')}")]  # fmt: skip
 
 
-def part_changes(found: PartPrograms) -> dict[str, float | int | None]:
+def part_changes(parts: PartPrograms) -> dict[str, float | int | None]:
     """Entries of ``report.json``; none for a machine without any."""
-    if not found.programs:
+    if not parts.programs:
         return {}
-    before, after = found.seconds or (None, None)
-    return {"parts": len(found.programs), "parts_before_s": before, "parts_after_s": after}
+    before, after = parts.seconds or (None, None)
+    return {"parts": len(parts.programs), "parts_before_s": before, "parts_after_s": after}
 
 
 def part_programs_section(parts: PartPrograms, shelf: SourceRegistry) -> Section | None:

@@ -139,7 +139,7 @@ def trial_table(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -
 
 
 def trial_time_error(part: PartProgram) -> float | None:
-    """By how much the predicted time of the optimised program is wrong [%]."""
+    """Error of the predicted time of the optimised program [%]."""
     predicted = part.part.after.time_s
     cut = None if part.cut is None else part.cut.after.time_s.mean
     return None if predicted is None or not cut else 100 * (predicted / cut - 1)

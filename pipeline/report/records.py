@@ -32,19 +32,19 @@ RULES = {
     "counter": "a counter that does not fit its neighbours",
     "not_a_number": "a word where a number belongs",
 }
-"""Meaning of the rules of cleaning, for people."""
+"""Meaning of the rules of cleaning, in words."""
 CAUSES = {
     "unavailable": "the agent said UNAVAILABLE",
     "silence": "nothing was said for too long",
     "instance": "the agent was restarted",
     "sequence": "the agent’s buffer was overrun",
 }
-"""Meaning of the causes of gaps, for people."""
+"""Meaning of the causes of gaps, in words."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileRead:
-    """One raw file by its entry in the manifest; counts are of records, None when not known."""
+    """Raw file by its entry in the manifest; counts are of records, None when missing."""
 
     sha256: str = ""
     format: str = ""
@@ -58,7 +58,7 @@ class FileRead:
 
     @property
     def faults(self) -> list[str]:
-        """What its table itself shows to be wrong: stamps, jumps, held values, early ends."""
+        """Faults in its table itself: stamps, jumps, held values, early ends."""
         counts = {"repeated_stamps": "repeat the time stamp before them",
                   "clock_backwards": "lie before the row above"}  # fmt: skip
         said = [f"{self.notes[k]['count']} rows {w}" for k, w in counts.items() if k in self.notes]
@@ -77,10 +77,7 @@ class FileRead:
 
 @dataclass(frozen=True, kw_only=True)
 class Reason:
-    """Why records were rejected, how often, and the first of them as an example.
-
-    Reasons that differ only in the text that they quote are one reason.
-    """
+    """Reason of rejection, its count and first example; quoted text is left out of it."""
 
     reason: str
     count: int
@@ -106,10 +103,7 @@ class Gap:
 
 @dataclass(frozen=True, kw_only=True)
 class Changed:
-    """Values of a data item that a rule of cleaning removed or changed, ``last`` at [ns, 1970].
-
-    ``where`` is the part of the machine, as its Devices document says.
-    """
+    """Values changed by a cleaning rule, ``last`` at [ns, 1970], of the component ``where``."""
 
     rule: str
     item: str
@@ -120,33 +114,19 @@ class Changed:
 
 @dataclass(frozen=True, kw_only=True)
 class RecordsRead:
-    """Records of a machine; a field is None where the file that it stands in is absent.
-
-    Parameters
-    ----------
-    folders : MachineFolders
-        Of the machine.
-    shelf : SourceRegistry
-        Through which its files are read.
-    files : mapping of str to FileRead, or None
-        Raw files by name.
-    reasons : list of Reason, or None
-        Of rejections, the most frequent first.
-    changes : list of Changed, or None
-        What cleaning removed or changed; the most frequent first.
-    gap_causes : list of (str, int, float), or None
-        Cause, number of gaps, longest [s].
-    longest_gaps, losses : list of Gap
-        The ten longest, and the ten longest that the machine did not announce.
-    """
+    """Records of a machine; a field is None where the file that it stands in is absent."""
 
     folders: MachineFolders
     shelf: SourceRegistry
     files: Mapping[str, FileRead] | None
     reasons: list[Reason] | None
+    """Reasons of rejections, the most frequent first."""
     changes: list[Changed] | None
+    """Removals and changes by cleaning, the most frequent first."""
     gap_causes: list[tuple[str, int, float]] | None
+    """Cause, number of gaps, longest [s]."""
     longest_gaps: list[Gap]
+    """The ten longest gaps."""
     losses: list[Gap]
     unavailable_since: float | None = None
 
@@ -260,7 +240,7 @@ def _reasons(folders: MachineFolders, shelf: SourceRegistry) -> list[Reason] | N
 
 
 def _changes(folders: MachineFolders, shelf: SourceRegistry) -> list[Changed] | None:
-    """What cleaning removed or changed, the most frequent first."""
+    """Removals and changes by cleaning, the most frequent first."""
     path = folders.clean / "audit.parquet"
     table = shelf.table(path, ("data_item", "rule", "time"), CLEANED)
     if table is None:
@@ -294,7 +274,6 @@ def components(folders: MachineFolders, shelf: SourceRegistry) -> Mapping[str, t
 
 
 def _component(kind: str, name: str) -> str:
-    """A component by its type and its name, said once where they are one word."""
     return kind if kind.casefold() == name.casefold() else f"{kind} {name}".strip()
 
 

@@ -1,4 +1,4 @@
-"""What the twin may be trusted for: one row for each sub-model, from its verdict alone.
+"""Trust in the twin: a row for each sub-model, from its verdict alone.
 
 The figure of a row is the error that takes the largest share of its limit.
 """
@@ -26,7 +26,7 @@ class WorstError:
     """An error that has a limit."""
 
     score: Score
-    """That it is of."""
+    """Score with the error."""
     name: str
     """Name of the error, as the score has it."""
     value: float
@@ -37,7 +37,7 @@ class WorstError:
 
     @property
     def words(self) -> str:
-        """Which error it is."""
+        """Name of the error."""
         key = f"error.{self.name}"
         if self.say.has(key):
             return self.say(key)
@@ -107,14 +107,14 @@ def baseline_words(name: str, say: Texts = ENGLISH) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Counts:
-    """The one figure of a sub-model that counts, in words; empty where it is not known."""
+    """The one figure of a sub-model that counts, in words; empty without one."""
 
     what: str
     value: str
-    """Of the figure."""
+    """Value of the figure."""
     limit: str = ""
     baseline: str = ""
-    """What it is held against."""
+    """Baseline of the comparison."""
     interval: str = ""
     """Share of samples that the 90 % prediction interval holds."""
     passed_limit: bool = False
@@ -126,7 +126,7 @@ class Counts:
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One row of the scorecard."""
+    """Row of the scorecard."""
 
     title: str
     status: str
@@ -188,7 +188,7 @@ def _also(*words: str) -> str:
 
 
 def _bias(worst: WorstError, say: Texts) -> str:
-    """How far predictions lie to one side, where that is much of the error; else empty."""
+    """Bias of the predictions, where it is a large part of the error; else empty."""
     bias, rmse = worst.score.bias, worst.score.rmse
     if bias is None or not rmse or abs(bias) < ONE_SIDED * rmse or worst.name == "bias":
         return ""

@@ -7,7 +7,7 @@ from pipeline.report.texts import languages
 
 @dataclass(frozen=True, kw_only=True)
 class ReportSettings:
-    """How the pages of the fleet and of its machines are written."""
+    """Settings of the pages of the fleet and of its machines."""
 
     language: str = "en"
     """Language of the fleet's and the leads' pages, by the name of its file in

@@ -54,13 +54,13 @@ class StandalonePage:
 
     @property
     def script_hash(self) -> str:
-        """Of the script, as a Content-Security-Policy names it."""
+        """Hash of the script in the form of a Content-Security-Policy."""
         digest = sha256((self.script or "").encode()).digest()
         return f"sha256-{b64encode(digest).decode()}"
 
 
 def verdicts_section(models: Sequence[UsedModel]) -> Section | None:
-    """What was judged, the gravest first; it stands before all other sections."""
+    """Verdicts, the gravest first; they stand before all other sections."""
     if not models:
         return None
     return Section(
@@ -83,10 +83,7 @@ def _first_up(text: str) -> str:
 
 
 def renderer(say: Texts = ENGLISH) -> Callable[..., str]:
-    """Function of a template's name and its variables that gives HTML; all text is escaped.
-
-    Templates take their own words from ``say``, by that name.
-    """
+    """HTML renderer by template name and variables; escapes text, own words from ``say``."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(

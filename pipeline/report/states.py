@@ -1,4 +1,4 @@
-"""State of a machine and of its twin, and rows of what is to be done, as the pages show them."""
+"""State of a machine and of its twin, and rows of actions, as the pages show them."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -13,17 +13,14 @@ NOW = "now"
 
 @dataclass(frozen=True, kw_only=True)
 class ActionRow:
-    """An action with the page that shows why; ``href`` is empty where none does.
-
-    ``english`` names the fields of the action that a sub-model wrote, in English.
-    """
+    """Action with the page that shows why, ``href`` if any; ``english`` names English fields."""
 
     action: Action
     href: str = ""
     english: tuple[str, ...] = ()
 
     def until(self, say: Texts) -> str:
-        """By when, in words."""
+        """Deadline, in words."""
         key = f"until.{self.action.until}"
         return say(key) if say.has(key) else say.given(self.action.until)
 
@@ -32,7 +29,7 @@ class ActionRow:
         return say(f"who.{self.action.who.replace(' ', '_')}")
 
     def where(self, say: Texts) -> str:
-        """Where, in words."""
+        """Place, in words."""
         return say.given(self.action.where)
 
 
@@ -68,7 +65,7 @@ class MachineVerdict:
 
 
 def passed_words(passed: int, of: int, say: Texts) -> str:
-    """How many sub-models passed."""
+    """Number of sub-models that passed, in words."""
     if passed == of:
         return say("twin.all_passed", count=passed)
     return say("twin.some_passed", passed=passed, all=of)

@@ -21,7 +21,7 @@ JUDGED = "the model and records that it was not fitted on"
 
 @dataclass(frozen=True, kw_only=True)
 class ModelledPart:
-    """One sub-model of a machine: its name, its title, its files, its page."""
+    """Sub-model of a machine: its name, its title, its files, its page."""
 
     name: str
     title: str
@@ -87,7 +87,7 @@ class Serving:
     path: Path
     """Path of the champion's bundle."""
     bundle: Bundle
-    """What serves."""
+    """Bundle that serves."""
     older: tuple[str, ...]
     """Sub-models of which the champion and the latest are not the same model."""
 

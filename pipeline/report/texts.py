@@ -41,10 +41,8 @@ class Texts:
     def __call__(self, key: str, count: int | None = None, **fields: object) -> str:
         """The text of ``key`` with its fields filled in; ``count`` chooses the form and is a field.
 
-        Raises
-        ------
-        ValueError
-            When the language has no such text, or the text asks for a field that is not given.
+        ValueError when the language has no such text, or the text asks for a field that is not
+        given.
         """
         entry = self.entries.get(key)
         if entry is None:
@@ -149,10 +147,8 @@ def languages() -> tuple[str, ...]:
 def texts(language: str) -> Texts:
     """The texts of a language, read once.
 
-    Raises
-    ------
-    ValueError
-        When there is no such language, or its file lacks a text or a field of the English one.
+    ValueError when there is no such language, or its file lacks a text or a field of the English
+    one.
     """
     if language not in languages():
         raise ValueError(
@@ -176,22 +172,19 @@ def _entries(table: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, E
             yield from _entries(value, f"{above}{name}.")
 
 
-def check_like(found: Texts, model: Texts) -> None:
+def check_like(translation: Texts, model: Texts) -> None:
     """Refuse texts that lack a key or a field of ``model``, or have others.
 
-    Raises
-    ------
-    ValueError
-        With the file, the key and the field.
+    ValueError with the file, the key and the field.
     """
-    file = f"languages/{found.language}.toml"
-    for key in sorted(set(model.entries) ^ set(found.entries)):
+    file = f"languages/{translation.language}.toml"
+    for key in sorted(set(model.entries) ^ set(translation.entries)):
         lacks = key in model.entries
         raise ValueError(
             f"{file} {'lacks' if lacks else 'has'} the text {key!r}, which languages/"
             f"{model.language}.toml {'has: add it' if lacks else 'lacks: remove it'}"
         )
-    for key, entry in found.entries.items():
+    for key, entry in translation.entries.items():
         fields, wanted = fields_of(entry), fields_of(model.entries[key])
         if fields != wanted:
             raise ValueError(

@@ -1,4 +1,4 @@
-"""State of a machine and of its twin: two lines, what to do, and what else is to be known.
+"""State of a machine and of its twin: two lines, actions, further observations.
 
 The twin is what its judge says of its sub-models.  The machine's own condition is another thing:
 no model here assesses it, so it is "not assessed yet", whatever the twin passes.
@@ -80,7 +80,7 @@ def _judged(facts: MachineFacts) -> tuple[list[Judged], list[Judged]]:
 def _twin(
     facts: MachineFacts, counting: list[Judged], beside: list[Judged], grave: list[str], say: Texts
 ) -> StateLine:
-    """How many sub-models may be trusted, and those that may not."""
+    """Number of trusted sub-models, and those that may not be trusted."""
     if not counting:
         known = "no_verdict" if facts.models else "no_submodel"
         unread = "nothing_read" if facts.records.files is None else known
@@ -99,7 +99,7 @@ def _twin(
 
 
 def _twin_word(judged: list[Judged], say: Texts) -> str:
-    """How many passed of those in the table; of one alone its verdict."""
+    """Number of those in the table that passed; of one alone its verdict."""
     if len(judged) == 1:
         one, verdict = judged[0]
         words = say(f"verdict.{verdict.status}")
@@ -109,7 +109,7 @@ def _twin_word(judged: list[Judged], say: Texts) -> str:
 
 
 def _not_passed(counting: list[Judged], say: Texts) -> list[str]:
-    """Those that did not pass, as one sentence; none where all passed."""
+    """Sub-models that did not pass, as one sentence; none where all passed."""
     words = []
     for status in NOT_PASSED:
         titles = [say.given(one.title) for one, v in counting if v.status == status]
@@ -168,7 +168,7 @@ def _rejected_much(facts: MachineFacts) -> bool:
 
 
 def machine_notes(facts: MachineFacts, say: Texts = ENGLISH) -> list[str]:
-    """What else is unusual, most important first; for the page of the records."""
+    """Further observations, most important first; for the page of the records."""
     doubts = [words for page in facts.pages for words in page.doubts]
     said = [words for page in facts.pages for words in page.notes]
     said += _serving(facts, say)
@@ -187,7 +187,7 @@ def machine_notes(facts: MachineFacts, say: Texts = ENGLISH) -> list[str]:
 
 
 def _serving(facts: MachineFacts, say: Texts) -> list[str]:
-    """What of the champion failed or was not judged."""
+    """Sub-models of the champion that failed or were not judged."""
     if facts.serving is None:
         return []
     said = []

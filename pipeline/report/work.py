@@ -27,7 +27,7 @@ STATES = "data/clean state table"
 
 @dataclass(frozen=True, kw_only=True)
 class Day:
-    """One day of the clean state table."""
+    """Day of the clean state table."""
 
     day: str
     """ISO date of the plant."""
@@ -38,11 +38,10 @@ class Day:
     speed_known: float | None
     """Time that the spindle runs, is held by its position loop, has a known speed [s]."""
     runs: list[tuple[str, int, int]]
-    """When it was in which state, most frequent state of each bin."""
+    """Runs of states, the most frequent state of each bin."""
     speed: np.ndarray
     held: np.ndarray
-    """Mean speed [rev/min] and share of the time under position control [1] in each bin, NaN where
-    not known."""
+    """Mean speed [rev/min] and share of the time under position control [1] in each bin."""
     kinds: dict[str, float] = field(default_factory=dict)
     """Time in each kind of segment [s]."""
 
@@ -64,7 +63,7 @@ class Day:
 
 @dataclass(frozen=True, kw_only=True)
 class Cycle:
-    """One cycle; times in nanoseconds since 1970, ``running`` the share that the spindle runs."""
+    """Cycle; times in nanoseconds since 1970, ``running`` the share that the spindle runs."""
 
     program: str
     part: str
@@ -174,10 +173,7 @@ def periods_of(days: list[str]) -> list[tuple[str, str]]:
 
 
 def work(folders: MachineFolders, shelf: SourceRegistry, prefix: str = "") -> Work:
-    """Days and cycles from the state table, the segments and the cycles.
-
-    ``prefix`` says which spindle is meant, as in the canonical names (``second_``).
-    """
+    """Days and cycles from stored tables; ``prefix`` selects the spindle (``second_``)."""
     files, days = sorted((folders.clean / "state").glob("*.parquet")), []
     zone = zone_of(folders.clean)
     kinds = _kinds_by_day(folders, shelf, zone)
@@ -257,7 +253,7 @@ def _runs(execution: np.ndarray, place: np.ndarray) -> list[tuple[str, int, int]
 
 
 def _binned(values: np.ndarray, place: np.ndarray) -> np.ndarray:
-    """Mean of the known values in each bin, NaN in a bin without one."""
+    """Mean of the values in each bin, NaN in a bin without one."""
     good = np.isfinite(values)
     count = np.bincount(place[good], minlength=DAY // BIN).astype(float)
     total = np.bincount(place[good], weights=values[good], minlength=DAY // BIN)

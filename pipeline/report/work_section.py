@@ -35,10 +35,7 @@ STATE_CLASS = {
 
 
 def work_section(done: Work, uses: Mapping[str, str]) -> Section:
-    """States by day, when it ran, its days and cycles in tables.
-
-    ``uses`` says for which models a day served: "to learn", "to judge" or both.
-    """
+    """States by day, days and cycles in tables; ``uses``: "to learn", "to judge" or both."""
     if not done.worked_days:
         return Section(key="work", title=TITLE, text=[_nothing(done)])
     text = [_summary(done)]
@@ -144,7 +141,7 @@ def bars_figure(days: list[Day]) -> Markup:
 
 
 def strips_figure(days: list[Day]) -> Markup:
-    """When the machine was in which state: one strip a day, midnight to midnight."""
+    """States of the machine over time: one strip a day, midnight to midnight."""
     years = _years(days)
     parts = _hour_grid(len(days), [f"{h:02d}:00" for h in range(0, 25, 6)])
     for row, day in enumerate(days):
@@ -216,7 +213,7 @@ def _active(cycles: list[Cycle]) -> str:
 
 
 def _running(cycles: list[Cycle]) -> str:
-    """Share of the cycles in which the spindle runs, of those whose speed is known."""
+    """Share of the cycles in which the spindle runs, of those with a recorded speed."""
     known = [(c.running * c.seconds, c.seconds) for c in cycles if c.running is not None]
     return percent(sum(runs for runs, _ in known), sum(seconds for _, seconds in known))
 

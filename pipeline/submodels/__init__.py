@@ -1,4 +1,4 @@
-"""The sub-models of a machine: each identified from records, judged, registered and shown alike.
+"""Sub-models of a machine: each identified from records, judged, registered and shown alike.
 
 ``contract`` says what a sub-model is, ``cases`` what records are to it, ``judge`` how its
 predictions are held against what was measured.  A folder a sub-model: its identification, its

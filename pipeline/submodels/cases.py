@@ -23,7 +23,7 @@ ENDS = ("first", "last")
 
 @dataclass(frozen=True, kw_only=True)
 class Roles:
-    """Which records models are fitted on; all others are left out of every fit."""
+    """Selection of the training records; all others are left out of every fit."""
 
     training: tuple[str, ...] = ()
     """Patterns of raw files below the machine's folder."""
@@ -52,13 +52,7 @@ class Records:
 
     @property
     def files(self) -> Mapping[str, Mapping[str, Any]]:
-        """Entries of the ingest's manifest by raw file: ``sha256``, ``first``, ``last``, ….
-
-        Raises
-        ------
-        ValueError
-            When the manifest is missing or is none.
-        """
+        """Manifest of the raw files: ``sha256``, ``first``, ``last``, …; ValueError without one."""
         if self.manifest is not None:
             path = self.manifest
         elif self.signals is not None:
@@ -74,24 +68,24 @@ class Records:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Case:
-    """One thing that can be predicted and was measured."""
+    """Record of a quantity that can be predicted."""
 
     name: str
     """Name of the recording, run or day."""
     group: str
-    """What belongs together in splits and in the bootstrap: a day, a recording, a tool."""
+    """Group that stays together in splits and in the bootstrap: a day, a recording, a tool."""
     role: Role
-    """What it is for."""
+    """Role of the case."""
     files: tuple[SourceFile, ...]
     """Raw files, with the hashes of their bytes."""
     load: Callable[[], Any]
     """Its content, in the sub-model's own type."""
     conditions: Mapping[str, Fact] = field(default_factory=dict)
-    """Under which it was recorded: numbers with units, words."""
+    """Recording conditions: numbers with units, words."""
 
     @property
     def training(self) -> Training:
-        """What the model's file says of a training case."""
+        """Text of the model's file on a training case."""
         return Training(case=self.name, group=self.group, files=self.files)
 
 

@@ -37,7 +37,7 @@ from pipeline.schema.interval import Bands as Bands
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""
 MANY_GROUPS = 20
-"""Groups from which on their scatter is known: two of them lie outside of 90 % on average [1]."""
+"""Least number of groups with a scatter: two of them lie outside of 90 % on average [1]."""
 ALL_REGIMES = ""
 """Name of the band over all regimes, for samples of a regime that was not seen in training."""
 
@@ -50,8 +50,7 @@ class Residuals:
     """Errors of predictions of groups that the predicting model did not see."""
 
     error: Floats
-    """Measured minus predicted, in the unit of the quantity; what is not finite does not count;
-    shape (N,)."""
+    """Measured minus predicted, in the quantity's unit; not finite ones are skipped; (N,)."""
     regime: Labels
     group: Labels
     """Regime and group of each sample; shape (N,)."""
@@ -115,11 +114,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
     unless it is the only one: the band over all regimes serves it.
 
     ``alike`` are groups that are drawn alike, as days and tools are, and no kinds of their own.
-
-    Raises
-    ------
-    ValueError
-        When no residual is known.
+    ValueError without residuals.
     """
     known = residuals.where(np.isfinite(residuals.error))
     if not len(known.error):
@@ -143,7 +138,7 @@ def bands(residuals: Residuals, *, alike: bool = False) -> dict[str, Band]:
 
 
 def _fewest(groups: int) -> float:
-    """Groups that a regime needs for a band of its own."""
+    """Least number of groups of a regime with a band of its own."""
     return max(2, groups / 2)
 
 
@@ -165,10 +160,7 @@ def _quantiles(
 
 
 def _factor(size: Floats, regime: Ints, group: Ints, regimes: int) -> float:
-    """How much wider than the quantiles of the other groups a group of them needs its interval [1].
-
-    At least 1, also where the others have no error at all.
-    """
+    """Widening of the interval for a group against the quantiles of the others [1], at least 1."""
     over = np.empty(len(size))
     for k in range(int(group.max()) + 1):
         own = group == k
@@ -187,7 +179,7 @@ def _quantile(size: Floats, group: Ints) -> float:
 
 
 def _widest(size: Floats, group: Ints) -> float:
-    """The ceil(0.9 (K + 1))-th smallest of the 90 % quantiles of K groups, at most the greatest."""
+    """Value at rank ceil(0.9 (K + 1)) of the 90 % quantiles of K groups, at most the greatest."""
     own = np.sort([float(np.quantile(size[group == k], LEVEL)) for k in np.unique(group)])
     return float(own[min(int(np.ceil(LEVEL * (len(own) + 1) - 1e-9)), len(own)) - 1])
 
@@ -205,7 +197,7 @@ def interval(predicted: Floats, regime: Labels, bands: Bands) -> tuple[Floats, F
     """Low and high of the 90 % interval around predictions, each (N,).
 
     ``predicted`` in the unit of the bands; what the regime of each sample depends on has to be
-    known when the prediction is made.
+    available at the time of the prediction.
     """
     lower, upper = half_widths(regime, bands)
     return predicted - lower, predicted + upper
@@ -222,17 +214,12 @@ def adaptive(
     """Low and high of a 90 % interval that follows the errors of one group, each (N,).
 
     The half width at t is that of :func:`interval` times a factor of its regime.  The factor starts
-    at 1; each measured value that was known by t, that is of an earlier sample at least ``delay_s``
+    at 1; each measured value available by t, that is of an earlier sample at least ``delay_s``
     old, has raised it by 0.9 ``step`` when it lay outside the interval of its own time and lowered
     it by 0.1 ``step`` when it lay inside.  Nothing of t itself or later is looked at.
 
     Times t (N,) do not fall [s]; ``measured`` and ``predicted`` (N,) are in the unit of the bands,
-    NaN where nothing was measured, which changes no factor.
-
-    Raises
-    ------
-    ValueError
-        When the times fall.
+    NaN where nothing was measured, which changes no factor. ValueError when the times fall.
     """
     if (np.diff(t) < 0).any():
         at = int(np.argmax(np.diff(t) < 0)) + 1
@@ -255,7 +242,7 @@ def _size(error: Floats, lower: Floats, upper: Floats) -> Floats:
 def _factors(
     t: list[float], size: list[float], regime: list[int], settings: AdaptiveSettings
 ) -> Floats:
-    """Factor on the half width at each sample, from what was known by then, shape (N,)."""
+    """Factor on the half width at each sample, from values measured before, shape (N,)."""
     by_regime = [1.0] * (max(regime, default=0) + 1)
     up, down = LEVEL * settings.step, (1 - LEVEL) * settings.step
     found = [1.0] * len(t)
@@ -282,12 +269,8 @@ def chosen_step(
     weighs the same.
 
     ``residuals`` are of training groups only; a step of 0 is an interval that does not adapt; a
-    measured value is known ``delay_s`` after its time [s].
-
-    Raises
-    ------
-    ValueError
-        When there is no step to choose from.
+    measured value is available ``delay_s`` after its time [s]. ValueError when there is no step to
+    choose from.
     """
     if not steps:
         raise ValueError("there is no step to choose from: name one at least, 0 for none")

@@ -1,4 +1,4 @@
-"""The contract of a sub-model: what it reads, what it predicts, how it is fitted and loaded.
+"""Interface of a sub-model: its records, predictions, fit and stored model.
 
 A sub-model is a folder of this room whose module ``submodel`` holds one object ``SUBMODEL``.  Its
 stages ``identify_<name>`` and ``judge_<name>``, the registry and the report know no more of it.
@@ -28,7 +28,7 @@ M = TypeVar("M", bound=Model)
 
 @dataclass(frozen=True, kw_only=True)
 class Input:
-    """A signal that a prediction looks at, and since when it is known."""
+    """Input signal of a prediction, and the age of its measurements."""
 
     name: str
     unit: str
@@ -44,7 +44,7 @@ class Target:
 
     quantity: str
     unit: str
-    """What and in which unit."""
+    """Quantity and unit."""
     regime: str = ""
     """Regime of the prediction, such as a horizon; empty where there is one only."""
     limits: Mapping[str, float] = field(default_factory=dict)
@@ -53,7 +53,7 @@ class Target:
     baselines: tuple[str, ...] = ()
     """Predictions that are made beside the model's, simpler or in hindsight."""
     must_beat: tuple[str, ...] = ()
-    """Those that the model has to be better than, on MAE and on RMSE both, over all groups."""
+    """Baselines that the model has to beat, on MAE and on RMSE both, over all groups."""
     each_group: bool = False
     """Whether it has to be so in every group."""
     resolution: float = 0.0
@@ -61,16 +61,15 @@ class Target:
     where the column ``step`` of a prediction or the grid of its measured values tells it."""
     coverage: tuple[float, float] | None = None
     """Least and greatest share of samples inside the 90 % interval over all groups that decide [1];
-    None where no interval is asked for."""
+    None where no interval is needed."""
     most_percent: float = 0.0
     """Greatest RMSE over all groups that decide, over the RMS of what was measured [%]; 0 where
-    none is asked for."""
+    there is no limit."""
     least_auc: float = 0.0
     """Least area under the ROC curve over all groups that decide, of a class of 0 or 1 [1]; 0 where
-    none is asked for."""
+    there is no limit."""
     widens: bool = False
-    """Whether the predictor itself widens the interval outside of the learnt conditions; else the
-    judge does."""
+    """Whether the predictor widens its interval beyond training conditions; else the judge does."""
     widest: float = 2.5
     """Greatest half width of a 90 % interval over the RMSE with which it is said [1]; 1.64 is that
     of normal errors.  Beyond it the interval is "not known", and the prediction stands alone."""
@@ -98,17 +97,17 @@ class Target:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """What a predictor says of one case."""
+    """Prediction of one case."""
 
     frame: "pd.DataFrame"
     """Long: ``quantity``, ``unit``, ``regime``, ``t``, ``measured``, ``predicted`` and, where there
     are some, ``low``, ``high``, ``scored`` and ``baseline_<name>``."""
     facts: Mapping[str, Fact] = field(default_factory=dict)
-    """What else is to be said of the case."""
+    """Further facts of the case."""
     note: str = ""
     """Why it is not judged, where it is not; or what limits what can be compared."""
     cause: str = ""
-    """Fault of the case's record that would explain its errors; "" where none is known."""
+    """Fault of the case's record that would explain its errors; "" where there is none."""
 
 
 Predictor = Callable[[Case], Prediction]
@@ -117,14 +116,14 @@ Ends = Mapping[tuple[str, str], tuple[str, str]]
 
 
 class SubModel(ABC, Generic[Fit, Judging, M]):
-    """One sub-model."""
+    """Interface of a sub-model."""
 
     name: ClassVar[str]
     """Name of its folder, its lists in the fleet, its stages."""
     title: ClassVar[str]
-    """What it models, as a person on the shop floor calls it."""
+    """Subject of the model in the words of the shop floor."""
     needs: ClassVar[str]
-    """What to record for it, in a sentence."""
+    """Required records, in a sentence."""
     reads: ClassVar[tuple[str, ...]]
     """Fields of :class:`~pipeline.submodels.cases.Records` in the order of the stages' commands."""
     model: ClassVar[type[Model]]
@@ -140,15 +139,11 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
 
     @abstractmethod
     def targets(self, settings: Judging, model: M) -> tuple[Target, ...]:
-        """What is predicted, with the limits that the settings give."""
+        """Predicted quantities, with the limits of the settings."""
 
     @abstractmethod
     def cases(self, records: Records, settings: "Fit | Judging", sets: Any = None) -> Cases:
-        """Cases in the records of a machine.
-
-        ``sets`` says what is frozen; None while a model is fitted, which looks at training cases
-        only.
-        """
+        """Cases in the records of a machine; ``sets`` are the frozen ones, None during a fit."""
 
     @abstractmethod
     def fit(self, cases: Cases, settings: Fit, folder: Path) -> M:
@@ -195,13 +190,13 @@ class SubModel(ABC, Generic[Fit, Judging, M]):
         return {}
 
     def page(self, shown: "Shown[M]") -> "PageContent | None":
-        """What only this sub-model can show and say; its files give the rest of its page."""
+        """Page content that only this sub-model has; its files give the rest of its page."""
         return None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Shown(Generic[M]):
-    """What a sub-model's page is made of; None where a file is not there."""
+    """Content of a sub-model's page; None where a file is missing."""
 
     machine: str
     origin: str
@@ -209,7 +204,7 @@ class Shown(Generic[M]):
     verdict: Verdict | None
     predictions: "pd.DataFrame | None"
     truth: Mapping[str, Any] | None = None
-    """What is true of a simulated machine."""
+    """Truth of a simulated machine."""
     shelf: Any = None
     """Reader of further files, so that the page can name its sources."""
     folder: Path = Path()
@@ -235,13 +230,7 @@ def submodels() -> list[str]:
 
 
 def submodel(name: str) -> SubModel[Any, Any, Any]:
-    """The sub-model ``name``.
-
-    Raises
-    ------
-    ValueError
-        When there is none of that name.
-    """
+    """The sub-model ``name``; ValueError when there is none of that name."""
     if name not in submodels():
         raise ValueError(f"there is no sub-model {name!r}; there are {', '.join(submodels())}")
     found: SubModel[Any, Any, Any] = import_module(f"pipeline.submodels.{name}.submodel").SUBMODEL

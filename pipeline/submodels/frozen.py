@@ -35,7 +35,7 @@ def leak_reasons(model: Model, cases: Iterable[Case]) -> list[str]:
 def set_reasons(
     model: Model, sets: GoldenSets | None, files: Mapping[str, Mapping[str, Any]]
 ) -> list[str]:
-    """What is wrong with the frozen sets themselves."""
+    """Defects of the frozen sets themselves."""
     if sets is None:
         return []
     found = []
@@ -57,7 +57,7 @@ def set_reasons(
 def changes(
     frozen: FrozenSet, files: Mapping[str, Mapping[str, Any]], what: str = "golden"
 ) -> list[str]:
-    """One sentence for each file of a frozen set that is no longer what was frozen.
+    """Sentence for each file of a frozen set that has changed since.
 
     A file that reaches into its days and was not frozen changes the set as much as one that is
     not what it was.
@@ -85,7 +85,7 @@ def changes(
 
 
 def golden_used(frozen: FrozenSet | None) -> GoldenUsed | None:
-    """What a verdict keeps of the golden set that it rests on."""
+    """Summary of the golden set that a verdict rests on."""
     if frozen is None:
         return None
     days = frozen.days

@@ -1,4 +1,4 @@
-"""Judging, written once: predictions against measurements, baselines, limits and frozen sets.
+"""Judging: predictions against measurements, baselines, limits and frozen sets.
 
 A verdict rests on the golden cases where some are frozen, else on those that were held out of the
 fit.  Training cases are compared and never decide.  Sealed cases are looked at by promotion only.
@@ -132,10 +132,7 @@ def judge(
 def _table(
     predicted: Sequence[tuple[Case, Any]], outside: Sequence[OutsideConditions], own: set[str]
 ) -> pd.DataFrame:
-    """Rows of all cases; the intervals of cases outside of the learnt conditions are widened.
-
-    Those of the quantities in ``own`` are wide already.
-    """
+    """Rows of all cases, intervals widened beyond training conditions, except in ``own``."""
     distance: dict[str, float] = {}
     for one in outside:
         distance[one.case] = max(distance.get(one.case, 1.0), widening(one))
@@ -157,7 +154,6 @@ def _table(
 
 
 def _deciding(cases: Sequence[Case]) -> Role:
-    """The role that a verdict rests on."""
     there = {case.role for case in cases}
     order: tuple[Role, ...] = ("sealed", "golden", "held_out")
     return next((role for role in order if role in there), "held_out")
@@ -237,12 +233,12 @@ def _held_against(score: Score, target: Target) -> Score:
 
 
 def _near(limit: str, spread: float, unit: str) -> str:
-    """Words for a figure that lies nearer to a limit than trainings differ."""
+    """Words for a figure nearer to a limit than the spread of trainings."""
     return f"too near to {limit}: trainings differ by \u00b1 {sized(spread, unit, 2)}, not decided"
 
 
 def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
-    """Errors that are not below a baseline's: for sure, and by less than can be told."""
+    """Errors not below a baseline's: significantly, and within the uncertainty."""
     other = score.baselines.get(name, Figures())
     spared = score.rounding.get(name, Figures())
     worse, unsure = [], []
@@ -265,13 +261,13 @@ def _shortfall(score: Score, name: str) -> tuple[list[str], list[str]]:
     return worse, unsure
 
 
-Found = tuple[list[str], list[str]]
+CheckReasons = tuple[list[str], list[str]]
 """Reasons of a check: for sure, and too near to the limit to tell."""
 
 
 def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
-    """A score over all groups with its status, by each check that its target asks for."""
-    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], Found]] = {
+    """Score over all groups with its status by each check of its target."""
+    checks: Mapping[str, Callable[[pd.DataFrame, Score, Target], CheckReasons]] = {
         "most_percent": _share_of_quantity, "coverage": _covered, "least_auc": _ordered,
     }  # fmt: skip
     found = [check(rows, score, target) for name, check in checks.items() if getattr(target, name)]
@@ -284,7 +280,7 @@ def _over_all(rows: pd.DataFrame, score: Score, target: Target) -> Score:
     )
 
 
-def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+def _covered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     """Whether the interval holds too few or too many of the samples."""
     least, most = target.coverage or (0.0, 1.0)
     share, regime = score.coverage_90, f" {target.regime}" if target.regime else ""
@@ -302,7 +298,7 @@ def _covered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
     return ([] if least <= share <= most else [f"{said}limits {limits}"]), []
 
 
-def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Found:
+def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
     """Whether the error is too large a part of what was measured."""
     part, most = score.relative_percent, target.most_percent
     if part is None:
@@ -320,7 +316,7 @@ def _share_of_quantity(rows: pd.DataFrame, score: Score, target: Target) -> Foun
 def _beaten(
     scores: Sequence[Score], targets: Sequence[Target], deciding: Role
 ) -> tuple[list[str], list[str]]:
-    """Baselines that are no worse over all groups, for sure and by less than can be told."""
+    """Baselines that are no worse over all groups: significantly, and within the uncertainty."""
     reasons: list[str] = []
     open_: list[str] = []
     for target in targets:
@@ -338,8 +334,8 @@ def _without(frame: pd.DataFrame, groups: set[str]) -> pd.DataFrame:
     return frame[~frame["group"].isin(groups)] if groups else frame
 
 
-def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> Found:
-    """Whether a class is not told from the other."""
+def _ordered(rows: pd.DataFrame, score: Score, target: Target) -> CheckReasons:
+    """Whether a class is not separated from the other."""
     truth = rows["measured"].to_numpy(float)
     area = auc(rows["predicted"].to_numpy(float), truth)
     if area is None:

@@ -1,4 +1,4 @@
-"""The gate of a promotion: a challenger's errors against the champion's on the same cases.
+"""Gate of a promotion: a challenger's errors against the champion's on the same cases.
 
 Both are predicted on the golden cases of the machine, or on the held-out ones where no golden case
 decides, and compared group by group (day, recording, tool).  A case whose raw files one of the two
@@ -25,7 +25,7 @@ from pipeline.submodels.statistics import gains
 
 @dataclass(frozen=True, kw_only=True)
 class PromotionSettings(Ranged, section="promotion"):
-    """What a challenger may lose."""
+    """Tolerances of a promotion."""
 
     tolerance: NotNegative = 0.05
     """Greatest rise of the mean absolute error of any target over the champion's [1]."""
@@ -33,7 +33,7 @@ class PromotionSettings(Ranged, section="promotion"):
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
-    """One target of a sub-model, predicted by champion and challenger."""
+    """Target of a sub-model, predicted by champion and challenger."""
 
     submodel: str
     quantity: str
@@ -67,9 +67,9 @@ class Contest:
     """Champion and challenger of one sub-model on the same cases."""
 
     submodel: str
-    """Which."""
+    """Sub-model."""
     compared: tuple[Compared, ...]
-    """By target that has limits; none where no case could be compared."""
+    """Comparisons by target with limits; none where no case could be compared."""
     status: Status = "not judged"
     """Status of the challenger against its limits, on the cases that were looked at."""
     note: str = ""
@@ -152,7 +152,6 @@ def compare(champion: Verdict, challenger: Verdict, tolerance: float) -> list[Co
 
 
 def _spread(scores: Sequence[Score]) -> float:
-    """Greatest spread that the mean of some groups' MAE has over trainings [unit]."""
     return float(np.mean([s.spread.get("mae", 0.0) for s in scores]))
 
 
@@ -172,7 +171,7 @@ def objections(
     added: Sequence[str] = (),
     absent: Sequence[str] = (),
 ) -> list[str]:
-    """What speaks against a promotion, each as a sentence; none when the challenger may serve.
+    """Objections to a promotion, each as a sentence; none when the challenger may serve.
 
     A challenger serves when it is significantly better in at least one sub-model, or adds one that
     passed, and is in none worse than the tolerance.  One that is not decided neither speaks for it
@@ -204,7 +203,7 @@ def _not_better(compared: Sequence[Compared]) -> str:
 
 
 def sealed_objections(contests: Sequence[Contest]) -> list[str]:
-    """What the sealed set says against a promotion: limits that are passed, errors that rose."""
+    """Objections of the sealed set to a promotion: exceeded limits, larger errors."""
     failed = [
         f"its {one.submodel} fails on the sealed set: {one.words}"
         for one in contests if one.status == "failed"

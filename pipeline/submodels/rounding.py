@@ -1,4 +1,4 @@
-"""What the steps of a sensor leave open of the difference between two predictions' errors.
+"""Uncertainty of the difference of two predictions' errors by a sensor's resolution.
 
 The error of rounding is the same for as long as the sensor shows one value, and uniform within half
 a step from there to there.  So the difference of two mean errors has a standard deviation, and what

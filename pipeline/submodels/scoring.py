@@ -24,7 +24,7 @@ ALL = "all"
 
 
 def figures(predicted: Floats, measured: Floats) -> Figures:
-    """Errors of a prediction where both are known, to six significant digits.
+    """Errors of a prediction where both have a value, to six significant digits.
 
     Examples
     --------
@@ -62,7 +62,7 @@ def _percent(part: float, whole: float) -> float | None:
 
 
 def scored_rows(frame: pd.DataFrame, target: Target) -> pd.DataFrame:
-    """Rows of a target whose measurement, prediction and what has to be beaten are known."""
+    """Rows of a target with measurement, prediction and baselines."""
     if not len(frame):
         return frame
     rows = frame[(frame["quantity"] == target.quantity) & (frame["regime"] == target.regime)]
@@ -128,7 +128,7 @@ def trained_again(rows: pd.DataFrame) -> list[str]:
 
 
 def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
-    """What the sensor's steps leave open of the difference to what has to be beaten."""
+    """Uncertainty of the difference to the baseline from the sensor's resolution."""
     step = target.resolution or _recorded_step(rows, target)
     if step <= 0:
         return {}
@@ -142,7 +142,7 @@ def _rounding(rows: pd.DataFrame, target: Target) -> dict[str, Figures]:
 
 
 def _recorded_step(rows: pd.DataFrame, target: Target) -> float:
-    """Resolution of the recorded signal: of the prediction's column, else of the values' grid."""
+    """Resolution of the recorded signal: of the prediction's column, else of the grid of values."""
     if not target.must_beat:
         return 0.0
     if STEP in rows:

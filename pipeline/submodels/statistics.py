@@ -33,14 +33,13 @@ def drawn_again(members: Floats) -> dict[str, Floats]:
 
 @dataclass(frozen=True, kw_only=True)
 class Uncertainty:
-    """How well a fit determines its parameters."""
+    """Uncertainty of the parameters of a fit."""
 
     covariance: Floats
     """Covariance of the parameters, robust against residuals that hang together within a block;
     shape (D, D)."""
     half_width: Floats
-    """Half of the 95 % interval; infinite when there are no more blocks than parameters;
-    shape (D,)."""
+    """Half of the 95 % interval; infinite without more blocks than parameters; shape (D,)."""
     condition: float
     """Condition number of the Jacobian with columns scaled to length one."""
     correlation: Floats
@@ -151,7 +150,7 @@ def textbook_half_width(jacobian: Floats, noise: float) -> Floats:
 def spread_of(values: Floats) -> float:
     """Half of the 95 % interval of one more value like these: Student's t times their deviation.
 
-    ``values`` (K,) are a figure of K trainings that differ by their seeds, at least two.
+    ``values`` (K,) are of K trainings that differ by their seeds, at least two.
 
     Examples
     --------
@@ -179,7 +178,7 @@ LEVEL = 0.05
 """Chance of keeping a richer model that is no better [1]."""
 
 
-def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
+def auc(probability: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     """Area under the ROC curve [1]; None with one class only.
 
     The probability of a class (N,), and whether it is that one: ``truth`` above a half.
@@ -192,7 +191,7 @@ def auc(told: NDArray[np.float64], truth: NDArray[np.float64]) -> float | None:
     from sklearn.metrics import roc_auc_score
 
     one = truth > 0.5
-    return float(roc_auc_score(one, told)) if len(np.unique(one)) > 1 else None
+    return float(roc_auc_score(one, probability)) if len(np.unique(one)) > 1 else None
 
 
 def gains(

@@ -1,4 +1,4 @@
-"""Heat of a machine tool and what it deforms: thermal networks, sensor groups, spindle growth.
+"""Heat and deformation of a machine tool: thermal networks, sensor groups, spindle growth.
 
 ``network`` gives the spindle's temperature from its speed and load, ``clusters`` groups of sensors
 that warm alike by fuzzy c-means, ``lagged`` features of a deformation that follows its heat,

@@ -4,7 +4,7 @@ Fuzzy c-means (Bezdek: Pattern Recognition with Fuzzy Objective Function Algorit
 
     J = sum_i sum_c u_ic^2 |x_i - v_c|^2,    sum_c u_ic = 1,
 
-by turns: u_ic = 1 / sum_k (d_ic / d_ik)^2, and v_c the mean of the points by u_ic^2.
+in alternation: u_ic = 1 / sum_k (d_ic / d_ik)^2, and v_c the mean of the points by u_ic^2.
 
 Applied to the sensors of a spindle, each a point whose coordinates are its course in time, the
 centre of a cluster is itself a course: the mean temperature of its group.  So a group's temperature
@@ -28,21 +28,9 @@ STARTS = 10
 def fuzzy_c_means(points: ArrayLike, clusters: int, *, seed: int = 0) -> tuple[Floats, Floats]:
     """Centres, shape (C, D), of points, and the membership of each point in each, (N, C).
 
-    J has several minima: of those that ``STARTS`` starts lead to it is the least.
-
-    Parameters
-    ----------
-    points : array_like, shape (N, D)
-        Finite, in one unit.
-    clusters : int
-        Number of clusters C.
-    seed : int
-        Of the initial centres, which k-means++ draws (Arthur, Vassilvitskii 2007).
-
-    Raises
-    ------
-    ValueError
-        When the points lie in fewer places than there are clusters.
+    J has several minima: of those that ``STARTS`` starts lead to, it is the least. ``points`` (N,
+    D) are finite, in one unit; ``seed`` draws the initial centres by k-means++ (Arthur,
+    Vassilvitskii 2007). ValueError when the points lie in fewer places than there are clusters.
 
     Examples
     --------
@@ -108,24 +96,11 @@ def _spread_points(x: Floats, clusters: int, rng: np.random.Generator) -> Floats
 def sensor_groups(temperatures: ArrayLike, groups: int = 3, *, seed: int = 0) -> Floats:
     """Weight of each sensor in the temperature of each group, shape (C, N); rows add up to 1.
 
-    Groups are in the order of their mean place, front to rear as the sensors.  A sensor's course is
-    centred: what it reads constantly too high does not count.  Its amplitude does: sensors that
-    warm differently far are in different groups.
-
-    Parameters
-    ----------
-    temperatures : array_like, shape (T, N)
-        Of training samples, in degC or K, without a gap.
-    groups : int
-        Number of groups C.
-    seed : int
-        Of the clustering.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer sensors than groups or fewer than two samples, or the sensors' courses
-        are too few different ones.
+    Groups are in the order of their mean place, front to rear as the sensors. Each sensor's course
+    is centred, which removes a constant offset, but keeps its amplitude: sensors of different
+    temperature rise are in different groups. ``temperatures`` (T, N) are training samples [degC] or
+    [K] without a gap; ``seed`` is that of the clustering. ValueError when there are fewer sensors
+    than groups or fewer than two samples, or the sensors' courses are too few different ones.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Spindle growth from spindle speed and ambient: two nodes of heat, and what they expand.
+"""Spindle growth from spindle speed and ambient: two thermal nodes and their expansion.
 
 The nodes are the spindle with its bearings and the structure that carries it, as the network of
 :mod:`pipeline.thermal.network`: the bearings' viscous friction n^(5/3), their friction under
@@ -46,13 +46,7 @@ Nodes that differ by 5 K, seen by sensors good to 0.5 K.
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthRecord:
-    """A record of growth, from the moment at which the probe was set to zero.
-
-    Raises
-    ------
-    ValueError
-        When shapes do not agree, the times are not even, or speed or ambient is missing.
-    """
+    """Growth record on even times, from the moment at which the probe was set to zero."""
 
     time_s: Floats
     """Evenly spaced [s]; shape (T,)."""
@@ -61,8 +55,7 @@ class GrowthRecord:
     ambient_C: Floats
     """Ambient temperature [degC]; shape (T,)."""
     temperatures_C: Floats
-    """Temperatures of N sensors or groups of sensors [degC]; nan where missing, N = 0 without any;
-    shape (T, N)."""
+    """Temperatures of N sensors or groups [degC]; nan where missing, N may be 0; shape (T, N)."""
     growth_m: Floats
     """Growth of the spindle towards the probe [m], nan where missing; shape (T,)."""
 
@@ -150,19 +143,10 @@ class DeformationNetwork(Ranged, section="deformation"):
     ) -> Floats:
         """Growth [m], shape (..., T), from speed and ambient, and the sensors at the start alone.
 
-        Parameters
-        ----------
-        speed_rad_s, ambient_C : array_like, shape (..., T)
-            Spindle speed [rad/s] and ambient [degC], held over each step.
-        temperatures_C : array_like, shape (..., N)
-            What the sensors of the fit show at the first sample [degC], nan where one is missing.
-        step : float
-            [s].
-
-        Raises
-        ------
-        ValueError
-            When there are not as many temperatures as sensors, or the step is not positive.
+        Spindle speed [rad/s] and ambient [degC], (..., T), are held over each ``step`` [s];
+        ``temperatures_C`` (..., N) are the sensors of the fit at the first sample [degC], nan where
+        one is missing. ValueError when there are not as many temperatures as sensors, or the step
+        is not positive.
         """
         ambient = np.asarray(ambient_C, float)
         start = start_of_nodes(self.sensor_shares, temperatures_C, ambient[..., 0])
@@ -172,10 +156,11 @@ class DeformationNetwork(Ranged, section="deformation"):
 def start_of_nodes(
     sensor_shares: ArrayLike, temperatures_C: ArrayLike, ambient_C: ArrayLike
 ) -> Floats:
-    """Node temperatures, shape (..., 2) [degC], that sensors, (..., N), show at a start.
+    """Node temperatures, shape (..., 2) [degC], from sensors, (..., N), at a start.
 
-    Sensors that are missing (nan) do not count; where none is left, the nodes are at the ambient,
-    shape (...).  What the sensors leave open stays at their mean.
+    Missing sensors (nan) are left out; without any, the nodes are at the ambient, shape (...). What
+    the sensors leave open stays at their mean. ValueError when there are not as many temperatures
+    as sensors.
 
     Parameters
     ----------
@@ -183,11 +168,6 @@ def start_of_nodes(
         Share of the spindle in each sensor's temperature [1].
     temperatures_C, ambient_C : array_like, shapes (..., N) and (...)
         [degC].
-
-    Raises
-    ------
-    ValueError
-        When there are not as many temperatures as sensors.
     """
     shares, values = np.asarray(sensor_shares, float), np.asarray(temperatures_C, float)
     if values.shape[-1] != shares.shape[-1]:
@@ -216,12 +196,7 @@ def simulate(
     """Temperatures of spindle and structure [degC], shape (2, ..., T); exact for inputs held.
 
     Inputs of shape (..., T) are held over each step [s]; ``start_C`` (..., 2) are spindle and
-    structure at the first sample.
-
-    Raises
-    ------
-    ValueError
-        When the step is not positive.
+    structure at the first sample. ValueError when the step is not positive.
     """
     start = np.asarray(start_C, float)
     return temperatures(
@@ -231,10 +206,7 @@ def simulate(
 
 
 def unit_heat(record: GrowthRecord, speed: float) -> Floats:
-    """Heat of each cause of :func:`unit_responses` alone, shape (6, T, len(SOURCES)).
-
-    Bearing friction, windage and preload are 1 at ``speed`` [rad/s].
-    """
+    """Unit heat of each cause, bearing terms 1 at ``speed`` [rad/s]; (6, T, len(SOURCES))."""
     heat = np.zeros((6, len(record.time_s), len(SOURCES)))
     each = heat_sources(record.speed_rad_s / speed, 1.0, 0.0)
     for cause, name in enumerate(HEATING):

@@ -1,4 +1,4 @@
-"""Spindle growth from measured temperatures: each expands its length with a lag of its own.
+"""Spindle growth from measured temperatures: lagged expansion of each.
 
     tau_j y_j' = T_j - y_j,    g(t) = sum_j K_j (y_j(t) - y_j(0)) + k (n(t)^2 - n(0)^2)
 
@@ -24,13 +24,7 @@ _Lag = Annotated[float, Range(above=0.0, unit="s")]
 
 @dataclass(frozen=True, kw_only=True)
 class LaggedExpansion(Ranged, section="expansion"):
-    """Growth from C temperatures and the speed.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range, or there are not as many lags as expansions.
-    """
+    """Growth from C temperatures, a lag and an expansion of each, and the speed."""
 
     expansions: tuple[Finite, ...]
     """K of each temperature [m/K]."""
@@ -52,17 +46,9 @@ class LaggedExpansion(Ranged, section="expansion"):
     ) -> Floats:
         """Growth since the first sample [m], shape (T,); a sample uses no later one.
 
-        Parameters
-        ----------
-        time_s, speed_rad_s : array_like, shape (T,)
-            Ascending times, at any distances [s], and spindle speed [rad/s].
-        temperatures_C : array_like, shape (T, C)
-            Finite [degC].
-
-        Raises
-        ------
-        ValueError
-            When there are not as many temperatures as expansions, or one is missing.
+        Times (T,) ascend at any distances [s], with spindle speed [rad/s] and finite temperatures
+        (T, C) [degC]. ValueError when there are not as many temperatures as expansions, or one is
+        missing.
         """
         values = np.asarray(temperatures_C, float)
         if values.ndim != 2 or values.shape[1] != len(self.expansions):
@@ -86,10 +72,7 @@ EVALUATIONS = 60
 def fit_expansion(records: Sequence[GrowthRecord]) -> LaggedExpansion:
     """Lags and expansions of the growth of several records by bounded least squares.
 
-    Raises
-    ------
-    ValueError
-        When there is no record, or one has other temperatures or misses one.
+    ValueError when there is no record, or one has other temperatures or misses one.
     """
     from scipy.optimize import least_squares
 
@@ -146,7 +129,7 @@ class _Growth:
         return factors, table @ factors - self.measured
 
     def left(self, logarithms: Floats) -> Floats:
-        """What the best factors of lags leave, over the greatest growth."""
+        """Residual of the best factors of lags, over the greatest growth."""
         scale = max(float(np.abs(self.measured).max(initial=0.0)), 1e-9)
         return self.linear(np.exp(logarithms))[1] / scale
 
@@ -154,7 +137,7 @@ class _Growth:
 def _columns(
     time_s: ArrayLike, speed_rad_s: ArrayLike, temperatures_C: Floats, lags_s: ArrayLike
 ) -> Floats:
-    """What K_j and k multiply, shape (T, C + 1): lagged rises and the square of the speed."""
+    """Regressors of K_j and k, shape (T, C + 1): lagged rises and the square of the speed."""
     square = np.asarray(speed_rad_s, float) ** 2
     slow = [
         lag(time_s, column, float(constant)) - column[0]

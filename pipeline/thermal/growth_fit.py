@@ -51,11 +51,8 @@ def fit_network(
 ) -> DeformationNetwork:
     """The network of records of growth.
 
-    Raises
-    ------
-    ValueError
-        When there is no record, records differ in their sensors, none has a finite growth, or the
-        spindle never turns.
+    ValueError when there is no record, records differ in their sensors, none has a finite growth,
+    or the spindle never turns.
     """
     from scipy.optimize import OptimizeResult, least_squares
 
@@ -126,7 +123,7 @@ class _Task:
         return int(np.argmax(rises)) if self.rise > 0 else None
 
     def _free(self) -> Ints:
-        """Places of the parameters that the records can tell."""
+        """Indices of the identifiable parameters."""
         seen = np.zeros(self.sensors, bool)
         for record in self.records:
             seen |= np.isfinite(record.temperatures_C).any(axis=0)
@@ -145,7 +142,7 @@ class _Task:
         return low, high
 
     def first(self, fast: float, slow: float) -> Floats:
-        """Where to start: half of the spindle's heat goes to the ambient, half to the structure."""
+        """Start values: half of the spindle's heat goes to the ambient, half to the structure."""
         heat = max(self.rise, 1.0) / fast / 2
         rates = np.log([0.5 / fast, 0.5 / fast, 0.5 * fast / slow, 0.5 / slow])
         x = np.array(
@@ -226,7 +223,7 @@ class _Task:
         return rest + start @ by_start, by_start, start
 
     def _start_error(self, record: GrowthRecord) -> float:
-        """Errors of a model hang together over a record: its start counts as its samples do."""
+        """Start deviation over sqrt(T) [K], as model errors are correlated over a record."""
         return self.start_error_K / float(np.sqrt(len(record.time_s)))
 
     def _slopes(

@@ -15,6 +15,8 @@ from pipeline.schema.arrays import Floats
 def lag(time_s: ArrayLike, values: ArrayLike, constant_s: float) -> Floats:
     """Answer of ``constant_s`` y' = x - y that rests at the first sample, shape (T, ...).
 
+    ValueError when the constant is not positive, the times do not ascend, or a value is not finite.
+
     Parameters
     ----------
     time_s : array_like, shape (T,)
@@ -23,11 +25,6 @@ def lag(time_s: ArrayLike, values: ArrayLike, constant_s: float) -> Floats:
         x, in any unit.
     constant_s : float
         Time constant tau [s].
-
-    Raises
-    ------
-    ValueError
-        When the constant is not positive, the times do not ascend, or a value is not finite.
 
     Examples
     --------

@@ -43,13 +43,9 @@ SOURCES: dict[str, str] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleThermalParameters(Ranged):
-    """The network of one spindle.
+    """Thermal network of a spindle; rates and coefficients are non-negative.
 
-    Raises
-    ------
-    ValueError
-        When a source is not one of :data:`SOURCES`, a rate or coefficient is negative or not
-        finite, or a fixed body has a sink.
+    A fixed body has no sink of its own.
     """
 
     heating: dict[str, float] = field(default_factory=dict)
@@ -108,12 +104,12 @@ class SpindleThermalParameters(Ranged):
 
 
 def heat_sources(speed: ArrayLike, load: ArrayLike, hold: ArrayLike) -> Floats:
-    """Sources h_i, shape (..., len(SOURCES)).
+    """Heat sources h_i, shape (..., len(SOURCES)).
 
     Parameters
     ----------
     speed : array_like, shape (...)
-        Spindle speed [rad/s]; its sign does not matter.
+        Spindle speed of either sign [rad/s].
     load : array_like, shape (...)
         Load over rated load [1].
     hold : array_like, shape (...)
@@ -161,7 +157,7 @@ def _modes(parameters: SpindleThermalParameters) -> tuple[Floats, Floats, Floats
 
 
 def slow_share(parameters: SpindleThermalParameters) -> float:
-    """How far the body is off where the measured node is off by one, in the slow mode [1].
+    """Error of the body over that of the measured node, in the slow mode [1].
 
     The error of a free run that is older than the fast mode stands in the slow one.
     """
@@ -184,10 +180,12 @@ def temperatures(
 ) -> Floats:
     """Node temperatures [degC], shape (nodes, ..., T).
 
+    ValueError when ``dt`` is not positive, or the coolant's temperature is needed and missing.
+
     Parameters
     ----------
     sources : ndarray, shape (..., T, len(SOURCES))
-        From :func:`heat_sources`, held over each step.
+        Heat sources of :func:`heat_sources`, held over each step.
     start : array_like, shape (...)
         Measured temperature at the first sample [degC].
     parameters : SpindleThermalParameters
@@ -201,11 +199,6 @@ def temperatures(
         Temperature of the coolant [degC]; needed where ``parameters.coolant_rate`` is not 0.
     body_start : array_like, shape (...), optional
         The body's temperature at the first sample; the quasi-steady one for ``start`` by default.
-
-    Raises
-    ------
-    ValueError
-        When ``dt`` is not positive, or the coolant's temperature is needed and missing.
 
     Examples
     --------

@@ -161,7 +161,7 @@ def test_a_block_passes_what_lies_below_its_value_and_not_what_lies_above(
         limits = replace(CutLimit(), **{name: limit})
         return np.logical_or.reduce([*exceeded_limits(of, limits).values()])
 
-    values = np.array([LIMITED[name](of.found.blocks, k) for k in range(len(of.found.blocks))])
+    values = np.array([LIMITED[name](of.results.blocks, k) for k in range(len(of.results.blocks))])
     middle = 0.5 * (values.min() + values.max()) or 1.0
     ranged = name in ("chip_um", "cutting_speed_m_min", "speed_rpm", "feed_mm_min")
     for limit in (0.5 * values.min(), middle, 2 * values.max()):

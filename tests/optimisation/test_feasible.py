@@ -45,7 +45,7 @@ def held(cut, *, feed=True, speed=True):
 @pytest.mark.parametrize(
     ("limits", "words"),
     [
-        (CutLimit(), "T1: give limits.load_N or chip_um, or its feed_per_tooth_mm in the tool tab"),
+        (CutLimit(), "T1: give limits.load_N or limits.chip_um, or its feed_per_tooth_mm in"),
         (CutLimit(load_N=100.0, chip_um=(50.0, 90.0)),
          "the least chip of T1 needs 50.0. um a tooth, and the load limit of 100 N allows 36.3"),
         (CutLimit(load_N=20.0, margins=NO_MARGINS, feed_mm_min=(500.0, 600.0)),
@@ -205,5 +205,5 @@ def test_a_refusal_of_the_load_says_the_least_load(slot):
     with pytest.raises(ValueError, match=f"the edges alone take more, {least:.4g} N: raise"):
         problem_on(cut, CutLimit(load_N=40.0))
     reach = CutLimit(load_N=20.0, margins=NO_MARGINS, feed_mm_min=(500.0, 600.0))
-    with pytest.raises(ValueError, match=r"takes 25 um at least, 68\.\d+ N: widen feed_mm_min"):
+    with pytest.raises(ValueError, match=r"takes 25 um at least, 68\.\d+ N: widen limits"):
         problem_on(slot, reach)

@@ -18,7 +18,7 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
 from pipeline.optimisation.operation_cuts import drills_on_one_side
-from pipeline.optimisation.operations import operations, told_operations
+from pipeline.optimisation.operations import operations, operations_without_cut
 from pipeline.optimisation.practice import practice_of
 from pipeline.parameters import structure
 from pipeline.schema.limits import CutLimit, MachiningPractice
@@ -130,7 +130,7 @@ def test_without_words_thin_rows_of_a_loop_are_finishing() -> None:
 def test_a_siemens_program_is_read_as_well() -> None:
     program = parse_program((PROGRAMS / "flange.nc").read_bytes(), "flange.nc")
     moves = interpret(program, Setup(dialect="siemens"))
-    found = listed(moves, told_operations(program, moves, tools_of("flange")).code)
+    found = listed(moves, operations_without_cut(program, moves, tools_of("flange")).code)
     assert [of_tool(found, tool) for tool in range(1, 6)] == [
         {"roughing"}, {"finishing"}, {"centre_drilling"}, {"drilling"}, {"countersinking"},
     ]  # fmt: skip
@@ -296,7 +296,7 @@ M30
 def test_a_section_of_another_kind_ends_a_comment(title: str, name: str) -> None:
     program = parse_program(SECTIONS.format(title=title).encode(), "P.nc")
     moves = interpret(program, Setup())
-    assert listed(moves, told_operations(program, moves, {1: FLAT}).code)[-1] == (7, 1, name)
+    assert listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)[-1] == (7, 1, name)
 
 
 TITLED = """%
@@ -321,7 +321,7 @@ def test_what_stands_above_the_first_tool_change_is_a_title(title: str, above: s
     text = TITLED.format(title=title, above=above.format(title=title))
     program = parse_program(text.encode(), "P.nc")
     moves = interpret(program, Setup())
-    found = told_operations(program, moves, {1: FLAT})
+    found = operations_without_cut(program, moves, {1: FLAT})
     assert {name for _, _, name in listed(moves, found.code)} == {"roughing"}
     assert found.comments.below(title.split()[0]).any()  # --keep finds it all the same
 
@@ -330,7 +330,7 @@ def test_what_stands_above_the_first_tool_change_is_a_title(title: str, above: s
 def test_a_comment_right_above_the_first_tool_change_names_its_operation(above: str) -> None:
     program = parse_program(TITLED.format(title="PLATE", above=above).encode(), "P.nc")
     moves = interpret(program, Setup())
-    found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
+    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
     assert {name for _, _, name in found} == {"finishing"}
 
 
@@ -361,7 +361,7 @@ def test_a_subprogram_is_under_the_comment_where_it_is_called(
 ) -> None:
     program = parse_program(CALLED.format(title=title, between=between).encode(), "P.nc")
     moves = interpret(program, Setup())
-    found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
+    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
     assert [name for _, _, name in found] == names
 
 
@@ -396,7 +396,7 @@ def test_a_subprogram_of_linuxcnc_is_under_its_callers_comment(
     """It stands above the main program; a comment right above it is its title."""
     program = parse_program(DEFINED.format(title=title, said=said).encode(), "P.ngc")
     moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
-    found = listed(moves, told_operations(program, moves, {1: FLAT}).code)
+    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
     assert [line for line, _, _ in found] == [10, 5, 13, 5, 15]
     assert [name for _, _, name in found] == names
 
@@ -405,7 +405,7 @@ def test_a_comment_of_the_main_program_holds_beyond_a_subprogram_in_its_midst() 
     text = "T1 M6\n(FINISH)\no100 sub\n(ENGRAVE)\no0100 endsub\nG1 X1 F300\nM2\n"
     program = parse_program(text.encode(), "P.ngc")
     moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
-    found = told_operations(program, moves, {1: FLAT})
+    found = operations_without_cut(program, moves, {1: FLAT})
     assert listed(moves, found.code) == [(6, 1, "finishing")]
     assert not found.comments.below("engrave").any()
 
@@ -488,12 +488,12 @@ def test_the_role_goes_first_but_a_face_mill_may_finish(
 ) -> None:
     program = parse_program(b"T1 M6\nS1000 M3\nG1 X10 F300\nM30\n", "P.nc")
     moves = interpret(program, Setup())
-    told = told_operations(program, moves, {1: replace(FLAT, role=role, name=name)})
+    told = operations_without_cut(program, moves, {1: replace(FLAT, role=role, name=name)})
     assert listed(moves, told.code) == [(3, 1, operation)]
 
 
 def test_what_is_engraved_is_kept_with_a_chamfer_mill() -> None:
     program = parse_program(b"T1 M6\nS1000 M3\n(ENGRAVE)\nG1 X10 F300\nM30\n", "P.nc")
     moves = interpret(program, Setup())
-    told = told_operations(program, moves, {1: replace(FLAT, role="chamfer_mill")})
+    told = operations_without_cut(program, moves, {1: replace(FLAT, role="chamfer_mill")})
     assert listed(moves, told.code) == [(4, 1, "engraving")]

@@ -81,7 +81,9 @@ def test_two_blocks_by_hand(result: Result, line: int, width: float, depth: floa
     texts = PROGRAM, result.answer.text.decode()
     for text, cut in zip(texts, (result.before, result.answer.cut), strict=True):
         feed, speed = words(text)[line]
-        block = next(b for b in block_rows(assessed(cut, result.job.basis).found) if b.line == line)
+        block = next(
+            b for b in block_rows(assessed(cut, result.job.basis).results) if b.line == line
+        )
         assert block.reached_feed_mm_min == pytest.approx(feed, rel=1e-6)
         assert block.feed_per_tooth_mm == pytest.approx(feed / (FLUTES * speed), rel=1e-5)
         assert block.cutting_speed_m_min == pytest.approx(

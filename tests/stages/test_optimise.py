@@ -95,7 +95,9 @@ def test_the_shop_floor_cuts_both_and_the_page_lays_them_side_by_side(project: P
         (project / "data" / place).mkdir(exist_ok=True)
     with inside(project):
         run("report", *(f"data/{p}" for p in places), "reports", "data/metrics/report.json")
-    page = (project / f"reports/{MACHINE}_programs.html").read_text()
+    (path,) = (project / "reports").glob(f"{MACHINE}_program_*.html")
+    page = path.read_text()
+    assert path.name in (project / f"reports/{MACHINE}_programs.html").read_text()
     assert "cut on the simulated shop floor 2 times" in page
 
 

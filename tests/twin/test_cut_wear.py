@@ -68,7 +68,7 @@ def test_a_slot_takes_the_force_of_the_land_that_one_writes_down(law: ForceLaw) 
 def test_tools_have_the_wear_that_is_given_known_or_the_criterion() -> None:
     assert widths(ToolWear(machine=KNOWN)) == [0.0, 90.0, 60.0, 0.0]
     assert widths(ToolWear(machine=KNOWN, given={1: 120.0, 2: 0.0})) == [120.0, 0.0, 60.0, 0.0]
-    assert widths(ToolWear(machine=KNOWN, rule="sharp", asked=True)) == [0.0] * 4
+    assert widths(ToolWear(machine=KNOWN, rule="sharp", requested=True)) == [0.0] * 4
     assert widths(ToolWear(machine=KNOWN, rule="criterion")) == [215.0, 215.0, 215.0, 0.0]
     half = ToolWear(machine=KNOWN, rule="criterion", share=0.2)
     assert widths(half) == pytest.approx([43.0, 43.0, 60.0, 0.0])
@@ -80,7 +80,7 @@ def test_in_another_material_the_criterion_counts_only_where_it_is_asked_for() -
     rule = ToolWear(machine=KNOWN, rule="criterion")
     one = worn(rule, ELSEWHERE)[1]
     assert one.law == LAW and "fitted in A6061, not in A7075" in one.edge
-    for wear in (replace(rule, asked=True), replace(rule, given={1: 215.0})):
+    for wear in (replace(rule, requested=True), replace(rule, given={1: 215.0})):
         one = worn(wear, ELSEWHERE)[1]
         assert one.law != LAW and one.land is not None
         assert "fitted in A6061, not in A7075" in one.land.caution

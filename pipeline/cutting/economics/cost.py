@@ -52,27 +52,16 @@ class Energy:
 
     @property
     def total(self) -> Floats:
-        """Of the program [kWh]; shape (...)."""
+        """Electrical energy of the program [kWh]; shape (...)."""
         total: Floats = self.block.sum(axis=-1)
         return total
 
 
 def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
-    """Electrical power that the spindle's drive takes, (P_c + P_0) / (eta eta_m) [W].
+    """Electrical power of the spindle drive, (P_c + P_0) / (eta eta_m) [W].
 
-    Parameters
-    ----------
-    cutting : array_like
-        P_c = F_t v_c at the tool [W].
-    no_load : array_like
-        P_0(n), no-load power of the spindle [W]; 0 where it stands.
-    drive : SpindleDrive
-        With its efficiencies eta and eta_m.
-
-    Raises
-    ------
-    ValueError
-        When a power is negative or not finite.
+    ``cutting`` is P_c = F_t v_c at the tool [W], ``no_load`` P_0(n) of the spindle [W], 0 at
+    standstill. ValueError when a power is negative or not finite.
 
     Examples
     --------
@@ -91,23 +80,12 @@ def energy(
     parameters: EnergyParameters, *, times: ArrayLike, spindle_W: ArrayLike,
     moving: ArrayLike = 1.0, coolant: ArrayLike = 0.0,
 ) -> Energy:  # fmt: skip
-    """Electricity of each block.
+    """Electrical energy of each block, all arrays of shape (..., B).
 
-    Parameters
-    ----------
-    parameters : EnergyParameters
-        Of the machine.
-    times : array_like, shape (..., B)
-        Of each block [s].
-    spindle_W : array_like, shape (..., B)
-        Mean electrical power of the spindle's drive [W], see :func:`spindle_supply`.
-    moving, coolant : array_like, shape (..., B)
-        Share of the time in which axes move, in which coolant is on [1].
-
-    Raises
-    ------
-    ValueError
-        When a time or power is negative or not finite, or a share is not from 0 to 1.
+    ``times`` are the blocks' [s], ``spindle_W`` the mean electrical power of the spindle drive [W]
+    (:func:`spindle_supply`), ``moving`` and ``coolant`` the shares of the time with axes in motion
+    and with coolant [1]. ValueError when a time or power is negative or not finite, or a share is
+    not from 0 to 1.
     """
     spent, supply = not_negative("times", times), not_negative("spindle_W", spindle_W)
     shares = not_negative("moving", moving, high=1.0), not_negative("coolant", coolant, high=1.0)
@@ -130,7 +108,7 @@ class CostRates(Ranged, section="cost"):
     """Prices of time and electricity."""
 
     currency: str
-    """Of all prices, those of the tool table included."""
+    """Currency of all prices, those of the tool table included."""
     labour_per_h: Amount
     """Operator [currency / h]."""
     machine_per_h: Amount = 0.0
@@ -138,12 +116,11 @@ class CostRates(Ranged, section="cost"):
     energy_per_kWh: Amount = 0.0
     """Electricity [currency / kWh]."""
     tool_change_min: Amount = 0.0
-    """To change a worn tool for a new one [min]; not the changes that the program commands, which
-    are in its time."""
+    """Time to replace a worn tool [min]; without the tool changes that the program commands."""
 
     @property
     def per_second(self) -> float:
-        """Of machine and operator [currency / s]."""
+        """Hourly rate of machine and operator [currency / s]."""
         return (self.labour_per_h + self.machine_per_h) / HOUR
 
     @property
@@ -159,7 +136,7 @@ class PartCost:
     time: Floats
     """Machine and operator while the program runs; shape (..., B)."""
     tool: Floats
-    """Tools worn, C_t; NaN where their life is not known; shape (..., B)."""
+    """Tools worn, C_t; NaN without a life; shape (..., B)."""
     change: Floats
     """Machine and operator while worn tools are changed; NaN as ``tool``; shape (..., B)."""
     energy: Floats
@@ -167,12 +144,12 @@ class PartCost:
 
     @property
     def block(self) -> Floats:
-        """All of it for each block; NaN where the tool's life is not known.  Shape (..., B)."""
+        """All of it for each block; NaN without a tool life.  Shape (..., B)."""
         return self.time + self.tool + self.change + self.energy
 
     @property
     def total(self) -> Floats:
-        """Of the part, C_p; NaN when the life of a tool that cuts is not known.  Shape (...)."""
+        """Part cost C_p; NaN when the life of a cutting tool is not determined; shape (...)."""
         total: Floats = self.block.sum(axis=-1)
         return total
 
@@ -188,25 +165,21 @@ def part_cost(
 ) -> PartCost:  # fmt: skip
     """Cost of each block of a program.
 
+    ValueError when one of them is negative, infinite, or NaN where that is not allowed.
+
     Parameters
     ----------
     rates : CostRates
         Prices of time and electricity.
     times : array_like, shape (..., B)
-        Of each block, cut or not [s].
+        Block times, in the cut or not [s].
     wear : array_like, shape (..., B)
-        Share of its tool's life that each takes [1], see
-        :func:`pipeline.cutting.economics.tool_life.wear`; 0 in air, NaN where the life is not
-        known.
+        Share of the tool's life [1], see :func:`pipeline.cutting.economics.tool_life.wear`; 0 in
+        air, NaN where the life is not determined.
     life_prices : array_like, shape (B,) or ()
-        Cost of one life of each block's tool, see :func:`life_price`.
+        Cost of one life of each block's tool, :func:`life_price`.
     energy_kWh : array_like, shape (..., B)
-        Electricity that each takes [kWh].
-
-    Raises
-    ------
-    ValueError
-        When one of them is negative, infinite, or no number where that is not provided for.
+        Electrical energy [kWh].
 
     Examples
     --------

@@ -40,7 +40,7 @@ class LinearEdge:
         self.force_law()  # refuses what is no law
 
     def force_law(self) -> ForceLaw:
-        """In SI."""
+        """Force law in SI."""
         return ForceLaw.linear(
             K_tc=self.K_tc, K_rc=self.K_rc, K_ac=self.K_ac,
             K_te=self.K_te, K_re=self.K_re, K_ae=self.K_ae,
@@ -49,20 +49,14 @@ class LinearEdge:
 
 @dataclass(frozen=True, kw_only=True)
 class Material(Ranged, section="material"):
-    """A material of workpieces.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or group and letter do not go together.
-    """
+    """Workpiece material; group and letter belong together."""
 
     name: str
-    """For people."""
+    """Name for readers."""
     group: Annotated[int, Range(least=1, most=41)]
-    """Of VDI 3323, 1 to 41."""
+    """Group of VDI 3323, 1 to 41."""
     iso: Letter
-    """Of ISO 513."""
+    """Letter of ISO 513."""
     k_c11: Annotated[float, Range(least=10.0, most=20000.0)]
     """Specific cutting force of a chip 1 mm thick and 1 mm wide [N/mm^2]."""
     m_c: Annotated[float, Range(least=0.0, most=0.9)]
@@ -71,16 +65,16 @@ class Material(Ranged, section="material"):
     axial: Annotated[float, Range(least=-3.0, most=3.0)] = 0.0
     """Radial and axial force over the tangential one [1]."""
     source: str
-    """Of ``k_c11`` and ``m_c``."""
+    """Source of ``k_c11`` and ``m_c``."""
     ratio_source: str
-    """Of ``radial`` and ``axial``, or what is assumed."""
+    """Source of ``radial`` and ``axial``, or the assumption."""
     hardness_HB: Annotated[float, Range(least=1.0, most=1000.0)] | None = None
     strength_N_mm2: Annotated[float, Range(least=1.0, most=5000.0)] | None = None
     """Brinell hardness, tensile strength [N/mm^2]."""
     coefficients: LinearEdge | None = None
     """Measured ones, which then are the force law."""
     taylor: dict[Literal["carbide", "hss"], Taylor] = field(default_factory=dict)
-    """Constants of tool life by the tool's material; a life that is not there is not known."""
+    """Constants of tool life by the tool's material; absent where there are none."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -95,10 +89,7 @@ class Material(Ranged, section="material"):
             )
 
     def force_law(self, *, measured: bool = True) -> ForceLaw:
-        """Force law in SI: measured coefficients where there are some, Kienzle's law otherwise.
-
-        ``measured`` = False takes Kienzle's law in any case.
-        """
+        """Force law in SI: measured coefficients if any and ``measured``, else Kienzle's law."""
         if measured and self.coefficients is not None:
             return self.coefficients.force_law()
         return ForceLaw.kienzle(
@@ -107,11 +98,11 @@ class Material(Ranged, section="material"):
 
     @property
     def force_source(self) -> str:
-        """Where the numbers of :meth:`force_law` come from."""
+        """Source of the numbers of :meth:`force_law`."""
         return self.source if self.coefficients is None else self.coefficients.source
 
     def tool_life(self, tool: Tool) -> Taylor | None:
-        """Constants of the life of ``tool`` in this material; None when they are not known."""
+        """Constants of the life of ``tool`` in this material; None without data."""
         found = self.taylor.get(tool.material)
         if found is None or tool.coating.casefold() not in ("none", "uncoated"):
             return found
@@ -119,7 +110,7 @@ class Material(Ranged, section="material"):
         return replace(found, C_m_min=C, C_range_m_min=tuple(ends))
 
     def no_life(self, tool: Tool) -> str:
-        """Why the life of ``tool`` in this material is not known, and what would tell it."""
+        """Reason for no life of ``tool`` in this material, and its remedy."""
         edge = {"carbide": "cemented carbide", "hss": "high-speed steel"}[tool.material]
         return (
             f"no source of the life of {edge} in {self.name} was found: write "

@@ -18,16 +18,10 @@ from pipeline.schema.si import KW, MINUTE
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleDrive(Ranged, section="spindle_drive"):
-    """Motor and drive of a main spindle.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or the speeds are out of order.
-    """
+    """Motor and drive of a main spindle; minimum, base and top speed ascend."""
 
     rated_power_kW: Positive
-    """At the motor's shaft, from its base speed on [kW]."""
+    """Rated power at the motor's shaft, from the base speed on [kW]."""
     base_speed_rpm: Positive
     """[rev/min]."""
     top_speed_rpm: Positive
@@ -39,7 +33,7 @@ class SpindleDrive(Ranged, section="spindle_drive"):
     electricity depends on it; 0.9 is usual of 10 to 20 kW near the rated power, and too much for a
     motor that hardly works."""
     minimum_speed_rpm: Positive = 100.0
-    """Below it force is not determined by power [rev/min]."""
+    """Speed below which power does not determine force [rev/min]."""
     no_load_W: tuple[Finite, ...] = (0.0,)
     """p0, p1, p2, ... of P_0 = p0 + p1 n + p2 n^2 + ... [W, W s, W s^2, ...], n in rev/s; like all
     that the cut takes, reckoned at the tool."""
@@ -83,14 +77,7 @@ def power_curve(n: ArrayLike, *, rated: float, base_speed: float) -> Floats:
 
 
 def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """P_rated min(1, n / n_base) of the motor [W]; NaN above the top speed.
-
-    Parameters
-    ----------
-    n : array_like
-        Speed [rev/s], its sign does not count.
-    drive : SpindleDrive
-        Of the machine.
+    """P_rated min(1, |n| / n_base) of the motor [W] at n [rev/s]; NaN above the top speed.
 
     Examples
     --------
@@ -104,10 +91,7 @@ def available_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
 
 
 def no_load_power(n: ArrayLike, drive: SpindleDrive) -> Floats:
-    """P_0, no-load power of the turning spindle [W].
-
-    Never below 0, wherever a polynomial leads outside the speeds of its fit.
-    """
+    """No-load power P_0 of the turning spindle [W]; at least 0 outside the speeds of its fit."""
     speed = np.abs(np.asarray(n, dtype=np.float64))
     power = cast(Floats, np.polynomial.polynomial.polyval(speed, drive.no_load_W))
     return np.maximum(power, 0.0)

@@ -27,11 +27,7 @@ def not_negative(
     """Values as an array, after a look at their range.
 
     ``high`` is the greatest value that is one, and infinity is none; ``unknown`` allows NaN.
-
-    Raises
-    ------
-    ValueError
-        When one is negative, infinite, above ``high`` or no number.
+    ValueError when one is negative, infinite, above ``high`` or no number.
     """
     array = np.asarray(values, dtype=np.float64)
     good = (array >= 0.0) & (array <= high) & (array < np.inf)
@@ -49,13 +45,7 @@ NONE: Mapping[Condition, ArrayLike] = MappingProxyType({})
 
 @dataclass(frozen=True, kw_only=True)
 class Taylor(Ranged, section="taylor"):
-    """Constants of one pair of tool and material.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or an exponent has no reference value.
-    """
+    """Constants of one pair of tool and material; an exponent needs its reference value."""
 
     n: Annotated[float, Range(least=0.01, most=0.99)]
     """Exponent of life [1]: about 0.125 for high-speed steel, 0.25 for cemented carbide."""
@@ -67,7 +57,7 @@ class Taylor(Ranged, section="taylor"):
     n_range: tuple[float, ...] = ()
     """Least and greatest C [m/min] and n [1] by the sources; empty where there is no spread."""
     uncoated: Annotated[float, Range(least=0.1, most=1.0)] = 1.0
-    """C of a tool that is known to have no coating over that of others [1]."""
+    """C of an uncoated tool over that of others [1]."""
     f_z_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_p_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
     a_e_exponent: Annotated[float, Range(least=0.0, most=3.0)] = 0.0
@@ -75,12 +65,11 @@ class Taylor(Ranged, section="taylor"):
     f_z_ref_mm: Annotated[float, Range(least=1e-4, most=10.0)] | None = None
     a_p_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
     a_e_ref_mm: Annotated[float, Range(least=1e-3, most=1000.0)] | None = None
-    """Feed for each tooth, axial and radial depth that C belongs to [mm]; needed with an
-    exponent."""
+    """Feed per tooth, axial and radial depth of C [mm]; needed with an exponent."""
     speed_range_m_min: tuple[float, ...] = ()
     """Lowest and highest cutting speed of the tests [m/min]."""
     source: str = ""
-    """Where the constants come from."""
+    """Source of the constants."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -116,7 +105,7 @@ class Taylor(Ranged, section="taylor"):
 
     @property
     def words(self) -> str:
-        """Speed and life, with their spread, for people."""
+        """Speed and life, with their spread, in words."""
         speed, n = (
             " to ".join(f"{end:.4g}" for end in ends)
             for ends in (self.C_range_m_min or (self.C_m_min,), self.n_range or (self.n,))
@@ -141,21 +130,9 @@ def life(
 ) -> Floats:
     """Time in the cut until the tool is worn [s]; shape of ``v_c`` and the conditions broadcast.
 
-    Parameters
-    ----------
-    taylor : Taylor
-        Constants.
-    v_c : array_like
-        Cutting speed [m/s], any shape; a tool that stands still does not wear, its life is
-        infinite.
-    conditions : mapping of "f_z", "a_p", "a_e" to array_like
-        Feed for each tooth, axial and radial depth [m]; one with an exponent must be there.  Where
-        one is 0 there is no chip and no wear.
-
-    Raises
-    ------
-    ValueError
-        When a speed or condition is negative or no number, or one that is needed is missing.
+    ``v_c`` is the cutting speed [m/s]; a tool at rest has an infinite life. ``conditions`` are f_z,
+    a_p and a_e [m]; one with an exponent is needed, and where one is 0 there is no chip and no
+    wear. ValueError when a speed or condition is negative or NaN, or one that is needed is missing.
 
     Examples
     --------
@@ -172,15 +149,7 @@ def wear(
     taylor: Taylor, times: ArrayLike, v_c: ArrayLike,
     conditions: Mapping[Condition, ArrayLike] = NONE,
 ) -> Floats:  # fmt: skip
-    """Share of a tool's life that each block takes, t_i / T(V_i) [1]; shape (..., B).
-
-    Parameters
-    ----------
-    times : array_like, shape (..., B)
-        In the cut [s].
-    taylor, v_c, conditions
-        As of :func:`life`, and what it raises.
-    """
+    """Share of tool life of each block, t_i / T(V_i) [1], for times in the cut [s]; (..., B)."""
     spent = not_negative("times", times)
     with np.errstate(over="ignore", invalid="ignore"):  # a rate without bound for no time
         share: Floats = np.where(spent > 0.0, spent * _wear_rate(taylor, v_c, conditions), 0.0)

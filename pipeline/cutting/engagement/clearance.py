@@ -1,8 +1,8 @@
-"""Clearance of shank and holder: cylinders above the cutting edges, over the stock as it is then.
+"""Clearance of shank and holder, cylinders above the cutting edges, over the current stock.
 
 The tool is followed in steps of a cell; at each it cuts the columns under its end, and those that
 still stand higher than the underside of shank or holder, within its radius, are in its way.  What
-the holder's own cylinder touches stays: it does not cut.  What is above the holder is not known.
+the holder's own cylinder touches stays: it does not cut.  What is above the holder is left out.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ BODIES = ("shank", "holder")
 
 
 class Contacts(NamedTuple):
-    """Where a body of a tool is in the material; N of them, in the order of the path.
+    """Contacts of tool bodies with the material; N of them, in the order of the path.
 
     ``piece`` of the path, ``body``: index into :data:`BODIES`, ``depth`` of its underside below the
     highest column in its way, at most along the piece [m].
@@ -49,7 +49,7 @@ def bodies(tool: Tool) -> Floats:
 
 
 def contacts(path: ToolPath, tools: Sequence[Tool], stock: HeightMap) -> Contacts:
-    """Where shank or holder of a tool is in the material along a path in the stock's frame.
+    """Contacts of a tool's shank or holder with the material along a path in the stock's frame.
 
     ``tools`` are those that ``path.tool`` counts; the stock is not changed.
     """

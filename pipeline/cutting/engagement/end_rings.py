@@ -1,6 +1,6 @@
-"""Rings of a tool's end: on its way down into a hole the end cuts only where material is below.
+"""Rings of a tool's end: on the way into a hole the end cuts only where material is below.
 
-The flat part of an end, of a flat end all of it, is known at each angle by two radii between which
+The flat part of an end, of a flat end all of it, is given at each angle by two radii between which
 it lies on material.  A ring has the area of the columns that it presses on, so that torque and
 removal rate are those of what is removed, and their mean distance from the axis, so that thrust is
 that of the edge in the material.
@@ -16,20 +16,14 @@ from pipeline.schema.arrays import Floats, Ints, Singles
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class EndRings:
-    """Stations on their way down over less than the whole flat of the tool's end, P of them.
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not go together or the stations do not rise.
-    """
+    """Rings of P stations on the way down over less than the whole flat end, rising."""
 
     station: Ints
-    """Which stations of the engagement, rising; at all others the whole end counts; shape (P,)."""
+    """Rising indices of the stations; at all others the whole end counts; shape (P,)."""
     inner: Singles
     outer: Singles
-    """From which to which distance from the axis the flat lies on material at each of F angles [m];
-    nothing where ``outer <= inner``; shape (P, F)."""
+    """Inner and outer radius of the part of the flat on material, at each of F angles [m]; none
+    where ``outer <= inner``; shape (P, F)."""
 
     def __post_init__(self) -> None:
         if self.inner.shape != self.outer.shape or len(self.inner) != len(self.station):

@@ -1,4 +1,4 @@
-"""Tool engagement: where along its path the tool is in the material, and with which part of it.
+"""Tool engagement along a path: stations in the material, with the engaged part of the tool.
 
 Angles are those of milling (Altintas 2012, fig. 2.20): phi = 0 where a tooth stands a quarter
 turn before the direction of feed and moves into it, so that the chip of a tooth is f_z sin(phi)
@@ -35,23 +35,19 @@ _ROWS = 64 * STEPS
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ToolPath:
-    """Q straight pieces, in the order in which they are cut; the tool's axis is parallel to z.
-
-    Arcs come as chords.  The same pieces hold whatever F and S are.
-    """
+    """Q straight pieces (chords of arcs) in the order of cutting, tool axis z; for any F and S."""
 
     start: Floats
     end: Floats
-    """Of the tool's tip [m]; shape (Q, 3)."""
+    """End position of the tool tip [m]; shape (Q, 3)."""
     block: Indices
-    """Which block of the program each belongs to, never falling; shape (Q,)."""
+    """Block of the program that each belongs to, never falling; shape (Q,)."""
     tool: Indices
     """Index into the tools that go with the path; shape (Q,)."""
     feed: Bools
     """Whether it moves at feed; False for rapids; shape (Q,)."""
     direction: NDArray[np.int8]
-    """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4), 0 when it
-    stands; shape (Q,)."""
+    """Spindle direction: 1 clockwise from above (M3), -1 anticlockwise (M4), 0 at rest; (Q,)."""
 
     def __post_init__(self) -> None:
         for item in fields(self):
@@ -68,30 +64,18 @@ class ToolPath:
 
     @property
     def length(self) -> Floats:
-        """Of each piece [m]; shape (Q,)."""
+        """Length of each piece [m]; shape (Q,)."""
         length: Floats = np.linalg.norm(self.end - self.start, axis=1)
         return length
 
 
 def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
-    """Entry and exit angle of the longest engaged arc.
+    """Entry phi_st, 0 to 2 pi, and exit phi_ex of the longest engaged arc [rad]; (N,) each.
 
-    Parameters
-    ----------
-    depth : ndarray, shape (N, F)
-        Height engaged at angles (k + 1/2) 2 pi / F, mean over the angle's width [m].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Entry phi_st, 0 to 2 pi [rad]; NaN where nothing is engaged.
-    ndarray, shape (N,)
-        Exit phi_ex, above the entry by at most 2 pi [rad].
-
-    Notes
-    -----
-    The first and the last angle of an arc are engaged in part: by as much of their width, seen
-    along the feed, as their depth is of their neighbour's.
+    ``depth`` (N, F) is the height engaged at angles (k + 1/2) 2 pi / F, mean over the angle's width
+    [m]; the entry is NaN where nothing is engaged. The first and the last angle of an arc are
+    engaged in part: by as much of their width, seen along the feed, as their depth is of their
+    neighbour's.
 
     Examples
     --------
@@ -115,7 +99,7 @@ def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
 
 
 def arc_ends(depth: NDArray[np.floating], first: Ints, last: Ints) -> tuple[Floats, Floats]:
-    """Where arcs from angle ``first`` to ``last`` begin and end within these two, 0 to 2 pi [rad].
+    """Begin and end of arcs from angle ``first`` to ``last``, 0 to 2 pi [rad].
 
     Parameters as in :func:`engaged_arc`, which says how; ``first`` and ``last`` have shape (N,).
     """
@@ -168,7 +152,7 @@ class Engagement:
     tool: Indices
     """Piece of the path, block of the program, index of the tool; shape (N,)."""
     along: Floats
-    """Where on its piece the station begins [m]; shape (N,)."""
+    """Begin of the station on its piece [m]; shape (N,)."""
     length: Floats
     """Length of the stretch that it stands for [m]; shape (N,)."""
     lower: Singles
@@ -193,7 +177,7 @@ class Engagement:
 
     @property
     def angles(self) -> Floats:
-        """Where ``lower`` and ``upper`` are given [rad]; shape (F,)."""
+        """Angles at which ``lower`` and ``upper`` are given [rad]; shape (F,)."""
         many = self.upper.shape[1]
         return (np.arange(many) + 0.5) * (2 * np.pi / many)
 
@@ -212,8 +196,8 @@ class Engagement:
     def rapid_depth(self) -> Floats:
         """Depth of the material that rapids go through in each block [m]; shape (B,).
 
-        Straight down it is the way in the material, since the end of a tool has no height; contact
-        with less than two columns, or less deep than the map resolves, is none.
+        Straight down it is the path length in the material, since the end of a tool has no height;
+        contact with less than two columns, or less deep than the map resolves, is none.
         """
         depth, down = np.zeros(self.blocks), self.plunge
         wide = self.volume > 2 * self.resolution**2 * self.length
@@ -229,13 +213,8 @@ def engage(
     """Engagement along a path, and the stock that it leaves.
 
     The path is in the stock's frame, ``tools`` are those that ``path.tool`` counts; the stock is
-    not changed.  ``bins`` is the number of angles F at which the engagement is given: even, 8 to
-    720.
-
-    Raises
-    ------
-    ValueError
-        When ``bins`` is out of its range or the path names a tool that is not there.
+    not changed. ``bins`` is the number of angles F at which the engagement is given: even, 8 to
+    720. ValueError when ``bins`` is out of its range or the path names a tool that is not there.
     """
     if bins % 2 or not 8 <= bins <= 720:
         raise ValueError(f"engagement: bins = {bins} must be even and from 8 to 720")

@@ -37,8 +37,8 @@ class HeightMap:
     cell: float
     """Edge of a cell: the resolution [m]."""
     heights: Singles
-    """Top of the material in each cell [m]; ``floor`` where there is none.  Rows are along y;
-    shape (rows, columns)."""
+    """Top of the material in each cell [m], ``floor`` without any; rows along y, (rows,
+    columns)."""
     floor: float
     """Underside of the stock [m]."""
     notice: str = ""
@@ -46,14 +46,14 @@ class HeightMap:
 
     @property
     def volume(self) -> float:
-        """Of the material [m^3]."""
+        """Volume of the material [m^3]."""
         floor = float(np.float32(self.floor))
         # row by row: a copy in double precision would need twice the memory of the map
         above = [float((row.astype(np.float64) - floor).sum()) for row in self.heights]
         return fsum(above) * self.cell**2
 
     def shifts(self, margin: int = 0) -> tuple[Floats, Floats]:
-        """Where in their cells the columns stand, in cells.
+        """Positions of the columns in their cells, in cells.
 
         Along x by row, shape (rows + 2 margin,), and along y by column, shape (columns + 2
         margin,); ``margin`` is the number of cells around the map.
@@ -66,12 +66,8 @@ class HeightMap:
 def height_map(stock: Stock, resolution_m: float) -> HeightMap:
     """Columns of a stock.
 
-    ``resolution_m`` is the edge of a cell [m].
-
-    Raises
-    ------
-    ValueError
-        When the resolution is not above 0 or the grid has too many cells, or a mesh cannot be used.
+    ``resolution_m`` is the edge of a cell [m]. ValueError when the resolution is not above 0 or the
+    grid has too many cells, or a mesh cannot be used.
     """
     if isinstance(stock, Mesh):
         return mesh_map(stock, resolution_m)
@@ -92,13 +88,7 @@ def height_map(stock: Stock, resolution_m: float) -> HeightMap:
 def empty_map(
     x: tuple[float, float], y: tuple[float, float], floor: float, resolution_m: float
 ) -> HeightMap:
-    """A grid over a rectangle [m] without material.
-
-    Raises
-    ------
-    ValueError
-        When the resolution is not above 0 or the grid has too many cells.
-    """
+    """Grid over a rectangle [m] without material; ValueError as in :func:`height_map`."""
     if not 0 < resolution_m < np.inf:
         raise ValueError(
             f"resolution of the height map is {resolution_m / MM:g} mm: give one above 0"
@@ -118,7 +108,7 @@ def empty_map(
 
 
 def rows_of(grid: HeightMap) -> Iterator[tuple[Floats, Floats]]:
-    """Where the columns stand along x and y [m], row by row; each of shape (columns,)."""
+    """Positions of the columns along x and y [m], row by row; each of shape (columns,)."""
     columns = grid.heights.shape[1]
     shifts, across = grid.shifts()
     along = np.arange(columns)
@@ -145,12 +135,8 @@ _LOST_SHARE = 0.01
 def mesh_map(stock: Mesh, resolution_m: float) -> HeightMap:
     """Columns of a mesh; its lowest point is the floor.
 
-    A notice says where cavities or undercuts count as full.
-
-    Raises
-    ------
-    ValueError
-        When trimesh is not installed, the file cannot be read, has no triangles or is not closed.
+    A notice says where cavities or undercuts count as full. ValueError when trimesh is not
+    installed, the file cannot be read, has no triangles or is not closed.
     """
     from pipeline.cutting.engagement.sweep_columns import raise_to_triangles
 

@@ -1,4 +1,4 @@
-"""Immersions: the arc that a tooth goes through the material, station by station, for chatter."""
+"""Immersion angles of the stations of a program, for chatter."""
 
 from dataclasses import dataclass
 from math import pi
@@ -15,18 +15,12 @@ STEEPEST = 0.7
 
 
 LEAST_ARC = 1e-4
-"""Of a station that cuts at all [rad]."""
+"""Least arc of a station that cuts at all [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Immersions:
-    """N stations of a program, each with the arc that a tooth goes through the material there.
-
-    Raises
-    ------
-    ValueError
-        When a depth or an arc is out of its range.
-    """
+    """Immersions of N stations of a program: depth, and arc of a tooth in the material."""
 
     block: Indices
     tool: Indices
@@ -38,17 +32,16 @@ class Immersions:
     """[rad], as in :mod:`pipeline.cutting.engagement.engagement`, 0 <= entry < exit <= pi;
     shape (N,)."""
     feed_direction: Floats
-    """From the machine's x [rad]; shape (N,)."""
+    """Angle from the machine's x [rad]; shape (N,)."""
     direction: NDArray[np.int8]
     """Direction of the spindle, 1 or -1; shape (N,)."""
     blocks: int
     """Blocks of the program, B."""
     unjudged: Bools
-    """Blocks with a station in the material that is not milling with a spindle that turns: plunges,
-    rapids; shape (B,)."""
+    """Blocks with a cut that is no milling, under a turning spindle: plunges, rapids; (B,)."""
     lowest: Floats | None = None
     highest: Floats | None = None
-    """Between which heights above the tip the edge is in the material [m]; from the tip to
+    """Least and greatest height above the tip of the edge in the material [m]; from the tip to
     ``depth`` where they are not given; shape (N,)."""
 
     def __post_init__(self) -> None:

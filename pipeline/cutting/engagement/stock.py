@@ -16,18 +16,12 @@ Span = tuple[float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class Box:
-    """A block with edges along the axes.
-
-    Raises
-    ------
-    ValueError
-        When a range is empty, reversed or not finite.
-    """
+    """Block with edges along the axes."""
 
     x_mm: Span
     y_mm: Span
     z_mm: Span
-    """From where to where [mm]; a block without height is a stock without material."""
+    """Lower and upper end [mm]; a block without height is a stock without material."""
 
     def __post_init__(self) -> None:
         _check_range("x_mm", self.x_mm)
@@ -37,21 +31,15 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class Cylinder(Ranged, section="stock"):
-    """A round bar that stands on its end.
-
-    Raises
-    ------
-    ValueError
-        When the diameter is not above 0 or ``z_mm`` is reversed or not finite.
-    """
+    """Round bar with a vertical axis."""
 
     x_mm: Finite
     y_mm: Finite
-    """Of its axis [mm]."""
+    """Position of the cylinder's axis along x and y [mm]."""
     diameter_mm: Positive
     """Diameter [mm]."""
     z_mm: Span
-    """From where to where [mm]; a bar without height is a stock without material."""
+    """Lower and upper end [mm]; a bar without height is a stock without material."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -60,13 +48,7 @@ class Cylinder(Ranged, section="stock"):
 
 @dataclass(frozen=True, kw_only=True)
 class Mesh(Ranged, section="stock"):
-    """A closed surface of triangles, read from an STL file.
-
-    Raises
-    ------
-    ValueError
-        When the scale is not above 0.
-    """
+    """Closed surface of triangles, read from an STL file."""
 
     path: Path
     """The file, in the program's work coordinates."""
@@ -80,22 +62,10 @@ _FORMS = {"box": (6, "box:X0,X1,Y0,Y1,Z0,Z1"), "cylinder": (5, "cylinder:X,Y,DIA
 
 
 def stock_of(text: str) -> Stock:
-    """Stock as one writes it in a line.
+    """Stock from a line of text: a box, a cylinder or an STL file [mm].
 
-    Parameters
-    ----------
-    text : str
-        ``box:X0,X1,Y0,Y1,Z0,Z1``, ``cylinder:X,Y,DIAMETER,Z0,Z1``, or the path of an STL file
-        [mm].
-
-    Returns
-    -------
-    Box, Cylinder or Mesh
-
-    Raises
-    ------
-    ValueError
-        When it is none of them, or a value is out of its range.
+    ``box:X0,X1,Y0,Y1,Z0,Z1``, ``cylinder:X,Y,DIAMETER,Z0,Z1``, or the path of an STL file.
+    ValueError when it is none of them, or a value is out of its range.
 
     Examples
     --------

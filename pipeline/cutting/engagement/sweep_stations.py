@@ -154,15 +154,14 @@ SCALARS = 10
 ALONG, LENGTH, VOLUME, HEIGHT, DEEPEST, SHALLOWEST, STEPS_IN, AIR, AIR_HEIGHT, AIR_STEPS = range(
     SCALARS
 )
-"""Of the open station: where it begins, length, volume, sum of the tip's heights over its steps,
-greatest and least depth of a step, number of steps; length, heights and number of the steps in air
-since."""
+"""Columns of the open station: begin, length, volume, sum of the tip's heights over its steps,
+greatest and least depth of a step, number of steps; then length, heights and number of the steps in
+air since."""
 _DEPTH_SHARE = 0.05
 _SHIFT_CELLS = 1.0
 _THIN_CELLS = 2.0
 _GAP = 6
-"""Steps in air after which a thin engagement is over: less than a cell wide, it has no column in
-each step."""
+"""Steps in air that end a thin engagement, which has no column in each step."""
 
 
 @compiled
@@ -256,7 +255,7 @@ def _thin(station, radius, cell):  # type: ignore[no-untyped-def]
 
 @compiled
 def _width(cosines, a, radius):  # type: ignore[no-untyped-def]
-    """Of an angle, seen along the feed [m]."""
+    """Width of an angle's bin, seen along the feed [m]."""
     half = cosines.shape[0] - 1
     front = a if a < half else 2 * half - 1 - a
     return radius * (cosines[front] - cosines[front + 1])
@@ -280,18 +279,15 @@ def _same(station, peak, radius, cell):  # type: ignore[no-untyped-def]
 
 STATE = 3
 PIECE, DONE, RECENT = range(STATE)
-"""Of the state: piece; 0, or where it stopped within it 1 more than the steps before; and whether
-the counts of earlier pieces are valid."""
+"""Columns of the state: piece; 0, or 1 more than the steps before where it stopped within the
+piece; whether the counts of earlier pieces are valid."""
 _STEEP = 0.7
 """Rise over path length above which a motion is followed step by step: it is short in the plane."""
 
 
 @compiled
 def sweep_path(start, end, tool_of, direction, profiles, grid, counts, station, out, state, bins):  # type: ignore[no-untyped-def]
-    """Follow the path from ``state`` on until its end or until ``out`` is full.
-
-    Returns the number of stations written; ``state`` says where it stopped.
-    """
+    """Follow the path from ``state`` until its end or a full ``out``; number of new stations."""
     n = np.int64(0)  # a literal would have all that follows compiled a second time
     while state[PIECE] < start.shape[0]:
         piece = state[PIECE]
@@ -386,7 +382,6 @@ def _settle(grid, profiles, tool, segment, steep, counts, station, state):  # ty
 
 @compiled
 def _clear(counts, steps, slices):  # type: ignore[no-untyped-def]
-    """Nothing counted."""
     counts.swept[:steps, :slices] = 0.0
     counts.met[:steps, :slices] = 0.0
     counts.volume[:steps] = 0.0

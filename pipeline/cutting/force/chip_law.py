@@ -1,4 +1,4 @@
-"""Laws of the chip: forces of an edge over the thickness of the chip, and their straight lines.
+"""Chip-force laws: edge forces over the chip thickness, and their linearisation.
 
 For each width of chip the edge force along t, r, a is taken as
 
@@ -30,7 +30,7 @@ OTHERWISE = 0.1
 
 
 def _parts(h: Floats, exponent: Sequence[float], growth: float) -> Floats:
-    """What C and E are multiplied by [m], [1]; shape (6,) + shape of ``h``."""
+    """Factors of C and E [m], [1]; shape (6,) + shape of ``h``."""
     thick = np.maximum(h, 1e-12)
     chip = [thick * (thick / REFERENCE) ** -m for m in exponent]
     edge = 1 - np.exp(-thick / growth) if growth > 0 else np.ones_like(thick)
@@ -70,15 +70,15 @@ def local_lines(
 ) -> Floats:
     """Straight lines K_c h + K_e with the least squares to D laws over the chips of cuts.
 
-    Angles count evenly over each engagement, so that a line has the mean forces of its law in a
-    slot of one feed.
+    Angles have equal weights over each engagement, so that a line has the mean forces of its law in
+    a slot of one feed.
 
     Parameters
     ----------
     exponent, growth, values : ndarray, shapes (D, 3), (D,), (D, 6)
         m [1], h_0 [m], C [N/m^2] and E [N/m] of each law.
     each : sequence of CutConditions
-        Of the cuts.
+        Cuts in which the chips arise.
 
     Returns
     -------

@@ -55,14 +55,10 @@ def chisel_thrust(tool: Tool, law: ForceLaw) -> float:
 
 
 def chisel_engaged(tool: Tool, lower: Floats, upper: Floats) -> Floats:
-    """Share of the chisel edge that is in material [1]; shape (S,).
+    """Share of a drill's chisel edge in material [1]; shape (S,).
 
-    Parameters
-    ----------
-    tool : Tool
-        A drill.
-    lower, upper : ndarray, shape (S, F)
-        Heights on the tool between which there is material, by angle [m].
+    ``lower`` and ``upper`` (S, F) are the heights on the tool between which there is material, by
+    angle [m].
     """
     half = chisel_length(tool) / 2
     height = max(half / np.tan(tool.point_angle / 2), 1e-9)

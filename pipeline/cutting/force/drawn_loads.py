@@ -1,4 +1,4 @@
-"""Peak loads of one engagement where coefficients and runout are not certain.
+"""Peak loads of one engagement under uncertain coefficients and runout.
 
 The forces are those of :mod:`pipeline.cutting.force.waveform`, computed at angles that are coarser:
 teeth stand 7.5 degrees apart, closer in arcs below 60 degrees, so that a peak is missed by up to a
@@ -32,9 +32,9 @@ class EdgeTurn:
     tool: Tool
     """Whose edge it is; its runout is not used."""
     pieces: Floats
-    """As :mod:`pipeline.cutting.force.profile_kernel` has them; shape (n, 9)."""
+    """Pieces of the edge as in :mod:`pipeline.cutting.force.profile_kernel`; shape (n, 9)."""
     first: NDArray[np.intp]
-    """Where those of each angle of the tip begin; shape (A + 1,)."""
+    """First piece of each tip angle; shape (A + 1,)."""
 
 
 def edge_turn(
@@ -78,32 +78,25 @@ def drawn_loads(
     turn: EdgeTurn, coefficients: ArrayLike, offsets: ArrayLike, f_z: ArrayLike, *,
     m_c: float = 0.0, mean: bool = False,
 ) -> Floats:  # fmt: skip
-    """Peak across the axis over a turn of the spindle [N] in D draws, at K feeds.
+    """Peak across the axis over a spindle revolution [N] in D draws, at K feeds; shape (K, D).
+
+    ValueError when the shapes do not go together.
 
     Parameters
     ----------
     turn : EdgeTurn
-        Of the engagement.
+        Edge over one revolution at the engagement.
     coefficients : array_like, shape (D, 6)
         K_tc, K_rc, K_ac, K_te, K_re, K_ae [N/m^2] or with ``m_c``, [N/m].
     offsets : array_like, shape (D, 2)
-        Of the tool's axis from the spindle's, along the first tooth and a quarter turn after it in
-        the sense of ``Tool.runout_deg`` [m].
+        Tool axis from the spindle axis, along the first tooth and 90 deg after it in the sense of
+        ``Tool.runout_deg`` [m].
     f_z : array_like, shape (K,)
-        Feeds for each tooth, above 0 and rising [m].
+        Feeds per tooth, above 0 and rising [m].
     m_c : float
-        Exponent of the chip's thickness [1].
+        Exponent of the chip thickness [1].
     mean : bool
-        Means over the turn instead of peaks.
-
-    Returns
-    -------
-    ndarray, shape (K, D)
-
-    Raises
-    ------
-    ValueError
-        When the shapes do not go together.
+        Means over the revolution instead of peaks.
     """
     from pipeline.cutting.force.profile_kernel import drawn_loads as fill
 

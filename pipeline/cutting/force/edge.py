@@ -153,7 +153,7 @@ def chip(sine, sin_kappa, cos_kappa, cos_lag, sin_lag, motion, runout, differenc
 
 @compiled
 def cut_part(begin, end, h, after):  # type: ignore[no-untyped-def]
-    """Between which places a tooth has a chip of a course as if straight; equal ones if nowhere.
+    """Begin and end of a tooth's chip of a nearly straight course; equal where there is none.
 
     ``h`` and ``after`` are its thickness at the Gauss points between ``begin`` and ``end``.
     """

@@ -21,13 +21,7 @@ THICKNESS = 1e-3  # [m], of which k_c1.1 is the specific force
 
 @dataclass(frozen=True, kw_only=True)
 class ForceLaw(Ranged, section="force_law"):
-    """Constants of one pair of tool and material, in SI.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite or out of its range, or no coefficient is tangential.
-    """
+    """Constants of one pair of tool and material, in SI; at least one is tangential."""
 
     K_tc: NotNegative
     K_rc: Finite

@@ -1,4 +1,4 @@
-"""Loads of all blocks of a program as functions of the feed for each tooth.
+"""Loads of all blocks of a program as functions of the feed per tooth.
 
 Where the tool is in the material does not depend on F and S, so that the loads of a block depend on
 f_z = F / (N n) alone.  They are tabulated once; other F and S cost a look-up.
@@ -54,7 +54,7 @@ class BlockLoads:
     peak: Floats
     mean: Floats
     rms: Floats
-    """Of the load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
+    """RMS load across the tool's axis, sqrt(F_x^2 + F_y^2), over a turn [N]; shape (..., B)."""
     axial: Floats
     """Peak of |F_z| [N]; shape (..., B)."""
     torque: Floats
@@ -63,23 +63,10 @@ class BlockLoads:
 
 
 def block_loads(values: Floats, block: NDArray[np.int32], length: Floats, blocks: int) -> Floats:
-    """Loads of blocks from those of their stations.
+    """Loads of blocks, shape (6, B, K), from those of their stations; 0 without a station.
 
-    Parameters
-    ----------
-    values : ndarray, shape (N, K, 6)
-        Of each station, in the order of :class:`BlockLoads`.
-    block : ndarray of int32, shape (N,)
-        Block of each station.
-    length : ndarray, shape (N,)
-        Length in the material that each stands for [m].
-    blocks : int
-        B.
-
-    Returns
-    -------
-    ndarray, shape (6, B, K)
-        0 for blocks without a station.
+    ``values`` (N, K, 6) are in the order of :class:`BlockLoads`, ``block`` (N,) is each station's
+    block, ``length`` (N,) the length in the material that it stands for [m].
     """
     out = np.zeros((6, blocks, values.shape[1]))
     if not len(block):
@@ -119,7 +106,7 @@ class LoadTable:
     of it, and on the workpiece along the axis (:mod:`pipeline.cutting.force.waveform`); then the
     standard deviation of each; shape (6, U, K + 1)."""
     station: Rows
-    """Which of them each station of the engagement is; shape (N,)."""
+    """Distinct station of each station of the engagement; shape (N,)."""
     block: NDArray[np.int32]
     """Block of each station; shape (N,)."""
     scale: Floats
@@ -131,10 +118,7 @@ class LoadTable:
     def loads(self, f_z: ArrayLike) -> BlockLoads:
         """Loads at feeds for each tooth [m] of shape (B,) or (P, B); arrays have the same shape.
 
-        Raises
-        ------
-        ValueError
-            When there is not one feed for each block.
+        ValueError when there is not one feed for each block.
         """
         return _loads(self._feeds(f_z), self.values, self.scale, self.exponent)
 
@@ -194,16 +178,12 @@ def load_table(
     N K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
     and edge terms for each length of lip; the chisel edge adds its own
     (:mod:`pipeline.cutting.force.chisel`).  In a hole of diameter d the flat of
-    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads that are not known,
+    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads without a model,
     of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
-    for each; ``nodes`` is K, from 3.
-
-    Raises
-    ------
-    ValueError
-        When the arguments do not go together, or a value is out of its range.
+    for each; ``nodes`` is K, from 3. ValueError when the arguments do not go together, or a value
+    is out of its range.
     """
     from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
 

@@ -21,30 +21,27 @@ COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
 def regressors(
     *, flutes: ArrayLike, f_z: ArrayLike, a_p: ArrayLike, phi_st: ArrayLike, phi_ex: ArrayLike
 ) -> Floats:
-    """Mean forces for each coefficient of the linear-edge law; F_z is as on the workpiece.
+    """Mean forces per coefficient of the linear-edge law; F_z as on the workpiece.
+
+    ValueError when teeth leave before they enter or more than a turn later, or a value is negative
+    or not finite.
 
     Parameters
     ----------
     flutes : array_like
         Number of teeth N.
     f_z : array_like
-        Feed for each tooth [m]; without feed there is no chip and no force.
+        Feed per tooth [m]; without feed there is no chip and no force.
     a_p : array_like
         Axial depth of cut [m].
     phi_st, phi_ex : array_like
-        Where teeth enter and leave [rad], at most 2 pi apart; nothing is cut from pi to 2 pi.
+        Entry and exit angle [rad], at most 2 pi apart; nothing is cut from pi to 2 pi.
 
     Returns
     -------
     ndarray, shape (..., 3, 6)
-        Of F_x, F_y, F_z for each of ``COEFFICIENTS``: [m^2] for cutting, [m] for edge
-        coefficients; leading axes are those of the arguments.
-
-    Raises
-    ------
-    ValueError
-        When teeth leave before they enter or more than a turn later, or a value is negative or
-        not finite.
+        F_x, F_y, F_z for each of ``COEFFICIENTS``: [m^2] for cutting, [m] for edge coefficients;
+        leading axes are those of the arguments.
 
     Examples
     --------
@@ -83,7 +80,6 @@ def regressors(
 
 
 def _arguments(*given: ArrayLike) -> list[Floats]:
-    """The arguments, with the arcs in parts as :func:`cutting_arcs`."""
     arrays = np.broadcast_arrays(*[np.asarray(one, dtype=np.float64) for one in given])
     teeth, feed, depth, entry, leave = arrays
     for name, values in zip(("flutes", "f_z", "a_p"), arrays[:3], strict=True):
@@ -102,18 +98,11 @@ def _arguments(*given: ArrayLike) -> list[Floats]:
 
 
 def cutting_arcs(phi_st: ArrayLike, phi_ex: ArrayLike) -> tuple[Floats, Floats]:
-    """Parts of an arc in which a tooth cuts a chip: it does from 0 to pi of each turn.
+    """Begin and end of the two parts of an arc in which a tooth cuts: from 0 to pi of each turn.
 
-    Parameters
-    ----------
-    phi_st, phi_ex : array_like
-        Where teeth enter and leave [rad], at most 2 pi apart, in any turn.
-
-    Returns
-    -------
-    begin, end : ndarray, shape (2, ...)
-        Of the part in the turn of the entry and of that in the next, from 0 to pi; equal where
-        there is none.
+    Entry ``phi_st`` and exit ``phi_ex`` [rad] are at most 2 pi apart, in any turn. The results,
+    shape (2, ...), are of the part in the turn of the entry and of that in the next; equal where
+    there is none.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Forces where engagement is given as heights for bins of angle, compiled.
+"""Cutting forces under engagement given as heights by angle bin, compiled.
 
 Each tooth's edge is cut where it goes from one bin to the next and where it enters and leaves the
 material, exactly; each piece between is integrated at its middle, so that it errs by the square of
@@ -173,7 +173,7 @@ miss their chips along part of it, and their forces across the axis balance but 
 BALANCED = 1e-9
 """Load across the axis over the torque below which it is rounding of teeth that balance [1/m]."""
 FINEST = 4
-"""How many times more angles of the tip arcs below 30 degrees have than those above 60."""
+"""Ratio of the tip angles of arcs below 30 degrees to those above 60."""
 PEAK, MEAN, RMS, AXIAL, TORQUE, PEAK_TORQUE, FORCE = range(7)
 """Columns of a station's loads; from FORCE on the three components of its mean force, then their
 standard deviations over a turn."""
@@ -258,7 +258,7 @@ def _divided(low, high, slope, shape, many, elements, pairs):  # type: ignore[no
 
 @compiled
 def _coarseness(low, high):  # type: ignore[no-untyped-def]
-    """By how much the tip's angles may be coarser than the finest: short arcs pass quickly."""
+    """Factor on the spacing of the tip angles over the finest: short arcs pass quickly."""
     arc = 0
     for k in range(low.shape[0]):
         arc += high[k] > low[k]
@@ -441,7 +441,7 @@ def _add_piece(  # type: ignore[no-untyped-def]
 
 @compiled
 def _power(share, powers):  # type: ignore[no-untyped-def]
-    """Power of a chip that is a share of the thickest, of its table."""
+    """Power of a chip that is ``share`` of the thickest, from the table."""
     last = powers.shape[0] - 1
     place = last * sqrt(share)
     k = min(int(place), last - 1)

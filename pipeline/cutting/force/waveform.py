@@ -1,4 +1,4 @@
-"""Forces of milling over the angle of the spindle: helix, runout, corner radius.
+"""Milling force waveform over the spindle angle: helix, runout, corner radius.
 
 Frame (Altintas, *Manufacturing Automation*, 2nd ed. 2012, section 2.7): x along the feed, y to the
 left of it, z up along the axis; phi as in :mod:`pipeline.cutting.engagement.engagement`.  F_x and
@@ -42,14 +42,14 @@ from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 
 SLICES = 16
-"""Of the corner and of the side each; two Gauss points in each."""
+"""Number of slices of the corner and of the side each, with two Gauss points in each."""
 
 
 def basis(
     tool: Tool, *, f_z: float, a_p: float, phi_st: float, phi_ex: float, angles: ArrayLike,
     m_c: float = 0.0, growth: float = 0.0, slope: float = 0.0, slices: int = SLICES,
 ) -> Floats:  # fmt: skip
-    """Forces for each coefficient of the law, under constant engagement; F_z as on the workpiece.
+    """Forces per coefficient of the law, under constant engagement; F_z as on the workpiece.
 
     Errors are those of slices of length d [rad of lag].  Without runout each has d^4 / 4320 of its
     force: with m_c = 0 and 16 slices below 1e-7 of the greatest force in all where the lag of the
@@ -57,39 +57,34 @@ def basis(
     ends with nothing is not smooth: 2.5e-5 at 0.8 rad, 1.6e-4 at 4 rad.  With runout a slice where
     a tooth begins to miss its chip errs by d^2 / 12 or so: 16 slices over 1.7 rad or less leave
     below 0.7 % of the edge part (0.1 % in RMS) and 0.07 % of the cutting part.  Without helix and
-    corner there is nothing to divide.
+    corner there is nothing to divide.  ValueError when a value is not finite or out of its range.
 
     Parameters
     ----------
     tool : Tool
-        Its helix, runout and form count.
+        Tool with helix, runout and form.
     f_z : float
-        Feed for each tooth [m]; no forces where it is 0 or below.
+        Feed per tooth [m]; no forces where it is 0 or below.
     a_p : float
         Axial depth of cut [m].
     phi_st, phi_ex : float
-        Where teeth enter and leave [rad], at most 2 pi apart, the same at all heights.
+        Entry and exit angle [rad], at most 2 pi apart, the same at all heights.
     angles : array_like, shape (T,)
-        Of the spindle [rad].
+        Spindle angles [rad].
     m_c : float
-        Exponent of the chip's thickness [1].
+        Exponent of the chip thickness [1].
     growth : float
         Thickness over which the edge part grows, as 1 - exp(-h / growth) [m]; 0: at once, below 0:
         along a straight line up to -growth.
     slope : float
         dz / ds of the motion, from -1 (plunge) to 1.
     slices : int
-        Into which the edge's corner and side are divided each.
+        Slices of the edge's corner and of its side.
 
     Returns
     -------
     ndarray, shape (T, 3, 6)
         F_x, F_y, F_z for K_tc, K_rc, K_ac, K_te, K_re, K_ae: [m^2] or [m] with ``m_c = 0``.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite or out of its range.
 
     Examples
     --------
@@ -110,38 +105,22 @@ def profile_basis(
     m_c: float = 0.0, slope: float = 0.0, slices: int = 2 * SLICES,
     ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
-    """Forces and torque for each coefficient at one station of an engagement.
+    """Forces and torque per coefficient at one station, shape (T, 4, 6); units as :func:`basis`.
+
+    ValueError when a value is not finite or out of its range.
 
     Parameters
     ----------
-    tool : Tool
-        Its helix, runout and form count.
-    f_z : float
-        Feed for each tooth [m]; no forces where it is 0 or below.
+    tool, f_z, angles, m_c, slope
+        Parameters of :func:`basis`.
     lower, upper : array_like, shape (F,)
         Part in the material, as heights above the tip [m] at the angles (k + 1/2) 2 pi / F; a
         value holds over its whole bin of angle.
-    angles : array_like, shape (T,)
-        Of the spindle [rad].
-    m_c : float
-        Exponent of the chip's thickness [1].
-    slope : float
-        dz / ds of the motion, from -1 (plunge) to 1.
     slices : int
-        Into which the edge's corner and side are divided each, besides by bins.
+        Slices of the edge's corner and of its side, divided by bins as well.
     ring : tuple of ndarray, optional
         Inner and outer radii of the part of a flat end that has material below at each angle, two
         of shape (F,) [m]; all of it by default.
-
-    Returns
-    -------
-    ndarray, shape (T, 4, 6)
-        F_x, F_y, F_z and torque; else as :func:`basis`.
-
-    Raises
-    ------
-    ValueError
-        When a value is not finite or out of its range.
     """
     from pipeline.cutting.force.profile_kernel import profile_forces
 
@@ -172,10 +151,7 @@ def profile_waveform(
     law: ForceLaw, tool: Tool, *, f_z: float, lower: ArrayLike, upper: ArrayLike, angles: ArrayLike,
     slope: float = 0.0, slices: int = 2 * SLICES, ring: tuple[Floats, Floats] | None = None,
 ) -> Floats:  # fmt: skip
-    """F_x, F_y, F_z [N] and torque [N m] at one station; shape (T, 4).
-
-    F_z is as on the workpiece, the others are on the tool; else as :func:`profile_basis`.
-    """
+    """F_x, F_y, F_z [N] and torque [N m] at one station, (T, 4); as :func:`profile_basis`."""
     each = profile_basis(
         tool, f_z=f_z, lower=lower, upper=upper, angles=angles, m_c=law.m_c, slope=slope,
         slices=slices, ring=ring,

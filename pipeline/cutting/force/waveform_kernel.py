@@ -1,4 +1,4 @@
-"""Forces under constant engagement over the angle of the spindle, for each coefficient, compiled.
+"""Force waveform under constant engagement for each coefficient, compiled.
 
 The side is a cylinder, so that six sums give all forces: of h cos(phi), h sin(phi), h, cos(phi),
 sin(phi) and 1 over the edge in the material.  The edge is divided into equal slices, each

@@ -1,4 +1,4 @@
-"""Directional matrix: the force on the tool that a displacement of the tool causes.
+"""Directional matrix: force on the tool by a displacement of the tool.
 
 The chip of a tooth at phi grows by sin(phi) dx + cos(phi) dy when the tool stands off by (dx, dy)
 from where the tooth before it cut; with the forces of the linear law the force on the tool is
@@ -46,11 +46,11 @@ class RegenerativeCut(Ranged, section="cut"):
     exit: float
     """Angles between which a tooth is in the material, 0 <= entry < exit <= pi [rad]."""
     feed_direction: Finite = 0.0
-    """From the machine's x, anticlockwise seen from above [rad]."""
+    """Angle from the machine's x, anticlockwise seen from above [rad]."""
     direction: Literal[1, -1] = 1
     """Direction of the spindle: 1 clockwise seen from above (M3), -1 anticlockwise (M4)."""
     lag: Finite = 0.0
-    """By which an edge stays behind its tip for each height, tan(helix) / R [rad/m]."""
+    """Lag of an edge behind its tip over the height, tan(helix) / R [rad/m]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -77,10 +77,7 @@ class RegenerativeCut(Ranged, section="cut"):
 def stiffness(law: ForceLaw, thickness: float | None = None) -> tuple[float, float]:
     """dF_t / dh and dF_r / dh for each depth of cut, K_c (1 - m_c) h^(-m_c) [N/m^2].
 
-    Raises
-    ------
-    ValueError
-        When the law is not linear (m_c > 0) and no ``thickness`` [m] above 0 is given.
+    ValueError when the law is not linear (m_c > 0) and no ``thickness`` [m] above 0 is given.
     """
     factor = _slope(law, thickness)
     return law.K_tc * factor, law.K_rc * factor
@@ -91,10 +88,7 @@ def in_plane(
 ) -> tuple[float, Floats]:
     """dF_t / dh and dF_r / dh in the plane, of an edge between heights above the tip [N/m^2].
 
-    Raises
-    ------
-    ValueError
-        When a height ``high`` is not above its ``low`` >= 0 [m]; as :func:`stiffness`.
+    ValueError when a height ``high`` is not above its ``low`` >= 0 [m]; as :func:`stiffness`.
     """
     a, b = np.asarray(low, dtype=np.float64), np.asarray(high, dtype=np.float64)
     if not ((a >= 0.0) & (b > a) & np.isfinite(b)).all():
@@ -171,7 +165,7 @@ def _matrices(cut: RegenerativeCut, products: Floats) -> Floats:
 
 
 def _once(cut: RegenerativeCut, phi: Floats) -> Floats:
-    """Integral of sin cos, sin^2, cos^2 of a tooth in cut, up to phi; shape (3,) + phi's."""
+    """Integrals of sin cos, sin^2, cos^2 over a tooth's engagement up to phi; (3,) + its shape."""
     clipped = np.clip(phi, cut.entry, cut.exit)
     entry = _first(cut.entry).reshape((3,) + (1,) * clipped.ndim)
     once: Floats = _first(clipped) - entry

@@ -45,7 +45,7 @@ def unit_of(text: str) -> tuple[float, int]:
 def one_direction(
     frequency: Floats, values: Complexes, derivative: int, direction: str, sign: int = 1
 ) -> FrequencyResponse:
-    """One direction of the receptance; a mobility or an accelerance is integrated."""
+    """Receptance along one direction; a mobility or an accelerance is integrated."""
     kept = frequency != 0.0  # the static deflection is no part of an accelerance
     frequency, values = frequency[kept], values[kept]
     receptance = np.zeros((len(frequency), 2, 2), dtype=np.complex128)
@@ -66,13 +66,7 @@ _HEADER = re.compile(r"^\s*(?P<name>[^\[(]*?)\s*(?:[\[(](?P<unit>.*)[\])])?\s*$"
 
 
 def read_csv(path: Path, direction: str) -> FrequencyResponse:
-    """One direction of the receptance from a CSV file.
-
-    Raises
-    ------
-    OSError, ValueError
-        When the file cannot be read.
-    """
+    """Receptance along one direction by a CSV file; OSError, ValueError when it cannot be read."""
     lines = [
         (number, line)
         for number, line in enumerate(_text(path).splitlines(), start=1)
@@ -162,13 +156,7 @@ _RESPONSE, _TRANSLATIONS = 4, {1: "x", 2: "y"}
 
 
 def read_universal(path: Path, direction: str | None) -> FrequencyResponse:
-    """All frequency responses of a universal file, as one.
-
-    Raises
-    ------
-    OSError, ValueError
-        When the file cannot be read.
-    """
+    """All frequency responses of a universal file; OSError, ValueError when it cannot be read."""
     try:
         import pyuff
     except ImportError as error:
@@ -247,24 +235,12 @@ Direction = Literal["x", "y", "xy", "yx"]
 
 
 def read_frf(path: Path, *, direction: Direction | None = None) -> FrequencyResponse:
-    """Frequency response of the tool's tip from a file.
+    """Frequency response of the tool's tip from a file: CSV, text or universal (uff, unv, uf).
 
-    Parameters
-    ----------
-    path : Path
-        ``.csv`` or ``.txt``; ``.uff``, ``.unv`` or ``.uf``.
-    direction : {"x", "y", "xy", "yx"}, optional
-        Of displacement and force in the machine's frame ("xy": displacement along x, force along
-        y); a CSV file needs it, a universal file says it itself.
-
-    Raises
-    ------
-    ValueError
-        When the file cannot be read, in one sentence.
-
-    See Also
-    --------
-    pipeline.cutting.stability.tip_dynamics.joined_responses : Several files as one response.
+    ``direction`` is that of displacement and force in the machine's frame ("xy": displacement along
+    x, force along y): needed for a CSV file, stated in a universal file. ValueError in one sentence
+    when the file cannot be read. Several files are joined by
+    :func:`pipeline.cutting.stability.tip_dynamics.joined_responses`.
     """
     if direction is not None and direction not in PLACES:
         raise ValueError(f"direction = {direction!r} is none: write x, y, xy or yx")

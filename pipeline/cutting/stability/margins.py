@@ -44,30 +44,21 @@ from pipeline.schema.arrays import Bools, Floats, Ints
 SHARES = 128
 """Marks of the radial coefficient in one tangential one."""
 IN_ARC = 90
-"""Least number of marks in an arc: its ends are known to half a mark each, 1.1 % of it in all."""
+"""Least number of marks in an arc: its ends are rounded by half a mark each, 1.1 % of it in all."""
 FEED = pi / 720
-"""Between two marks of the feed's direction [rad]."""
+"""Distance between two marks of the feed's direction [rad]."""
 ROUNDED = 0.985
 """Share of the limit that is allowed: rounded arcs and feeds may promise as much too much [1]."""
 MOST = 3.0
-"""Greatest margin that is told apart [1]: limits are looked for up to 1 + this times the depth."""
+"""Greatest resolved margin [1]: limits are searched up to 1 + this times the depth."""
 
 
 def classes(stations: Immersions, radial: Floats) -> Ints:
     """Class of each station: all that it has in common with those of the same depth limit.
 
-    Parameters
-    ----------
-    stations : Immersions
-        N of them.
-    radial : ndarray, shape (N,)
-        Radial coefficient less that of the tool's side, over the tangential one.
-
-    Returns
-    -------
-    ndarray, shape (N, 7)
-        Tool, spindle, logarithm of the marks in half a turn, then the nearest marks of entry, exit,
-        feed and radial coefficient.
+    Shape (N, 7): tool, spindle, logarithm of the marks in half a turn, then the nearest marks of
+    entry, exit, feed and radial coefficient. ``radial`` (N,) is the radial coefficient less that of
+    the tool's side, over the tangential one [1].
     """
     arc = stations.exit - stations.entry
     level = np.clip(np.ceil(np.log2(IN_ARC * pi / arc)), 0, 40)
@@ -146,7 +137,7 @@ class StabilityTable:
     classes: Sequence[CutClass] = field(repr=False)
     """K of them."""
     limit: Floats = field(repr=False)
-    """Depth that is allowed [m]; nan where it was not asked for yet; shape (K, C)."""
+    """Depth that is allowed [m]; nan where not computed yet; shape (K, C)."""
     kind: Ints = field(repr=False)
     block: Ints = field(repr=False)
     """Class and block of each station; shape (N,)."""
@@ -155,25 +146,14 @@ class StabilityTable:
     judged: Bools = field(repr=False)
     """Blocks of which all that is in the material was judged; air is; shape (B,)."""
     most: float = MOST
-    """Greatest margin that is told apart [1]."""
+    """Greatest resolved margin [1]."""
 
     def margins(self, speed_rpm: ArrayLike) -> Floats:
-        """Least margin of each block: limit / a_p - 1, at most ``most`` [1].
+        """Least margin of each block: limit / a_p - 1, at most ``most`` [1]; ``speed_rpm``'s shape.
 
-        Parameters
-        ----------
-        speed_rpm : array_like, shape (P, B) or (B,)
-            Spindle speed of each block [rev/min]; that of blocks in the air does not count.
-
-        Returns
-        -------
-        ndarray, shape of ``speed_rpm``
-            inf for blocks in the air; nan where nothing of what is in the material was judged.
-
-        Raises
-        ------
-        ValueError
-            When a speed is outside of the table, or the number of blocks is another one.
+        ``speed_rpm`` is (P, B) or (B,) [rev/min]. The margin is inf for blocks in the air, at any
+        speed, and NaN where nothing in the material could be computed. ValueError when a speed is
+        outside of the table, or the number of blocks is another one.
         """
         from pipeline.cutting.stability.stability_kernel import fill_margins, mark_missing
 
@@ -230,14 +210,10 @@ def stability_table(
     """The classes of a program's stations, whose depth limits are computed where they are read.
 
     Dynamics, laws and tools are one for each tool; a tool whose dynamics are not known (None) is
-    not judged.  ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
+    not judged. ``nodes_rpm`` [rev/min] are the spindle speeds at which limits are computed,
     growing; ``thickness`` [m] is that of the chip, where a law that is not linear is taken;
-    ``most`` is the greatest margin that is told apart [1]: the less, the sooner limits are known.
-
-    Raises
-    ------
-    ValueError
-        When a parameter is out of its range.
+    ``most`` is the greatest resolved margin [1]: the less, the less computing.
+    ValueError when a parameter is out of its range.
     """
     nodes = np.atleast_1d(np.asarray(nodes_rpm, dtype=np.float64)) / 60
     if not len(nodes) or not (np.diff(nodes, prepend=0.0) > 0.0).all() or not nodes[-1] < np.inf:
@@ -280,10 +256,10 @@ def _radial(
     stations: Immersions, force_laws: Sequence[ForceLaw], tools: Sequence[Tool],
     kept: Bools, thickness: float | None,
 ) -> Floats:  # fmt: skip
-    """Radial coefficient less the side's, over the tangential one; (N,).
+    """Radial less side coefficient over the tangential one [1]; (N,).
 
-    Of the lowest part of the edge as long as the depth, or the highest, whichever is farther from
-    that of the side.
+    Averaged over the lowest or the highest part of the edge of one axial depth, whichever differs
+    more from the side.
     """
     depth = stations.depth
     low = np.zeros_like(depth) if stations.lowest is None else np.maximum(stations.lowest, 0.0)

@@ -31,11 +31,11 @@ CLOSE = 0.01
 STIFF = 0.05
 """Share of the greatest response from which on down lines count alike [1]."""
 MOST_MODES = 16
-"""Of one direction."""
+"""Greatest number of modes along one direction."""
 LESSENED = 0.9
 """Share to which each mode that is kept lessens the error on the lines left out [1]."""
 EXACT = 0.1
-"""Error on the lines left out, over what is asked, below which no mode is sought [1]."""
+"""Error on the lines left out, over the required one, that ends the search for modes [1]."""
 FELT = 0.01
 """Part of a mode at its peak, over the greatest response, below which it is left out [1]."""
 ERROR = 0.1
@@ -43,7 +43,7 @@ ERROR = 0.1
 FEW = 16
 """Least number of lines of a direction."""
 BELOW, ABOVE = 0.2, 2.0
-"""Where modes beyond the band are sought, over its lowest and its highest frequency [1]."""
+"""Search range of modes beyond the band, over its lowest and its highest frequency [1]."""
 DAMPING = (1e-4, 0.7)
 """Range of the damping ratio [1]."""
 UNSEEN = 0.05
@@ -54,9 +54,9 @@ more."""
 _NEAR = 41
 """Lines over which the noise's median is taken."""
 _TRIED = (0.003, 0.01, 0.03, 0.1, 0.3)
-"""Damping ratios at which a mode is sought."""
+"""Damping ratios of the search for a mode."""
 _PLACES = 3
-"""Places in the band where a mode is sought."""
+"""Places in the band of the search for a mode."""
 _PATIENCE = 2
 """Modes that may be added in vain before the search ends."""
 
@@ -70,20 +70,16 @@ class ModalFit:
     error: float
     """Greatest error of a mode's peak, over the greatest peak of its direction [1]."""
     caution: str = ""
-    """What the band does not show; empty where nothing is missing."""
+    """Note on missing parts of the band; empty where nothing is missing."""
 
 
 def fit_modes(parts: Sequence[FrequencyResponse]) -> ModalFit:
     """Modes of all directions that were measured.
 
     ``parts`` are measurements of one tip, each with its own frequencies; a direction whose
-    receptance is 0 everywhere has no modes.
-
-    Raises
-    ------
-    ValueError
-        When the modes cannot be made out: few lines, none of them in the band, noise, or a
-        response that no sum of modes along x and y explains.
+    receptance is 0 everywhere has no modes. ValueError when the modes cannot be made out: few
+    lines, none of them in the band, noise, or a response that no sum of modes along x and y
+    explains.
 
     Examples
     --------
@@ -128,7 +124,6 @@ def _cross(response: FrequencyResponse) -> float:
 
 
 def _direction(frequency: Floats, measured: Complexes, name: str) -> ModalFit:
-    """Modes along one direction."""
     if len(frequency) < FEW:
         raise ValueError(
             f"frequency response along {name}: {len(frequency)} frequencies are too few to make "
@@ -173,7 +168,7 @@ def _taken(mode: Mode, factor: float, damping: float | None = None) -> Mode:
 
 
 def _caution(modes: Sequence[Mode], seen: Sequence[Mode], high: float, name: str) -> str:
-    """What modes above the band may do that were not measured."""
+    """Note on possible effects of modes above the band."""
     beyond = sum(1.0 / mode.stiffness for mode in modes if mode.natural_frequency_Hz > high)
     share = beyond / sum(1.0 / mode.stiffness for mode in seen)
     if share > 1.0:
@@ -199,7 +194,7 @@ def _part(mode: Mode, frequency: Floats) -> float:
 
 
 def _weight(frequency: Floats, measured: Complexes) -> Floats:
-    """1 over what each line is known to: noise, and a share of the response [N/m]."""
+    """Inverse uncertainty of each line: noise, and a share of the response [N/m]."""
     from scipy.ndimage import median_filter
 
     # noise: how far each line is from the straight line between its neighbours
@@ -243,7 +238,6 @@ def _slopes(found: Floats, frequency: Floats) -> Complexes:
 
 
 def _both(values: Complexes) -> Floats:
-    """Real parts, then imaginary ones."""
     return np.concatenate([values.real, values.imag])
 
 
@@ -274,7 +268,7 @@ def _fitted(
 
 
 def _chosen(frequency: Floats, measured: Complexes, weight: Floats) -> Floats:
-    """Parameters of as many modes as lines left out ask for; shape (M, 3)."""
+    """Parameters of the number of modes that cross-validation over lines selects; shape (M, 3)."""
     even, odd = slice(0, None, 2), slice(1, None, 2)
     fit = frequency[even], measured[even], weight[even]
 
@@ -334,7 +328,7 @@ def _candidates(
 def _error(
     mode: Mode, found: Floats, frequency: Floats, measured: Complexes, weight: Floats
 ) -> float:  # fmt: skip
-    """Error of a mode's peak [1]: what noise leaves open, and what no noise explains."""
+    """Relative error of a mode's peak [1]: from noise and from what noise does not explain."""
     rest = measured - _sum(found, frequency)
     # noise: standard deviation of the logarithm of the peak, from the curvature of the squares
     slopes = _both(weight[:, None] * _slopes(found, frequency))

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 KRYLOV = 8
 """Dimensions of the Krylov space besides those of the modes' states."""
 CELLS_PER_WAVE = 6
-"""Of the highest mode, where refinement begins."""
+"""Cells per wave of the highest mode at the start of refinement."""
 LEAST_CELLS = 12
 MOST_CELLS = 4096
 REFINEMENTS = 6
@@ -49,13 +49,13 @@ KEPT = 1 << 14
 BELOW = 0.7
 """Share of the stable depth where the search for chatter begins [1]."""
 HARMONICS = 7
-"""Of A, the mean among them, that bound the depth."""
+"""Number of harmonics of A, the mean among them, in the bound of the depth."""
 _AROUND = np.linspace(-8.0, 8.0, 65)
 """Half widths of a mode's peak where its receptance is looked at."""
 
 
 def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Tip, Cut, Work]":
-    """What the kernels take, with arrays for up to ``cells``."""
+    """Arguments of the kernels, with arrays for up to ``cells``."""
     from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
 
     used = sorted({mode.axis for mode in modes})
@@ -89,11 +89,9 @@ class DepthLimits:
     n: Floats
     """Spindle speed [1/s]; shape (S,)."""
     depth_limit: Floats
-    """Least depth at which chatter begins [m]; inf where none is up to the depth looked at;
-    shape (S,)."""
+    """Least depth of chatter [m]; inf where there is none up to the searched depth; shape (S,)."""
     error: Floats
-    """Estimated error of the finest cells before extrapolation, over the depth limit [1];
-    shape (S,)."""
+    """Estimated error of the finest cells before extrapolation over the limit [1]; shape (S,)."""
     cells: Ints
     """Cells of the cut in one tooth period; shape (S,)."""
 
@@ -111,19 +109,19 @@ def settled_limits(
     Parameters
     ----------
     modes : sequence of Mode
-        Of the tip, at least one.
+        At least one mode of the tip.
     cut : RegenerativeCut
-        Without depth and speed.
+        Cut, its depth and speed open.
     n : ndarray, shape (S,)
         Spindle speeds [1/s], above 0.
     highest : float
-        Depth up to which is looked [m], above 0.
+        Greatest depth of the search [m], above 0.
     tolerance : float
         The cells are doubled until the limit's estimated error before extrapolation is below this
-        share of it [1]; what is left after it is some tenth.
+        share of it [1]; after it about a tenth of that is left.
     ratio : float
-        Between two depths at which stability is tried first, above 1; between two of them a narrow
-        region of chatter is seen when a local maximum of the spectral radius leads to it.
+        Ratio of neighbouring depths of the first search, above 1; a narrow region of chatter
+        between two of them shows as a local maximum of the spectral radius.
     """
     from pipeline.cutting.stability.semi_discretisation_kernel import first_limits
 
@@ -171,7 +169,7 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
 
 
 def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
-    """Both eigenvalues of A Phi [1/m], in no order.
+    """Both eigenvalues of A Phi [1/m], in no order; shape (F, 2).
 
     Parameters
     ----------
@@ -179,10 +177,6 @@ def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
         A [N/m^2].
     response : ndarray of complex, shape (F, 2, 2)
         Phi [m/N].
-
-    Returns
-    -------
-    ndarray of complex, shape (F, 2)
     """
     product = matrix @ response
     half = (product[:, 0, 0] + product[:, 1, 1]) / 2

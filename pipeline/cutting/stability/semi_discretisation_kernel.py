@@ -1,4 +1,4 @@
-"""First depth at which a milling cut chatters, by semi-discretisation with impulses; compiled.
+"""Stability limit of milling by semi-discretisation with impulses; compiled.
 
 The window in which teeth cut is divided into R cells.  Within a cell the force acts as one impulse
 at its middle, the exact integral of the directional matrix over the cell times the regeneration
@@ -21,7 +21,7 @@ from pipeline.kernels import compiled
 _STRAIGHT = 1e-6
 """Lag [rad] below which an edge counts as straight."""
 _SQUARINGS = 18
-"""Of the Hessenberg matrix: its norm's growth is known to 1 / 2^17."""
+"""Number of squarings of the Hessenberg matrix: its norm's growth is exact to 1 / 2^17."""
 _FAR = 30.0
 """Logarithm of a norm beyond which the growth's sign is certain."""
 _SETTLED = 1e-6
@@ -209,14 +209,7 @@ def _orthonormal(basis, hessenberg, k, many):  # type: ignore[no-untyped-def]
 def growth(tip, cut, n, depth, cells, work):  # type: ignore[no-untyped-def]
     """Logarithm of the spectral radius of one tooth period; its sign where it is far from 0.
 
-    Parameters
-    ----------
-    tip, cut, work
-        Modes, cut and arrays to work in.
-    n, depth : float
-        Spindle speed [1/s], a_p [m].
-    cells : int
-        R.
+    Spindle speed ``n`` [1/s], a_p = ``depth`` [m], ``cells`` R; ``work`` holds work arrays.
     """
     fill_period(tip, cut, n, depth, cells, work)
     gain = depth / (2.0 * pi * n)
@@ -392,15 +385,15 @@ def first_limits(tip, cut, work, speeds, cells, depths, tolerance, out, error, l
     Parameters
     ----------
     tip, cut, work
-        Modes, cut and arrays to work in.
+        Modes, cut and work arrays.
     speeds : ndarray, shape (S,)
-        [1/s].
+        Spindle speeds [1/s].
     cells : int
         R to begin with; it is doubled as long as ``work`` holds it, until the limit stays.
     depths : tuple of float
-        Least and greatest depth between which is looked [m], and the ratio of two of them.
+        Least and greatest depth of the search [m], and the ratio of neighbouring depths.
     tolerance : float
-        Of the limit [1].
+        Relative tolerance of the limit [1].
     out, error, last : ndarray, shape (S,)
         Filled; the estimated error before extrapolation over the limit, and the cells.
     """

@@ -21,12 +21,7 @@ DIRECTIONS = ("x", "y")
 
 @dataclass(frozen=True, kw_only=True)
 class Mode(Ranged, section="mode"):
-    """One mode, seen at the tool's tip.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or not exactly one of stiffness and mass is given.
+    """Mode of the machine as seen at the tool's tip, with either stiffness or mass.
 
     Examples
     --------
@@ -79,19 +74,10 @@ class Mode(Ranged, section="mode"):
 
 
 def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[np.complex128]:
-    """Receptance of the tip, displacement over force [m/N]; a diagonal matrix at each frequency.
+    """Receptance of the tip, displacement over force, sum of its modes [m/N]; shape (F, 2, 2).
 
-    Parameters
-    ----------
-    modes : sequence of Mode
-        Their receptances add.
-    frequency_Hz : array_like, shape (F,)
-        [Hz].
-
-    Returns
-    -------
-    ndarray of complex, shape (F, 2, 2)
-        Rows: direction of the displacement; columns: of the force; x, y of the machine.
+    Diagonal at each frequency; rows: direction of the displacement, columns: of the force, x, y of
+    the machine.
     """
     frequency = np.asarray(frequency_Hz, dtype=np.float64)
     receptance = np.zeros((*frequency.shape, 2, 2), dtype=np.complex128)
@@ -104,13 +90,10 @@ def modal_receptance(modes: Sequence[Mode], frequency_Hz: ArrayLike) -> NDArray[
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FrequencyResponse:
-    """Receptance of the tip at F frequencies; straight between them, both its parts.
+    """Receptance of the tip at F frequencies, ascending; real and imaginary part linear between.
 
-    Raises
-    ------
-    ValueError
-        When frequencies do not grow, a value is not finite, or a direct receptance's imaginary
-        part is positive at its peak: energy would come out of the structure.
+    ValueError when a direct receptance's imaginary part is positive at its peak: energy would come
+    out of the structure.
     """
 
     frequency_Hz: Floats
@@ -157,10 +140,8 @@ class FrequencyResponse:
 def joined_responses(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:
     """Responses of several measurements as one, at the frequencies that all of them cover.
 
-    Raises
-    ------
-    ValueError
-        When there is none, two of them hold the same direction, or they share no frequencies.
+    ValueError when there is none, two of them hold the same direction, or they share no
+    frequencies.
     """
     if not parts:
         raise ValueError("frequency response: there is none to join")
@@ -190,13 +171,13 @@ class TipModes:
     """The section ``dynamics`` of a machine."""
 
     source: str
-    """Where the modes come from."""
+    """Source of the modes."""
     measured: bool = False
     """Whether that is a modal test of this machine."""
     modes: tuple[Mode, ...] = ()
-    """At the tip of every tool that is not listed."""
+    """Modes at the tip of every tool that is not listed."""
     tools: dict[int, tuple[Mode, ...]] = field(default_factory=dict)
-    """By tool number."""
+    """Modes by tool number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,14 +195,14 @@ class TipDynamics:
 
     @classmethod
     def of_modes(cls, tip: TipModes) -> "TipDynamics":
-        """As a machine's file has them."""
+        """Tip dynamics from modes as in a machine's file."""
         return cls(
             source=tip.source, measured=tip.measured, every=tip.modes or None,
             tools=dict(tip.tools),
         )  # fmt: skip
 
     def of(self, numbers: Sequence[int]) -> list[Sequence[Mode] | None]:
-        """For each of the tools with these numbers; None where nothing is known."""
+        """Dynamics of each of the tools with these numbers; None where there are none."""
         return [self.tools.get(number, self.every) for number in numbers]
 
 

@@ -1,4 +1,4 @@
-"""A feed axis as one mass on a screw under its servo (Sim2023), compiled.
+"""Feed axis as one mass on a screw under its servo (Sim2023), compiled.
 
 Servo: a P position loop and a PI velocity loop,
 
@@ -100,9 +100,9 @@ class Servo(NamedTuple):
     limit: float
     period: float
     reached: float
-    """Share of the way to a new v_ref that is gone in a period [1]."""
+    """Share of a step of v_ref that is reached in a period [1]."""
     seen: float
-    """Share of the way to a new speed that the velocity loop sees in a period [1]."""
+    """Share of a step of speed that the velocity loop sees in a period [1]."""
 
 
 class ServoState(NamedTuple):
@@ -184,7 +184,7 @@ def presliding_step(v, z, push, up, down, per_newton, step, spring):  # type: ig
 
 @compiled
 def _followed(lag, period):  # type: ignore[no-untyped-def]
-    """Share of a step that a first-order lag has followed after one period [1]."""
+    """Share of a step that a first-order lag covers in one period [1]."""
     return -expm1(-period / lag) if lag > 0.0 else 1.0
 
 
@@ -261,19 +261,15 @@ def follow(  # type: ignore[no-untyped-def]
 
 @dataclass(frozen=True, kw_only=True)
 class DriveTraces:
-    """P individuals of one axis at T samples; every trace has shape (P, T).
-
-    Not finite from where an unstable loop has grown out of all numbers.
-    """
+    """P individuals of one axis at T samples, (P, T) each; not finite after an overflow."""
 
     position: Floats = field(repr=False)
     velocity: Floats = field(repr=False)
-    """At the encoder [m], [m/s]."""
+    """Position [m] and velocity [m/s] at the encoder."""
     command: Floats = field(repr=False)
     """Set at the sample [A]."""
     greatest: Floats
-    """Greatest speed error [m/s] and change of it [m/s^2], as magnitudes, where friction is a
-    spring; shape (P, 2)."""
+    """Greatest speed error [m/s] and change of it [m/s^2] where friction is a spring; (P, 2)."""
 
 
 def simulate(
@@ -291,16 +287,18 @@ def simulate(
 ) -> DriveTraces:
     """Traces of many variants of one axis under one reference.
 
+    ValueError when reference or load has another shape or is not finite.
+
     Parameters
     ----------
     reference : (T,) array_like
         Commanded position [m].
     period : float
-        From sample to sample [s].
+        Sampling period [s].
     table : (P, 21) array_like
         The variants, rows of :func:`drive_row`.
     load : (T,) array_like, optional
-        Against positive motion, before each row's load factor; holds until the next sample [N].
+        Load against positive motion, before each row's load factor; held to the next sample [N].
     substeps : int
         Steps of the mechanics in one period.
     servo_substeps : bool
@@ -309,19 +307,14 @@ def simulate(
     start : DriveStart, optional
         At rest at the first reference by default.
     spring : tuple of two floats
-        sigma, the stiffness of friction before it slides [N/m], and the rate 1 / T at which the
-        deflection of an axis that stands is lost [1/s].
+        Presliding stiffness sigma of friction [N/m], and the rate 1 / T at which the deflection of
+        an axis at rest decays [1/s].
     rules : tuple of four floats
         Scales of the speed error [s/m] and of its change [s^2/m], and the spans of the proportional
         and of the integral gain [1], as :class:`pipeline.machine.axis.loops.FuzzyParameters`.
     state : (STATES,) array, optional
         Kept from call to call, where the reference of a single axis comes in parts; NaN before its
         first part.
-
-    Raises
-    ------
-    ValueError
-        When reference or load has another shape or is not finite.
     """
     check_steps(period, substeps)
     rows, x_ref = np.ascontiguousarray(table, dtype=np.float64), samples("reference", reference)
@@ -339,10 +332,7 @@ def simulate(
 
 
 def _first_state(row: Floats, first: float, period: float, start: DriveStart | None) -> list[float]:
-    """Memory with which the first command is the one given, the lags settled.
-
-    At rest the command carries what is always there.
-    """
+    """Memory at rest with settled lags and the first command, including the constant force."""
     begin = start or DriveStart(
         position=first, command=row[DriveColumn.OFFSET] / row[DriveColumn.FORCE_CONSTANT]
     )

@@ -24,8 +24,7 @@ class ServoParameters(Ranged, section="servo"):
     position_gain: Positive
     """P_p [1/s]."""
     velocity_gain: Positive
-    """V_p, command for one unit of velocity error [A s/m] ([V s/m] where the command is a
-    voltage)."""
+    """V_p, command per velocity error [A s/m] ([V s/m] where the command is a voltage)."""
     integral_gain: NotNegative = 0.0
     """V_i [A/m]."""
     position_scale: Positive = 1.0
@@ -86,7 +85,7 @@ class FrictionParameters:
 
     positive: DirectionFriction
     negative: DirectionFriction
-    """For v > 0 and for v < 0."""
+    """Friction for v > 0 and for v < 0."""
 
 
 def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:
@@ -115,7 +114,7 @@ class FeedDriveParameters(Ranged, section="feed_drive"):
     offset: Annotated[float, Range(unit="N")] = 0.0
     """Force against positive motion that is always there: gravity less counterbalance [N]."""
     backlash: Annotated[float, Range(least=0.0, unit="m")] = 0.0
-    """Between the screw and the carriage [m]; 0 for none."""
+    """Backlash between the screw and the carriage [m]; 0 for none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -124,7 +123,7 @@ class DriveStart(Ranged, section="start"):
 
     position: Annotated[float, Range(unit="m")]
     velocity: Annotated[float, Range(unit="m/s")] = 0.0
-    """At the encoder [m], [m/s]."""
+    """Position [m] and velocity [m/s] at the encoder."""
     command: Annotated[float, Range(unit="A")] = 0.0
     """First command, which the integral is set for [A]; without integral gain it has no meaning."""
     reference_velocity: Annotated[float, Range(unit="m/s")] = 0.0

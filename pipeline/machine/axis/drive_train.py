@@ -91,12 +91,12 @@ class TransmissionParameters(Ranged, section="transmission"):
 
 
 def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
-    """Return the torque that the motor gives to the load through the shaft [N m].
+    """Torque of the motor on the load through the shaft [N m].
 
     Parameters
     ----------
     angle, speed : array_like
-        Of the motor less those of the load [rad], [rad/s].
+        Motor less load [rad], [rad/s].
     stiffness, damping : float
         K [N m/rad], D [N m s/rad].
     """
@@ -104,7 +104,7 @@ def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
 
 
 def resonance(motor_inertia: float, load_inertia: float, stiffness: float) -> float:
-    """Return sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
+    """Resonance sqrt(K (1/J_m + 1/J_l)) [rad/s]: both swing against each other.
 
     >>> round(resonance(3.19e-4, 2.68e-3, 650.0))
     1510
@@ -187,10 +187,7 @@ def advance(y, h, alpha, beta, load, winding, shafts, work):  # type: ignore[no-
 
 @compiled
 def holding_torques(y, load, winding, shafts):  # type: ignore[no-untyped-def]
-    """Torques that dry friction has to hold at standstill, of the motor and of the load [N m].
-
-    Rigid shafts are one body: both are the same.
-    """
+    """Torques of dry friction at standstill, of motor and load [N m]; the same of a rigid shaft."""
     drive = _torque(y[I_D], y[I_Q], winding)
     if shafts.rigid:
         return drive - load, drive - load

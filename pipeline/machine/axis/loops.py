@@ -47,14 +47,14 @@ class CurrentLoopParameters(Ranged, section="current_loop"):
     """h, of the loop and of the inverter's carrier [s]."""
 
     def gains(self, resistance: float, inductance: float) -> tuple[float, float]:
-        """Return K [V/A] and K (1 - a) [V/A per period] of a winding [ohm], [H]."""
+        """K [V/A] and K (1 - a) [V/A per period] of a winding [ohm], [H]."""
         fade = -expm1(-resistance * self.period / inductance)
         proportional = -expm1(-self.bandwidth * self.period) * resistance / fade
         return proportional, proportional * fade
 
 
 def induced_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, Any]:
-    """Return the voltages [V] induced in d and q by speed [rad/s] at these currents [A]."""
+    """Voltages [V] induced in d and q by speed [rad/s] at these currents [A]."""
     w_e = motor.pole_pairs * speed
     return -w_e * motor.inductance_q * i_q, w_e * (motor.inductance_d * i_d + motor.flux)
 
@@ -93,12 +93,12 @@ class FuzzyParameters(Ranged, section="fuzzy"):
 
 
 def increments(error: float, change: float) -> tuple[float, float]:
-    """Return the increments of K_p and K_i as shares of their spans [1].
+    """Increments of K_p and K_i as shares of their spans [1].
 
     Parameters
     ----------
     error, change : float
-        E and EC [1]; beyond [-10, 10] they count as its ends.
+        E and EC [1]; limited to [-10, 10].
 
     Examples
     --------
@@ -132,7 +132,7 @@ def increments(error: float, change: float) -> tuple[float, float]:
 
 @dataclass(frozen=True, kw_only=True)
 class SpeedLoopParameters(Ranged, section="speed_loop"):
-    """One speed loop."""
+    """Parameters of a speed loop."""
 
     torque_limit: Positive
     """Greatest torque that is commanded [N m]."""
@@ -148,14 +148,13 @@ class SpeedLoopParameters(Ranged, section="speed_loop"):
 
 @dataclass(frozen=True, kw_only=True)
 class PositionLoopParameters(Ranged, section="position_loop"):
-    """One position loop."""
+    """Parameters of a position loop."""
 
     gain: Annotated[float, Range(above=0.0, unit="1/s")]
     """K_v [1/s]; at a constant feed v without feed-forward the error is v / K_v."""
     velocity_feedforward: NotNegative = 0.0
     """f_v, share of the reference's velocity that is fed forward; 0 for none, 1 for all."""
     motor_encoder: bool = False
-    """Whether the position is the motor's, L / 2 pi times its angle, or a scale's at the
-    carriage."""
+    """Whether the position is the motor's, L / 2 pi times its angle, or the carriage scale's."""
     every: _Every = 10
     """Periods of the current loop for one of the position loop."""

@@ -59,22 +59,12 @@ class MotorParameters(Ranged, section="motor"):
 
 
 def force_constant(torque_constant: float, lead: float) -> float:
-    """Return k = 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
+    """Force constant 2 pi k_t / L [N/A] of a motor of k_t [N m/A] on a screw of lead L [m/rev]."""
     return 2 * np.pi * torque_constant / lead
 
 
 def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any) -> Any:
-    """Return di_d/dt and di_q/dt [A/s].
-
-    Parameters
-    ----------
-    i_d, i_q, u_d, u_q : array_like
-        Currents [A] and voltages [V], shapes that broadcast.
-    speed : array_like
-        Of the rotor [rad/s], mechanical.
-    motor : MotorParameters
-        Or any other object with its names.
-    """
+    """di_d/dt and di_q/dt [A/s] at currents [A], voltages [V], mechanical ``speed`` [rad/s]."""
     w_e = motor.pole_pairs * speed
     R, L_d, L_q = motor.resistance, motor.inductance_d, motor.inductance_q
     rate_d = (u_d - R * i_d + w_e * L_q * i_q) / L_d
@@ -83,23 +73,23 @@ def current_rates(i_d: Any, i_q: Any, u_d: Any, u_q: Any, speed: Any, motor: Any
 
 
 def torque(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the electromagnetic torque T_e [N m] of currents [A]."""
+    """Electromagnetic torque T_e [N m] of currents [A]."""
     reluctance = (motor.inductance_d - motor.inductance_q) * i_d
     return 1.5 * motor.pole_pairs * (motor.flux + reluctance) * i_q
 
 
 def input_power(i_d: Any, i_q: Any, u_d: Any, u_q: Any) -> Any:
-    """Return the electrical power into the motor [W]."""
+    """Electrical power into the motor [W]."""
     return 1.5 * (u_d * i_d + u_q * i_q)
 
 
 def copper_loss(i_d: Any, i_q: Any, motor: Any) -> Any:
-    """Return the loss in the windings [W]."""
+    """Loss in the windings [W]."""
     return 1.5 * motor.resistance * (i_d * i_d + i_q * i_q)
 
 
 def rotated(x: Any, y: Any, cos: Any, sin: Any) -> tuple[Any, Any]:
-    """Return the vector (x, y) turned by the angle of this cosine and sine.
+    """Vector (x, y) turned by the angle of this cosine and sine.
 
     With the rotor's angle it leads from dq to the stator's frame, with its negative back.
     """
@@ -119,7 +109,7 @@ class InverterParameters(Ranged, section="inverter"):
 
 
 def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[Any, Any]:
-    """Return the voltage within the inverter's limit; its direction stays, its length is cut.
+    """Voltage within the inverter's limit [V]; its direction stays, its length is cut.
 
     Parameters
     ----------
@@ -141,14 +131,10 @@ def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[
 
 
 def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
-    """Return the shares of a carrier period for which the legs a, b, c are high [1].
+    """Shares of a carrier period for which the legs a, b, c are high [1].
 
-    Parameters
-    ----------
-    alpha, beta : array_like
-        Mean voltage in the stator's frame [V], within the hexagon (see :func:`limited`).
-    dc_link : float
-        U_dc [V].
+    ``alpha``, ``beta``: mean voltage in the stator's frame [V] within the hexagon
+    (:func:`limited`); ``dc_link`` U_dc [V].
     """
     half, whole = alpha / 2, _SQRT3 * beta / 2
     a, b, c = alpha, whole - half, -whole - half
@@ -161,7 +147,7 @@ def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
 
 
 def leg_voltage(a: Any, b: Any, c: Any, dc_link: Any) -> tuple[Any, Any]:
-    """Return the voltage in the stator's frame [V] of three legs.
+    """Voltage of three legs in the stator's frame [V].
 
     Parameters
     ----------

@@ -61,9 +61,9 @@ class SpeedTrial(Ranged, section="trial"):
     stroke: Positive = 0.1
     """Length of the ramps [m]."""
     acceleration: Positive = 1.0
-    """At both ends of a ramp [m/s^2]."""
+    """Acceleration at both ends of a ramp [m/s^2]."""
     period: Positive = 1e-4
-    """Between samples [s]."""
+    """Sampling period [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,14 +84,14 @@ class StepResponse:
 
 
 def settling_time(time: Floats, error: Floats, band: float) -> float:
-    """Return the time after which an error stays within a band; nan when it is outside at the end.
+    """Time after which an error stays within a band [s]; nan when it is outside at the end.
 
     Parameters
     ----------
     time, error : ndarray, shape (T,)
         [s], and any unit.
     band : float
-        In the error's unit.
+        Half width of the band, in the error's unit.
     """
     outside = np.flatnonzero(~(np.abs(error) <= band))
     if not outside.size:
@@ -103,7 +103,7 @@ def settling_time(time: Floats, error: Floats, band: float) -> float:
 def step_response(
     drive: ThreeLoopParameters, trial: SpeedTrial, direction: int = 1
 ) -> StepResponse:
-    """Return the response of a drive to a step of the speed, and then one of the load."""
+    """Response of a drive to a step of the speed, and then one of the load."""
     half = round(trial.duration / trial.period)
     load = np.zeros(2 * half + 1)
     load[half:] = direction * trial.load
@@ -124,14 +124,9 @@ def step_response(
 
 
 def ramp(feed: float, trial: SpeedTrial) -> Floats:
-    """Return positions [m] of a ramp with constant acceleration at its ends, and a rest after it.
+    """Positions [m] of a ramp with constant acceleration at its ends, and a rest after it.
 
-    Parameters
-    ----------
-    feed : float
-        [m/s]; where the stroke is too short for it the peak is lower.
-    trial : SpeedTrial
-        Stroke, acceleration and period.
+    Where the stroke is too short for ``feed`` [m/s] the peak is lower.
     """
     a = trial.acceleration
     peak = min(feed, np.sqrt(a * trial.stroke))
@@ -152,7 +147,7 @@ def ramp_error(
     feedforward: float,
     direction: int,
 ) -> float:
-    """Return the greatest distance of the carriage from a ramp [m].
+    """Greatest distance of the carriage from a ramp [m].
 
     The ramp has the speed ``feed`` [m/s] in the ``direction`` 1 or -1; ``feedforward`` is the share
     of it that is fed forward [1].
@@ -167,7 +162,7 @@ def ramp_error(
 
 
 def with_speed_loop(drive: ThreeLoopParameters, kind: str, values: Floats) -> ThreeLoopParameters:
-    """Return the drive with a speed loop of a kind of ``TUNED`` and these values, shape (D,)."""
+    """Drive with a speed loop of a kind of ``TUNED`` and these values, shape (D,)."""
     named = dict(zip(TUNED[kind], map(float, values), strict=True))
     fuzzy = None
     if "error_scale" in named:
@@ -184,7 +179,7 @@ def with_speed_loop(drive: ThreeLoopParameters, kind: str, values: Floats) -> Th
 
 
 def published(drive: ThreeLoopParameters, kind: str, trial: SpeedTrial) -> Floats:
-    """Return Feed2025's gains, and input scales that the step and its acceleration just fill.
+    """Feed2025's gains, and input scales that the step and its acceleration just fill.
 
     The input scales are not published; full torque on the whole inertia is the greatest change.
     """
@@ -197,7 +192,7 @@ def published(drive: ThreeLoopParameters, kind: str, trial: SpeedTrial) -> Float
 def tuned(
     drive: ThreeLoopParameters, kind: str, trial: SpeedTrial, search: Search
 ) -> ThreeLoopParameters:
-    """Return the drive with the best speed loop of a search.
+    """Drive with the best speed loop of a search.
 
     ``search`` takes costs over a population and both bounds, and returns the best individual as
     ``x``, in logarithms to the base 10.
@@ -215,13 +210,10 @@ def tuned(
 def compare_speed_loops(
     drive: ThreeLoopParameters, trial: SpeedTrial, search: Search | None = None
 ) -> pd.DataFrame:
-    """Return PI and fuzzy PI side by side, with Feed2025's gains and tuned.
+    """PI and fuzzy PI side by side, with Feed2025's gains and tuned.
 
-    Returns
-    -------
-    DataFrame
-        A row each for gains, speed loop and direction of the step.  Its columns carry their units;
-        errors of the ramps are the carriage's, without and with feed-forward of the velocity.
+    A row each for gains, speed loop and direction of the step. The columns carry their units;
+    errors of the ramps are the carriage's, without and with velocity feed-forward.
     """
     rows = []
     for kind in TUNED:

@@ -66,25 +66,22 @@ def follow_position(
     load: ArrayLike = 0.0,
     steps: int = 5,
 ) -> ThreeLoopTrace:
-    """Let the axis follow positions, from rest at the first of them.
+    """Axis under position control, from rest at the first reference.
+
+    ValueError when an input does not fit, or the drive runs away.
 
     Parameters
     ----------
     reference : array_like, shape (T,)
         Positions [m], straight between samples.
     period : float
-        Time between samples [s], a whole multiple of the current loops' period.
+        Sampling period [s], a whole multiple of the current loops' period.
     drive : ThreeLoopParameters
         The axis.
     load : array_like, shape (T,) or ()
         Force on the carriage against positive motion [N], held from sample to sample.
     steps : int
         Steps of the integrator in one period of the current loops.
-
-    Raises
-    ------
-    ValueError
-        When an input does not fit, or the drive runs away.
     """
     if drive.position_loop is None:
         raise ValueError("drive.position_loop is missing: give one, or follow speeds")
@@ -99,19 +96,10 @@ def follow_speed(
     load: ArrayLike = 0.0,
     steps: int = 5,
 ) -> ThreeLoopTrace:
-    """Let the motor follow speeds, from rest; the position loop is left open.
+    """Motor under speed control, from rest, the position loop open.
 
-    Parameters
-    ----------
-    reference : array_like, shape (T,)
-        Speeds of the motor [rad/s], held from sample to sample.
-    period, drive, load, steps
-        As in :func:`follow_position`.
-
-    Raises
-    ------
-    ValueError
-        When an input does not fit, or the drive runs away.
+    ``reference`` are motor speeds [rad/s], held from sample to sample; all else, and errors, as in
+    :func:`follow_position`.
     """
     return _follow(reference, period, drive, load, steps, position=False)
 
@@ -178,7 +166,7 @@ def _winding(drive: ThreeLoopParameters) -> drive_train.Winding:
 
 
 def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
-    """Return the parameters of the speeds; the guideway's friction about the screw."""
+    """Parameters of the speeds; the guideway's friction about the screw."""
     motor, transmission, r = drive.motor, drive.transmission, drive.transmission.ratio
     rigid = isinf(transmission.stiffness)
     return drive_train.Shafts(
@@ -205,7 +193,6 @@ def _about_screw(friction: DirectionFriction, ratio: float) -> drive_train.Direc
 
 
 def _settings(drive: ThreeLoopParameters, steps: int, position: bool) -> kernel.Loops:
-    """Settings of the loops; ``position``: whether positions are followed."""
     motor, current, speed = drive.motor, drive.current_loop, drive.speed_loop
     outer = drive.position_loop or _OPEN
     gain_d, integral_d = current.gains(motor.resistance, motor.inductance_d)

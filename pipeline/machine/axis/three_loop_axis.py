@@ -37,7 +37,7 @@ class ThreeLoopParameters:
     inverter: InverterParameters
     """Inverter that feeds it."""
     transmission: TransmissionParameters
-    """From the motor's shaft to the carriage."""
+    """Drive train from the motor's shaft to the carriage."""
     friction: FrictionParameters
     """Friction of the guideway, at the carriage."""
     current_loop: CurrentLoopParameters
@@ -84,7 +84,7 @@ def _rates(drive: ThreeLoopParameters) -> dict[str, float]:
 
 
 def servo_motor() -> MotorParameters:
-    """Return the motor, from the figures of its catalogue.
+    """Motor, from the figures of its catalogue.
 
     >>> round(servo_motor().torque_constant * 12.7 * 2**0.5, 2)
     6.91
@@ -105,7 +105,7 @@ def servo_motor() -> MotorParameters:
 
 
 def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
-    """Return the axis with the speed loop's gains at the middle of Feed2025's ranges."""
+    """Axis with the speed loop's gains at the middle of Feed2025's ranges."""
     guideway = DirectionFriction(coulomb=150, static=220, stribeck_velocity=0.005, viscous=800)
     return ThreeLoopParameters(
         motor=servo_motor(),

@@ -40,7 +40,7 @@ the programmed tolerance, 0 for none [m].
 STANDS, LAST, RUNS_OUT, EXACT, BLENDS = range(5)
 """Ends of a segment: a standstill; one before which the control knew of nothing to come, under G61
 and under G64; one unless the next segment goes straight on; and a blend."""
-SIZE, TOP, SLOPE, OUT, TIME, ASKED, KEPT, OVERLAP = range(8)
+SIZE, TOP, SLOPE, OUT, TIME, COMMANDED, KEPT, OVERLAP = range(8)
 """Rows of the work array of :func:`plan_segments`.  Of pieces, a segment and the arc after it:
 length [m], speed on top [m/s], acceleration [m/s^2], speed at the end [m/s], time [s]; of segments
 the commanded speed and that of the greatest override [m/s], two shares of their acceleration [1],
@@ -61,14 +61,15 @@ RAMP_TIME = 0.01
 STRAIGHT = 1e-3
 """Half of a turn below which no tolerance binds [rad]."""
 COPLANAR = 1e-6
-"""What the planes of a corner and of its arc may differ by [1]."""
+"""Greatest difference between the planes of a corner and of its arc [1]."""
 _TINY = 1e-12
 
 
 class _Course(NamedTuple):
-    """Course of S segments: where they start [mm, deg], their steps [m, rad], limits of speed and
-    acceleration (2, S, 6); directions at both ends and from the centre to them [m] (2, S, 3), axis
-    of arcs (S, 3) and angle [rad].
+    """Course of S segments.
+
+    Starts [mm, deg], steps [m, rad], limits of speed and acceleration (2, S, 6); directions at both
+    ends and from the centre to them [m] (2, S, 3), axis (S, 3) and angle [rad] of arcs.
     """
 
     start: Floats
@@ -148,7 +149,6 @@ def _ends(path: Path, last: Rows) -> Floats:
 
 
 def _join(path: Path, table: Floats, course: _Course) -> None:
-    """Fill in the corners."""
     blend, corner = path.control.blend, table[:, :-1]
     limits, out = course.limits[:, 1:, :3], course.out
     u_1, u_2 = course.directions[1, :-1], course.directions[0, 1:]
@@ -233,20 +233,20 @@ def _apart(points, a, b, p):  # type: ignore[no-untyped-def]
 
 @compiled
 def plan_segments(  # type: ignore[no-untyped-def]
-    table, asked, cap, ramps, cycle, arcs, share, ratio, scale, work, v_out, v_peak, time
+    table, commanded, cap, ramps, cycle, arcs, share, ratio, scale, work, v_out, v_peak, time
 ):
     """Fill the speed at the end of each segment, the greatest in it [m/s], and its time [s].
 
-    ``asked`` is the commanded speed and ``cap`` its limit [m/s], ``ramps`` where a short piece goes
-    straight to the speed at its end, ``cycle`` the interpolation period [s]; then those of
-    ``BlendParameters``.  ``work`` has shape (8, 2 S), its columns two a segment.
+    ``commanded`` is the speed of the program and ``cap`` its limit [m/s], ``ramps`` where a short
+    piece goes straight to the speed at its end, ``cycle`` the interpolation period [s]; then those
+    of ``BlendParameters``.  ``work`` has shape (8, 2 S), its columns two a segment.
     """
     many = table.shape[1]
     rest = sqrt(1.0 - share * share)
     for s in range(many):
         length = table[LENGTH, s]
-        work[ASKED, s] = min(asked[s], min(cap[s], length / cycle))
-        work[ASKED, many + s] = min(scale * asked[s], min(cap[s], length / cycle))
+        work[COMMANDED, s] = min(commanded[s], min(cap[s], length / cycle))
+        work[COMMANDED, many + s] = min(scale * commanded[s], min(cap[s], length / cycle))
         work[KEPT, s], work[KEPT, many + s], work[OVERLAP, s] = 1.0, 1.0, 0.0
         work[SIZE, 2 * s], work[SIZE, 2 * s + 1] = length, 0.0
         work[OUT, 2 * s], work[OUT, 2 * s + 1] = 0.0, inf
@@ -257,7 +257,7 @@ def plan_segments(  # type: ignore[no-untyped-def]
             _pass_corner(table, s, cycle, arcs, share, rest, ratio, work)
     for s in range(many):
         kept, radius = table[RATE, s] * work[KEPT, s] * work[KEPT, many + s], table[RADIUS, s]
-        top, a = min(work[ASKED, s], work[SIZE, 2 * s] / (LEAST_CYCLES * cycle)), kept
+        top, a = min(work[COMMANDED, s], work[SIZE, 2 * s] / (LEAST_CYCLES * cycle)), kept
         final = table[END, s] == RUNS_OUT or table[END, s] == LAST
         if isfinite(radius) and final:
             a = kept * rest
@@ -282,7 +282,7 @@ def plan_segments(  # type: ignore[no-untyped-def]
 def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: ignore[no-untyped-def]
     """Choose how the corner after segment s is passed."""
     many, n, kink = table.shape[1], s + 1, table[KINK, s]
-    v_1, v_2 = work[ASKED, many + s], work[ASKED, many + n]
+    v_1, v_2 = work[COMMANDED, many + s], work[COMMANDED, many + n]
     cost = kink * (min(v_1, v_2) / cycle + table[RATE, n])
     if arcs and cost < ratio:
         _keep_kink(s, min(v_1, v_2), 1.0 - cost, work)
@@ -301,8 +301,8 @@ def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: igno
     b_1, b_2 = _parabola(table, s, a_1 * (1.0 - ratio), a_2 * (1.0 - ratio), v_1, v_2, 0.5)
     if not arcs or 0.25 * cos(0.5 * table[TURN, s]) * (b_1 + b_2) >= max(v_kink, v_arc):
         work[KEPT, many + s], work[KEPT, many + n] = 0.5, halved
-        v_1 = min(work[ASKED, s], sqrt(0.5 * share * table[RATE, s] * table[RADIUS, s]))
-        v_2 = min(work[ASKED, n], sqrt(halved * share * table[RATE, n] * table[RADIUS, n]))
+        v_1 = min(work[COMMANDED, s], sqrt(0.5 * share * table[RATE, s] * table[RADIUS, s]))
+        v_2 = min(work[COMMANDED, n], sqrt(halved * share * table[RATE, n] * table[RADIUS, n]))
         work[OVERLAP, s] = _parabola(table, s, a_1, a_2, v_1, v_2, 1.0)[0] / a_1
     elif v_kink >= v_arc:
         _keep_kink(s, v_kink, 1.0 - ratio, work)
@@ -310,7 +310,7 @@ def _pass_corner(table, s, cycle, arcs, share, rest, ratio, work):  # type: igno
         work[OUT, 2 * s] = inf
         work[SIZE, 2 * s] -= trim_1
         work[SIZE, 2 * n] -= trim_2
-        work[TOP, 2 * s + 1] = min(v_arc, max(work[ASKED, s], work[ASKED, n]))
+        work[TOP, 2 * s + 1] = min(v_arc, max(work[COMMANDED, s], work[COMMANDED, n]))
         work[SLOPE, 2 * s + 1] = table[ARC_RATE, s] * rest
         if table[BEND_1, s] == 0.0 and work[SIZE, 2 * s] < GAP_CYCLES * cycle * v_arc:
             size += max(work[SIZE, 2 * s], 0.0)
@@ -326,9 +326,7 @@ def _keep_kink(s, v, kept, work):  # type: ignore[no-untyped-def]
 
 @compiled
 def _arc(table, s, share, goal):  # type: ignore[no-untyped-def]
-    """Speed of the arc over the corner after segment s, 0 for none [m/s], what it takes of both
-    segments [m], and its length [m].
-    """
+    """Speed of the arc after segment s, 0 for none [m/s], its share of both [m], its length [m]."""
     theta, reach, a = table[THETA, s], table[REACH, s], table[ARC_RATE, s]
     if reach <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
@@ -384,10 +382,7 @@ def _parabola(table, s, a_1, a_2, v_1, v_2, part):  # type: ignore[no-untyped-de
 
 @compiled
 def _along(work, ramps, cycle):  # type: ignore[no-untyped-def]
-    """Look ahead over the pieces: from their greatest speeds to those at the ends, and times.
-
-    Standstills are reached in whole cycles.
-    """
+    """Look-ahead over the pieces: end speeds and times; standstills lie at whole cycles."""
     within, after, v_in, passed = 0.0, 0.0, 0.0, 0.0
     for k in range(work.shape[1] - 1, -1, -1):
         if work[SIZE, k] > 0.0:

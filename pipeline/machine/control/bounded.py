@@ -1,4 +1,4 @@
-"""A command that keeps its bounds of speed and acceleration and stays near one that does not.
+"""Bounded command: close to a reference, within limits of speed and acceleration.
 
 A command that is wished for is followed from sample to sample: as fast as the bounds let it where
 it lies apart, at once where it does not.  Speed is (x_n - x_(n-1)) / T and acceleration its change
@@ -17,25 +17,16 @@ LEAST_SHARE = 0.05
 
 
 @compiled
-def follow_within(wished, period, speed, acceleration, found):  # type: ignore[no-untyped-def]
+def follow_within(wished, period, speed, acceleration, command):  # type: ignore[no-untyped-def]
     """Fill a command that keeps its bounds, from rest at the first position that is wished for.
 
-    What is wished for and keeps the bounds itself comes back as it is.
-
-    Parameters
-    ----------
-    wished : (T,) array
-        Positions [m].
-    period : float
-        From sample to sample [s].
-    speed, acceleration : float
-        Bounds, positive [m/s], [m/s^2].
-    found : (T,) array
-        That is filled [m].
+    What is wished for and keeps the bounds itself comes back as it is. ``wished`` and the filled
+    ``command`` are positions (T,) [m] at a ``period`` [s]; ``speed`` and ``acceleration`` are
+    positive bounds [m/s], [m/s^2].
     """
     last = wished.shape[0] - 1
     x, v = wished[0], 0.0
-    found[0] = x
+    command[0] = x
     for n in range(last):
         ahead = (wished[n + 1] - wished[n]) / period
         before = (wished[n] - wished[n - 1]) / period if n > 0 else 0.0
@@ -50,4 +41,4 @@ def follow_within(wished, period, speed, acceleration, found):  # type: ignore[n
         asked = min(max(asked, v - acceleration * period), v + acceleration * period)
         v = min(max(asked, -speed), speed)
         x = x + period * v
-        found[n + 1] = x
+        command[n + 1] = x

@@ -1,4 +1,4 @@
-"""Commands of a program that are no path: feeds, spindle speeds, and waits of auxiliary functions.
+"""Feeds, spindle speeds and waits of auxiliary functions of a program.
 
 F and S are checked and scaled by their overrides as the look-ahead takes them; dwell, tool change,
 M codes and the spindle give the standstill after each row.
@@ -18,21 +18,18 @@ from pipeline.schema.arrays import Floats
 def commanded_feeds(
     path: Path, feeds: ArrayLike | None, feed_override: ArrayLike, rapid_override: ArrayLike
 ) -> Floats:
-    """F with its override in the rows that cut, the override in rapids [1]; shape (P, M).
+    """F with its override in cutting rows, the override in rapids [1]; shape (P, M).
+
+    ValueError when a row that cuts has no positive F, or an override is not positive.
 
     Parameters
     ----------
     path : Path
         Path whose rows are commanded.
     feeds : (M,) or (P, M) array, optional
-        In the units of ``Moves``; the program's own by default.
+        Feeds in the units of ``Moves``; the program's own by default.
     feed_override, rapid_override : float or (M,) array
         [percent].
-
-    Raises
-    ------
-    ValueError
-        When a row that cuts has no positive F, or an override is not positive.
     """
     from pipeline.machine.control.look_ahead import scale_feeds
 
@@ -53,14 +50,9 @@ def commanded_feeds(
 def spindle_speeds(path: Path, speeds: ArrayLike | None) -> Floats:
     """Speed of the spindle in each row, 0 at rest [rev/min]; shape (P, M).
 
-    Under constant surface speed S is [m/min] at the greater of the diameters at the row's ends,
-    X counted from the origin of the work coordinates.
-
-    Raises
-    ------
-    ValueError
-        When a speed is negative or not finite, or the spindle is at rest in a row of feed per
-        revolution.
+    Under constant surface speed S is [m/min] at the greater of the diameters at the row's ends, X
+    counted from the origin of the work coordinates. ValueError when a speed is negative or not
+    finite, or the spindle is at rest in a row of feed per revolution.
     """
     moves = path.moves
     programmed = moves.speed if speeds is None else speeds
@@ -128,9 +120,9 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
     Parameters
     ----------
     path : Path
-        From :func:`pipeline.machine.control.planner.limited_path`.
+        Path of :func:`pipeline.machine.control.planner.limited_path`.
     speeds : (1 or P, M) array
-        Speed of the spindle, at least 0 [rev/min].
+        Spindle speed, at least 0 [rev/min].
     motion_time : (P, M) array
         Duration of each row's motion [s].
     """
@@ -154,20 +146,10 @@ def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
 def auxiliary_time(
     moves: Moves, parameters: AuxiliaryParameters, speeds: Floats
 ) -> tuple[npt.NDArray[np.intp], Floats]:
-    """Rows that take time without moving, N of them but for the spindle's, and their time [s].
+    """Rows that take time without motion, (N,), except spindle rows, and their time [s], (P, N).
 
-    Speeds of the spindle, shape (1 or P, M), are at least 0 [rev/min].
-
-    Returns
-    -------
-    rows : (N,) array
-    time : (P, N) array
-        [s].
-
-    Raises
-    ------
-    ValueError
-        When a dwell counts revolutions of a spindle that stands.
+    Spindle ``speeds``, shape (1 or P, M), are at least 0 [rev/min]. ValueError when a dwell counts
+    revolutions of a spindle at rest.
     """
     dwell = np.flatnonzero(moves.kind == Kind.DWELL)
     change = np.flatnonzero(moves.kind == Kind.TOOL_CHANGE)

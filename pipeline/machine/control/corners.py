@@ -167,9 +167,7 @@ def _is_long(k, window, form, length, cap):  # type: ignore[no-untyped-def]
 
 @compiled
 def _limit_nearby(k, window, length, next_row, last_row, cap, acceleration, end_reason, lowered):  # type: ignore[no-untyped-def]
-    """Greatest acceleration in the blocks within half a window of the corner at the end of row k,
-    once it is lowered to ``lowered`` at most.
-    """
+    """Greatest acceleration within half a window of row k's end, lowered to ``lowered`` at most."""
     greatest = 0.0
     row, time = k, 0.0
     while row >= 0 and time < 0.5 * window:
@@ -195,7 +193,7 @@ def _limit_acceleration(  # type: ignore[no-untyped-def]
     k, tolerance, allowance, drain, form, length, turn, next_row, last_row,
     motion, cap, acceleration, corner, pause, end_reason,
 ):  # fmt: skip
-    """Lower the acceleration about a corner, or stand still in it."""
+    """Lower the acceleration about a corner, or stop there."""
     group = _group(motion[k])
     window, reach = drain[group], allowance[2, group]
     jump = allowance[0, group] * tolerance[k] * METRE

@@ -76,9 +76,7 @@ def in_plane(plane):  # type: ignore[no-untyped-def]
 
 @compiled
 def arc_terms(origin, end, centre, angle, plane, k):  # type: ignore[no-untyped-def]
-    """Angle at the start [rad], radius at start and end [m], and of each angle of the arc: c^2 of
-    w^2 = r^2 + c^2 [m^2].
-    """
+    """Start angle [rad], radius at start and end [m], and by angle c^2 of w^2 = r^2 + c^2 [m^2]."""
     a, b, n = in_plane(plane[k])
     u = (start_of(origin, end, k, a) - centre[k, a]) * METRE
     v = (start_of(origin, end, k, b) - centre[k, b]) * METRE

@@ -53,27 +53,15 @@ class Trace:
 def trace(plan: Plan, *, period: float | None = None) -> Trace:
     """All samples of a plan, from 0 to its end or up to a period beyond.
 
-    Parameters
-    ----------
-    plan : Plan
-        Plan that is sampled.
-    period : float, optional
-        The control's ``interpolation_period`` by default [s].
-
-    Raises
-    ------
-    ValueError
-        When the period is not positive, or the program has no rows.
+    The ``period`` [s] is the control's ``interpolation_period`` by default. ValueError when it is
+    not positive, or the program has no rows.
     """
     step = _period(plan, period)
     return next(traces(plan, period=step, samples=_count(plan, step)))
 
 
 def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> Iterator[Trace]:
-    """The same in chunks of at most ``samples``, for programs of any length.
-
-    The ``period`` is the control's ``interpolation_period`` by default [s].
-    """
+    """Trace in chunks of at most ``samples``; ``period`` as in :func:`trace` [s]."""
     step = _period(plan, period)
     lengths = plan.path.control.filters
     history = np.zeros((2, history_length(float(lengths.max()), step), 6, 2))
@@ -124,7 +112,6 @@ def _groups(plan: Plan) -> npt.NDArray[np.uint8]:
 
 
 def _sampled(plan: Plan) -> tuple[object, ...]:
-    """Arguments of :func:`sample` that belong to a plan, in its order."""
     path, motion = plan.path, plan.motion
     moves = path.moves
     begin = np.concatenate([[0.0], np.cumsum(plan.time)[:-1]])
@@ -138,10 +125,10 @@ def _sampled(plan: Plan) -> tuple[object, ...]:
 
 
 def _trapezoids(plan: Plan) -> tuple[Floats, Floats, Floats]:
-    """Speeds at the end and on top of each row [m/s], and acceleration [m/s^2].
+    """Speeds at the end and at the top of each row [m/s], and acceleration [m/s^2].
 
-    Blends cut corners: there the programmed path is passed in the time that they take, without a
-    steady speed or at one speed where the row's own speeds leave no trapezoid.
+    A blend takes the time of its own, shorter path: without a steady speed, or at one speed where
+    the row's own speeds leave no trapezoid.
     """
     path, v_out, top = plan.path, plan.v_out, plan.v_peak
     if path.segments is None:
@@ -321,13 +308,13 @@ def filtered(raw, rows, run, group, lengths, period, history, base, state, out):
     lengths : (2, 2) array
         T1 and T2 [s] by group.
     period : float
-        [s].
+        Sampling period [s].
     history : (2, R, 6, 2) array
-        Samples that the filters remember, R of :func:`history_length`; kept from call to call.
+        Samples in the filters, R of :func:`history_length`; kept from call to call.
     base : (2, 6) array
-        Position at which the motion began, and the last sample [m, rad]; kept from call to call.
+        Start position of the motion, and the last sample [m, rad]; kept from call to call.
     state : (2,) array of int64
-        The motion at hand (-1 before the first sample) and the number of samples; kept.
+        The current motion (-1 before the first sample) and the number of samples; kept.
     """
     for n in range(raw.shape[0]):
         row = rows[n]

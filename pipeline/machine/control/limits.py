@@ -139,7 +139,7 @@ def _feed_factor(motion, form, feed_mode, length, cap):  # type: ignore[no-untyp
 
 @compiled
 def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleration, jerk, reason):  # type: ignore[no-untyped-def]
-    """Speed, acceleration and jerk of a block by itself."""
+    """Limit speed, acceleration and jerk of a block taken alone."""
     speed, a = inf, inf
     if form != ROTARY:
         speed, a = most[0], most[1]
@@ -195,9 +195,7 @@ def _in_position(last, k, kind, motion, rapid_stop):  # type: ignore[no-untyped-
 
 @compiled
 def _stands(last, k, motion, form, tolerance, same_filters):  # type: ignore[no-untyped-def]
-    """Whether two rows cannot be joined: other filters, another tolerance, or a path of another
-    unit.
-    """
+    """Whether two rows cannot be joined: other filters, tolerance or unit of the path."""
     if (form[k] == ROTARY) != (form[last] == ROTARY) or tolerance[k] != tolerance[last]:
         return True
     return not same_filters and _group(motion[k]) != _group(motion[last])

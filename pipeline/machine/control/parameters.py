@@ -54,13 +54,12 @@ class AxisParameters(Ranged):
     """Greatest speed in G0, and in G1 to G3 [mm/min]."""
     rapid_acceleration: Positive
     cutting_acceleration: Positive
-    """Along the path, in G0 and in G1 to G3 [mm/s^2]."""
+    """Acceleration along the path, in G0 and in G1 to G3 [mm/s^2]."""
     arc_acceleration: Positive
     """Towards the centre of arcs, and the average that the corners of a curve made of chords may
     reach [mm/s^2]."""
     corner_jump: NotNegative
-    """Greatest jump of speed at a corner [mm/min]; 0 stands still wherever the axis changes its
-    speed."""
+    """Greatest jump of speed at a corner [mm/min]; 0 stops wherever an axis changes its speed."""
     jerk: Positive | None = None
     """Greatest jerk before interpolation [mm/s^3]; the profile ``s_curve`` needs it."""
     acceleration_limit: Positive | None = None
@@ -72,16 +71,16 @@ class AuxiliaryParameters(Ranged, section="auxiliary"):
     """Times of auxiliary functions: spindle, tool change, M codes, stop."""
 
     spindle_acceleration: _Unbounded = np.inf
-    """Below the base speed [rev/min/s]; M3, M4 and M5 take what the change of speed takes, see
-    :mod:`pipeline.machine.spindle`."""
+    """Acceleration below the base speed [rev/min/s]; M3, M4 and M5 last as long as the change of
+    speed, see :mod:`pipeline.machine.spindle`."""
     spindle_base_speed: _Unbounded = np.inf
-    """Above it the motor gives constant power instead of constant torque [rev/min]."""
+    """Speed above which the motor gives constant power instead of constant torque [rev/min]."""
     spindle_deceleration: _Unbounded | None = None
     """Deceleration of a spindle that stops [rev/min/s]; ``spindle_acceleration`` by default."""
     spindle_delay: _Seconds = 0.0
     """Added to each of them [s]."""
     spindle_wait: Literal["at_code", "next_line", "before_cutting", "none"] = "at_code"
-    """Where the spindle is waited for: at M3, M4 and M5 themselves, before the line that follows,
+    """Place of the wait for the spindle: at M3, M4 and M5 themselves, before the line that follows,
     before the next cutting move (the axes meanwhile move on), or nowhere."""
     spindle_stop_wait: Literal["as_start", "before_change"] = "as_start"
     """Whether a spindle that is stopped is waited for as one that starts, or only by what needs it
@@ -135,17 +134,13 @@ class BlendParameters(Ranged, section="blend"):
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters(Ranged):
-    """A control and the machine that it moves.
+    """Control and the machine that it moves.
 
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, or the filtered acceleration could pass an axis'
-        ``acceleration_limit``.
+    The filtered acceleration of each axis stays within its ``acceleration_limit``.
     """
 
     axes: dict[str, AxisParameters]
-    """By the letters X Y Z A B C; a program that moves another axis is refused."""
+    """Axes by the letters X Y Z A B C; a program that moves another axis is refused."""
     corner: Literal["jump", "tolerance", "blend"] = "jump"
     """Whether corners are rounded as the filters happen to (Fanuc), so that the filtered path
     stays within ``tolerance``, or by arcs and parabolas of the control's own (LinuxCNC).  A
@@ -166,7 +161,7 @@ class ControlParameters(Ranged):
     rapid_mode: Literal["linear", "independent"] = "linear"
     """Whether G0 interpolates, or each axis goes as fast as it can."""
     rapid_stop: Literal["always", "change", "never"] = "always"
-    """Where rapids end at a standstill: each one, or only where rapid and feed meet."""
+    """Rapids that end at a standstill: each one, or only where rapid and feed meet."""
     settle_time: _Seconds = 0.0
     """Duration of the check that the axes are in position at an exact stop [s]."""
     interpolation_period: Positive = 0.001
@@ -229,7 +224,7 @@ class ControlParameters(Ranged):
 
     @property
     def has_axis(self) -> Bools:
-        """Which of X Y Z A B C there are; shape (6,)."""
+        """Flags of the axes X Y Z A B C that exist; shape (6,)."""
         return np.array([letter in self.axes for letter in AXES])
 
     @cached_property
@@ -269,10 +264,10 @@ def _spread(axis: AxisParameters, filters: tuple[float, float]) -> float:
 
 
 def of_dialect(said: Mapping[str, Any], dialect: str) -> dict[str, Any]:
-    """A section ``control`` with what the dialect's own control does where the file says nothing.
+    """Section ``control`` completed by the defaults of the dialect's own control.
 
     LinuxCNC blends corners, and rapids with rapids; other corners, filters, an S-curve or rapids of
-    each axis tell of another control that reads its dialect.
+    each axis indicate another control that reads its dialect.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Path of a program under one control: whatever is the same for every feed and spindle speed.
+"""Path of a program under one control, the same for every feed and spindle speed.
 
 Rows are those of the program's moves; each has a kind of motion, a length, and limits of speed,
 acceleration and jerk along the path, with the reason of each limit.
@@ -15,7 +15,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.schema.arrays import Bools, Floats, Rows
 
 Codes = npt.NDArray[np.uint8]
-"""One of the following codes for each row."""
+"""Code of each row, one of the following."""
 
 
 class Motion(IntEnum):
@@ -58,8 +58,7 @@ class Segments:
     last: Rows = field(repr=False)
     """Rows that a segment begins and ends with."""
     table: Floats = field(repr=False)
-    """Segments and the corners after them, shape (14, S); rows as in
-    :mod:`pipeline.machine.control.blends`."""
+    """Segments and corners after them, (14, S); rows as :mod:`pipeline.machine.control.blends`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +74,7 @@ class Path:
     form: Codes = field(repr=False)
     """STRAIGHT, ROTARY or CURVED of :mod:`pipeline.machine.control.geometry`, of rows that move."""
     length: Floats = field(repr=False)
-    """Length of the way of X, Y, Z [m]; where only rotary axes move, of these [rad]."""
+    """Path length of X, Y, Z [m]; where only rotary axes move, of these [rad]."""
     factor: Floats = field(repr=False)
     """Speed [m/s] (or [rad/s]) for one unit of F, of rapids for an override of 1, of
     ``Motion.PER_TURN`` for one unit of F and 1 rev/min."""
@@ -83,7 +82,7 @@ class Path:
     """Speed not to be passed, by the axes' speed, arcs, and the corners of curves [m/s]."""
     acceleration: Floats = field(repr=False)
     jerk: Floats = field(repr=False)
-    """Along the path [m/s^2], [m/s^3]; ``jerk`` is empty for a trapezoid."""
+    """Acceleration [m/s^2] and jerk [m/s^3] along the path; ``jerk`` is empty for a trapezoid."""
     corner: Floats = field(repr=False)
     """Speed not to be passed at the row's end [m/s]; infinite where it runs on straight."""
     pause: Floats = field(repr=False)
@@ -99,7 +98,7 @@ class Path:
 
     @property
     def moving(self) -> Bools:
-        """Which rows move; shape (M,)."""
+        """Flags of rows that move; shape (M,)."""
         return self.motion != Motion.STILL
 
 

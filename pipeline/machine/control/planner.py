@@ -28,10 +28,7 @@ _STOPS = ("always", "change", "never")
 def limited_path(moves: Moves, control: ControlParameters) -> Path:
     """Path of ``moves`` with the limits of its speed; once for a program and a control.
 
-    Raises
-    ------
-    ValueError
-        When a position is not finite, or an axis moves that the control does not have.
+    ValueError when a position is not finite, or an axis moves that the control does not have.
     """
     from pipeline.machine.control.corners import keep_tolerance
     from pipeline.machine.control.limits import FRAMES, limit
@@ -65,7 +62,7 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
 
 
 def _blended(path: Path) -> Path:
-    """With the segments of a control that blends its corners, and the caps of their arcs."""
+    """Path with the segments of a control that blends its corners, and the caps of their arcs."""
     from pipeline.machine.control.blends import CAP, segments_of
     from pipeline.machine.control.geometry import ROTARY
 
@@ -198,20 +195,10 @@ def plan(
 ) -> Plan:
     """Times and speeds of a program.
 
-    Parameters
-    ----------
-    path : Path
-        From :func:`limited_path`.
-    feeds, speeds : (M,) array, optional
-        F and S in force in each row, in the units of ``Moves``; the program's own by default.
-    feed_override, rapid_override : float or (M,) array
-        [percent]; threads take no override.
-
-    Raises
-    ------
-    ValueError
-        When a row that cuts has no positive F (or the spindle stands under G95), a speed is
-        negative, or an override is not positive.
+    ``path`` is from :func:`limited_path`; ``feeds`` and ``speeds`` (M,) are F and S in force in
+    each row, in the units of ``Moves``, the program's own by default; overrides are in percent, and
+    threads take none. ValueError when a row that cuts has no positive F (or the spindle is at rest
+    under G95), a speed is negative, or an override is not positive.
     """
     feed = commanded_feeds(path, feeds, feed_override, rapid_override)
     spindle = spindle_speeds(path, speeds)

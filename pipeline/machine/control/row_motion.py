@@ -110,7 +110,7 @@ def _commanded(path: Path, rows: npt.NDArray[np.intp], feed: Floats, spindle: Fl
 
 
 def _blended(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> RowMotion:
-    """By segments with blends between them; a row takes its share of the segment's length."""
+    """Row motion by segments with blends; a row takes its share of the segment's length."""
     from pipeline.machine.control.blends import OVERLAP, plan_segments
 
     control, last = path.control, segments.last
@@ -160,14 +160,14 @@ def distances(path: Path, rows: npt.NDArray[np.intp]) -> Floats:
 
 
 def independent_time(path: Path, rows: npt.NDArray[np.intp], share: Floats) -> Floats:
-    """Time of the axis that takes longest, from standstill to standstill [s]; shape (P, N).
+    """Time of the slowest axis from standstill to standstill [s]; shape (P, N).
 
     Parameters
     ----------
     path : Path
-        Its moves and its control's limits.
+        Moves and the control's limits.
     rows : (N,) array
-        Of the path.
+        Rows of the path.
     share : (P, N) array
         Override of the speeds [1].
     """

@@ -128,7 +128,7 @@ def _verdict(cut: ProgramCut) -> tuple[str, str, list[str]]:
 
 
 def _nearest(cut: ProgramCut) -> list[str]:
-    """Which block has the greatest utilisation of its limit; nothing where none is known."""
+    """Block of the greatest utilisation of its limit; nothing where no limit applies."""
     known = [
         (row.used, row.binds, row.line) for row in cut.worst if row.binds and row.used is not None
     ]

@@ -93,7 +93,7 @@ def lines_words(lines: Iterable[int], most: int) -> str:
 
 
 def warnings_pairs(warnings: Sequence[CutWarning], most: int) -> list[tuple[str, str]]:
-    """What to look at before the part is cut: what, its remedy, and in which lines."""
+    """Warnings before the part is cut: finding, remedy, and lines."""
     return [
         (sentence(row.what), " ".join(filter(None, (
             row.do,
@@ -108,7 +108,6 @@ def _quantity(
     name: str, key: str, unit: str = "", group: str = "",
     words: Callable[[float | None], str] = figure,
 ) -> Column[object]:  # fmt: skip
-    """Column of one field of the rows."""
     return Column(name, lambda row: words(getattr(row, key)), unit, group)
 
 
@@ -127,7 +126,7 @@ def _cleared(rows: Sequence[ToolTotals]) -> list[ToolTotals]:
 
 
 def forces_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
-    """By tool: chip, load, torque, power, deflection, stability, at the worst of its blocks."""
+    """Chip, load, torque, power, deflection, stability by tool, at the worst of its blocks."""
     return tabulated(
         "By tool: the worst of its blocks, at the highest feed that a block reaches",
         _cleared(cut.by_tool), FORCES, sources,
@@ -156,7 +155,7 @@ FORCES: tuple[Column[ToolTotals], ...] = (
 
 
 def intervals_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
-    """By tool: peak and mean force in the plane with 90 % intervals, and what was not learnt."""
+    """Peak and mean force in the plane by tool, with 90 % intervals and untrained conditions."""
     return tabulated(
         "By tool: how sure the greatest forces are", cut.forces, INTERVALS, sources,
         note="90 % intervals: coefficients and law of the chip, wear of the edge, runout, "
@@ -178,7 +177,7 @@ INTERVALS: tuple[Column[ForceInterval], ...] = (
 
 
 def edges_table(edges: Sequence[ToolEdge], sources: list[Source], whose: str = "") -> Table | None:
-    """Greatest load and power of each tool, sharp and worn; None where no growth is known."""
+    """Greatest load and power of each tool, sharp and worn; None without growth."""
     rows = [(edge, edge.forces) for edge in edges if edge.forces is not None]
     caption = sentence(f"{whose}force of each tool, sharp and worn")
     return tabulated(caption, rows, EDGES, sources, note="The greatest of the tool’s blocks. "
@@ -203,7 +202,7 @@ EDGES: tuple[Column[tuple[ToolEdge, EdgeForces]], ...] = (
 
 
 def edge_words(edges: Sequence[ToolEdge]) -> list[str]:
-    """Which wear the figures hold for, one sentence for tools alike."""
+    """Wear that the figures hold for, one sentence for tools alike."""
     alike: dict[str, list[str]] = {}
     for edge in edges:
         words = f"{edge.edge}{f' ({edge.caution})' if edge.caution and edge.wear_um else ''}"
@@ -215,7 +214,7 @@ def edge_words(edges: Sequence[ToolEdge]) -> list[str]:
 
 
 def cost_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
-    """By tool: time, volume, share of its life, cost by cause, energy."""
+    """Time, volume, share of tool life, cost by cause and energy by tool."""
     currency = cut.currency or ""
 
     def cost(key: str) -> Callable[[CutTotals], str]:
@@ -268,7 +267,7 @@ def worst_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
 
 
 def axes_table(axes: Sequence[AxisInCut], sources: list[Source]) -> Table | None:
-    """By axis: how far it is behind and what its motor draws in the cut, beside the same in air."""
+    """Following error and motor current of each axis in the cut, beside the same in air."""
     return tabulated("Axes in the cut: greatest values while the tool is in the material", axes, (
         Column("Axis", lambda row: row.axis),
         Column("in air", lambda row: number(row.following_air_um), "µm", group="Following error"),
@@ -289,7 +288,7 @@ def _with(value: float, row: AxisInCut) -> str:
 
 
 def basis_table(cut: ProgramCut, sources: list[Source]) -> Table | None:
-    """What the numbers rest on: stock, force law of each tool, limits, what is not known."""
+    """Basis of the numbers: stock, force law of each tool, limits, missing data."""
     return tabulated("What these numbers rest on", cut.basis, BASIS, sources)
 
 

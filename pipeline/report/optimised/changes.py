@@ -1,4 +1,4 @@
-"""Tables of an optimised program for who runs it: increases, by tool, its lines."""
+"""Tables of an optimised program for the operator: increases, by tool, its lines."""
 
 import re
 from collections.abc import Callable, Sequence
@@ -31,7 +31,7 @@ UNFOLDED = 60
 SHORT = 24
 """Letters of a source that stands in its row."""
 INCH = 25.4
-"""One inch [mm]."""
+"""Inch [mm]."""
 _WORDS = re.compile(r"([FS]\s*[-+]?[0-9.]+)")
 _COMMENT = re.compile(r"\([^)]*\)|;.*")
 
@@ -47,10 +47,7 @@ class Increase:
 
 
 def increases(changes: Sequence[FeedChange]) -> list[Increase]:
-    """What got faster or thicker, the largest factor first; changes that are alike are change.
-
-    Of a move in air F alone counts.
-    """
+    """Increases, the largest factor first, equal ones together; of a move in air F alone counts."""
     alike: dict[tuple[object, ...], list[FeedChange]] = {}
     for change in changes:
         key = (
@@ -81,7 +78,6 @@ def _factors(change: FeedChange) -> dict[str, float]:
 
 
 def _ratio(before: float | None, after: float | None) -> float:
-    """1 where one of them is not known or nothing."""
     return after / before if before and after else 1.0
 
 
@@ -153,7 +149,6 @@ def _feeds_per_tooth(row: Increase, unit: float = 1.0) -> str:
 
 
 def _change(shown: Callable[[float | None], str], before: float | None, after: float | None) -> str:
-    """Value before and after; one where they look the same."""
     then, now = shown(before), shown(after)
     return now if then == now else f"{then} → {now}"
 
@@ -238,7 +233,6 @@ def loads_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _operations(part: OptimisedPart) -> list[Column[ToolUse]]:
-    """Column of the operations, where the document names any."""
     if not any(use.operation for use in part.tools):
         return []
     return [Column("operation", lambda use: use.operation or NONE)]
@@ -312,7 +306,7 @@ def _listed(line: ProgramLine, *, gap: bool) -> ListingLine:
 
 
 def _steps(size: float) -> int:
-    """Of a change, by the logarithm of its factor: 0 none, to 3 very large."""
+    """Step of a change by the logarithm of its factor: 0 none, to 3 very large."""
     if abs(size) < log(1 + LEAST):
         return 0
     return 1 + sum(abs(size) >= log(step) for step in STEPS)

@@ -144,10 +144,7 @@ def _path_axis(trace: PathLoad, top: float, bottom: float) -> list[Markup]:
 
 
 def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
-    """Panels of F and S before and after, and a lane for each limit that binds.
-
-    None where neither F nor S is known of any group.
-    """
+    """Panels of F and S before and after, a lane for each limit; None without F and S."""
     groups = by_line(groups)
     units = [unit for unit in FEED_UNITS if any(row.feed_unit == unit for row in groups)]
     feeds = [_pair(f"F, {unit}", groups, "feed_{}", unit) for unit in units]
@@ -160,7 +157,7 @@ def words_figure(groups: Sequence[BlockGroup], label: str) -> Markup | None:
 
 
 def _values(groups: Sequence[BlockGroup], key: str, unit: str = "") -> np.ndarray:
-    """Values of one field, NaN where not known or where F has another unit; shape (G,)."""
+    """Values of one field, NaN where missing or where F has another unit; shape (G,)."""
     known = [getattr(row, key) if unit in ("", row.feed_unit) else None for row in groups]
     return np.array(known, dtype=np.float64)
 
@@ -178,10 +175,7 @@ def _panels(
     pairs: Sequence[tuple[str, np.ndarray, np.ndarray]], room: float,
     drawn: Callable[[Panel, np.ndarray, np.ndarray], Markup],
 ) -> tuple[list[Markup], float]:  # fmt: skip
-    """Panels of (head, before, after) below one another, and where the last ends [px].
-
-    A panel reaches to ``room`` times its greatest value; one without any is left out.
-    """
+    """Panels of (head, before, after), up to ``room`` times the greatest value; their end [px]."""
     top, parts = float(BLOCK_TOP), []
     for head, before, after in pairs:
         most = np.nanmax(np.concatenate([before, after, [0.0]]))
@@ -208,7 +202,7 @@ def _steps(values: np.ndarray, most: float, kind: str) -> Markup:
 
 
 def _lanes(groups: Sequence[BlockGroup], top: float) -> tuple[list[Markup], float]:
-    """One lane for each limit, marked where it binds; the most frequent first."""
+    """Lane for each limit, marked where it binds; the most frequent first."""
     binds = [
         KEPT if row.kept else f"{limit_name(row.binds)} binds" if row.binds else ""
         for row in groups
@@ -265,7 +259,7 @@ def per_pair(groups: int) -> int:
 
 
 def _sums(values: np.ndarray) -> np.ndarray:
-    """Sums over as many stretches as are drawn; NaN where nothing of a stretch is known."""
+    """Sums over as many stretches as are drawn; NaN where a stretch has no value."""
     starts = np.arange(0, len(values), per_pair(len(values)))
     known = np.add.reduceat(np.isfinite(values).astype(int), starts)
     return np.where(known > 0, np.add.reduceat(np.nan_to_num(values), starts), np.nan)
@@ -310,7 +304,7 @@ def compared(part: OptimisedPart) -> tuple[str, str] | None:
 
 
 def _correlation(a: np.ndarray, b: np.ndarray) -> float:
-    """Of two rows of numbers that are not all the same [1]."""
+    """Correlation of two rows of numbers that are not all the same [1]."""
     a, b = a - a.mean(), b - b.mean()
     return float(a @ b / np.sqrt((a @ a) * (b @ b)))
 
@@ -326,7 +320,7 @@ def front_places(part: OptimisedPart, keys: tuple[str, str]) -> list[Place]:
 
 
 def method_places(part: OptimisedPart, keys: tuple[str, str]) -> list[Place]:
-    """The program as it was, and what other methods found inside the limits."""
+    """The program as it was, and the results of other methods inside the limits."""
     places = []
     for row in part.methods:
         if row.feasible and row.limits == "certain":
@@ -373,7 +367,7 @@ def front_figure(places: list[Place], heads: tuple[str, str], label: str) -> Mar
 
 
 def _edge(places: list[Place]) -> list[Place]:
-    """Those that none of the others beats in both, from the least x on."""
+    """Places that none of the others beats in both, from the least x on."""
     kept: list[Place] = []
     for place in sorted(places, key=lambda p: (p.x, p.y)):
         if not kept or place.y < kept[-1].y:

@@ -124,7 +124,6 @@ def _verified(part: OptimisedPart) -> list[str]:
 def _drawn(
     svg: Markup | None, caption: str, legend: Legend, sources: list[Source]
 ) -> Figures | None:
-    """A wide figure; None where there is nothing to draw."""
     if svg is None:
         return None
     figure = Figure(svg=svg, caption=caption, sources=sources)
@@ -290,7 +289,7 @@ def _basis_section(part: OptimisedPart, sources: list[Source]) -> Section:
 
 
 def _warnings_section(warnings: Sequence[CutWarning]) -> Section | None:
-    """What to look at before anything else; it stands before all other sections."""
+    """Warnings, which stand before all other sections."""
     if not warnings:
         return None
     return Section(key="warnings", title="Look at this first", pairs=_warnings(warnings))
@@ -337,7 +336,7 @@ OFFSETS: tuple[Column[WorkOffset], ...] = (
 
 
 def _blank(part: OptimisedPart) -> str:
-    """Size and place of the blank, as one measures it; as it was named where no path is known."""
+    """Size and place of the blank, as measured; as it was named without a path."""
     path = part.path
     if path is None:
         return f"{part.stock} [mm] of"
@@ -354,7 +353,6 @@ def _length(value: float | None) -> str:
 
 
 def _warnings(warnings: Sequence[CutWarning]) -> list[tuple[str, str]]:
-    """The first warnings, and how many more there are."""
     left = len(warnings) - MOST_WARNINGS
     more = [("More warnings", f"{left}, in the JSON.")] if left > 0 else []
     return warnings_pairs(warnings[:MOST_WARNINGS], MOST_SPANS) + more

@@ -100,7 +100,7 @@ def path_section(part: OptimisedPart, sources: list[Source]) -> Section | None:
 
 
 def _loads(path: PathTrace, trace: LoadTrace) -> Floats:
-    """Load on the way to each point [N], NaN in air; shape (V,)."""
+    """Load on the path to each point [N], NaN in air; shape (V,)."""
     load = np.array(trace.load_N, dtype=np.float64)
     if not len(load):
         return np.full(len(path.column), np.nan)
@@ -145,7 +145,6 @@ def _corners(path: PathTrace) -> Floats:
 
 
 def _blank(path: PathTrace, shown: View, axes: Axes) -> Markup:
-    """Outline of the blank."""
     (left, bottom), (right, top) = _percent(shown, axes, _corners(path)).tolist()
     if path.round_blank and axes == PLAN:
         return svg.tag(

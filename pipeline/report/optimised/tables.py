@@ -75,7 +75,7 @@ def tool_name(number: int, name: str) -> Cell:
 
 
 def held_by(row: BlockGroup | Binding) -> str:
-    """What holds blocks in words: the limit, or why they are kept; empty where nothing does."""
+    """Binding limit of blocks in words, or why they are kept; empty where nothing does."""
     if row.kept:
         return f"{KEPT}: {row.kept}"
     return limit_name(row.limit if isinstance(row, Binding) else row.binds)
@@ -89,7 +89,7 @@ def change(value: float | None) -> str:
 
 
 def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float = 1.0) -> str:
-    """One of the totals before or after with its interval, as it stands in a table."""
+    """Total before or after with its interval, as it stands in a table."""
     totals = part.totals(which)
     value = getattr(totals, key)
     ends = between(totals, key, lambda end: figure(factor * end, digits))
@@ -97,7 +97,7 @@ def side(part: OptimisedPart, which: Side, key: str, digits: int, factor: float 
 
 
 def gain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
-    """As programmed, optimised, and the change."""
+    """Table of values as programmed, optimised, and the change."""
     currency = part.currency or ""
 
     def head(row: Row) -> str:
@@ -197,7 +197,7 @@ def _evaluations(pair: PairOfResults) -> int:
 
 
 def binding_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
-    """Which limits hold the program back, and in how much of it."""
+    """Binding limits of the program, and their share of it."""
     total = part.after.time_s
 
     def of_all(row: Binding) -> str:
@@ -285,10 +285,7 @@ def uncertain_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def plain_words(words: str) -> Cell:
-    """Words as a page writes what a plain text wrote: ``um``, ``^2``, a minus, whose settings.
-
-    A name too long for a line is broken anywhere, as code is.
-    """
+    """Words typeset as on a page: ``um``, ``^2``, a minus; long names are broken like code."""
     text = re.sub(r"(?<=\d) um\b", " µm", words.replace("^2", "²"))
     text = re.sub(r"^certainty\.", "conf/optimisation, certainty.", text)
     text = re.sub(r"^-(?=\d)", "−", text) or NONE
@@ -323,7 +320,6 @@ def limits_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
 
 
 def _printed(value: float | tuple[float, ...], unit: str) -> str:
-    """A limit, or a range, with its unit."""
     known = value if isinstance(value, tuple) else (value,)
     words = " to ".join(as_stated(v) for v in known)
     return f"{words}{NARROW}{unit}" if unit else words

@@ -1,4 +1,4 @@
-"""Verdict and key figures of an optimised program, in the words of who cuts the part."""
+"""Verdict and key figures of an optimised program in shop-floor words."""
 
 from collections.abc import Sequence
 
@@ -51,13 +51,12 @@ def _grave(part: OptimisedPart) -> list[str]:
 
 
 def _lines(spans: Sequence[str]) -> str:
-    """Stretches of lines in words."""
     one = len(spans) == 1 and "–" not in spans[0]
     return f"line{'' if one else 's'} {', '.join(spans)}"
 
 
 def _first_look(part: OptimisedPart) -> list[str]:
-    """Where the cut got heavier most; that none got heavier, where F or S changed."""
+    """Greatest increase of the load; that there is none, where F or S changed."""
     cuts = [one for one in part.changes if one.feed_per_tooth_after_mm is not None]
     found = increases(cuts)
     if not found:

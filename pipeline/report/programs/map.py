@@ -1,4 +1,4 @@
-"""Path of a program from above and from the front, coloured by the feed that it reaches."""
+"""Path of a program from above and from the front, coloured by the reached feed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -60,7 +60,7 @@ def panel(
     shown: View, axes: Axes, strokes: list[Markup], label: str, *,
     behind: Sequence[Markup] = (), above: Sequence[Markup] = (),
 ) -> Markup:  # fmt: skip
-    """One view: its grid, ``strokes`` on the map's grid, what stands behind and above them."""
+    """View: its grid, ``strokes`` on the map's grid, background and foreground."""
     wide, high = shown.span[list(axes)]
     inside = svg.tag(
         "svg", svg.group(strokes), x=0, y=0, width="100%", height="100%",
@@ -134,7 +134,7 @@ def grid_points(points: np.ndarray, shown: View, axes: Axes, coarse: int) -> np.
 
 
 def _along_axis(cut: Pieces, axes: Axes) -> np.ndarray:
-    """Which pieces go along the tool's axis alone: a dot from above, as a drilled hole is."""
+    """Flags of pieces along the tool's axis alone: a dot from above, as a drilled hole is."""
     step = np.abs(cut.b - cut.a)
     found: np.ndarray = (axes == (0, 1)) & (step[:, :2].max(axis=1) < 1e-3) & (step[:, 2] > 1e-3)
     return found

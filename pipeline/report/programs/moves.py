@@ -24,30 +24,30 @@ class ProgramMoves:
     start: np.ndarray
     end: np.ndarray
     centre: np.ndarray
-    """In the machine's frame [mm]; ``centre`` is NaN unless the move is an arc."""
+    """Centre of an arc in the machine's frame [mm]; NaN of other moves."""
     angle: np.ndarray
-    """That an arc sweeps about its plane's normal, anticlockwise positive [rad]."""
+    """Angle of an arc about its plane's normal, anticlockwise positive [rad]."""
     plane: np.ndarray
     """17, 18 or 19."""
     kind: np.ndarray
-    """What the move is, in lower case."""
+    """Kind of move, in lower case."""
     programmed: np.ndarray
     reached: np.ndarray
-    """Feed asked for, and the greatest that the block reaches [mm/min]; NaN where there is none."""
+    """Programmed feed, and the greatest in the block [mm/min]; NaN where there is none."""
     time: np.ndarray
-    """What the move takes [s]."""
+    """Duration of the move [s]."""
     tool: np.ndarray
     """Number of the tool."""
 
     @property
     def cutting(self) -> np.ndarray:
-        """Which moves go at a feed; shape (M,)."""
+        """Flags of moves at a feed; shape (M,)."""
         found: np.ndarray = np.isin(self.kind, CUTTING)
         return found
 
     @property
     def rapid(self) -> np.ndarray:
-        """Which moves are rapids; shape (M,)."""
+        """Flags of rapids; shape (M,)."""
         found: np.ndarray = self.kind == "rapid"
         return found
 
@@ -64,10 +64,7 @@ class Pieces:
 def program_moves(table: pa.Table, origin: tuple[float, float, float] | None) -> ProgramMoves:
     """Rows of ``table`` with :data:`COLUMNS`; ``origin`` is where the first move starts [mm].
 
-    Raises
-    ------
-    pyarrow.ArrowException
-        When a column of numbers holds something else.
+    pyarrow.ArrowException when a column of numbers holds something else.
     """
     end, centre = (
         np.stack([_floats(table, name) for name in names], axis=1)
@@ -122,7 +119,7 @@ def pieces(moves: ProgramMoves, tolerance: float) -> Pieces:
 
 
 def _arcs(moves: ProgramMoves) -> np.ndarray:
-    """Which moves can be drawn as arcs; shape (M,)."""
+    """Flags of moves that can be drawn as arcs; shape (M,)."""
     known = np.isfinite(moves.centre).all(axis=1) & np.isin(moves.plane, list(IN_PLANE))
     found: np.ndarray = known & (moves.angle != 0)
     return found
@@ -166,10 +163,7 @@ def _on_arc(
 
 
 def lengths(moves: ProgramMoves) -> np.ndarray:
-    """Path of X, Y, Z in each move [mm]; shape (M,), NaN where an end is not known.
-
-    Exact for lines, arcs and helices; a spiral counts as an arc of its mean radius.
-    """
+    """Path of X, Y, Z in each move [mm], (M,), exact but for spirals; NaN without an end."""
     step = moves.end - moves.start
     length = np.linalg.norm(step, axis=1)
     r_0, r_1 = radii(moves)

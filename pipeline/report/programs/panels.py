@@ -18,18 +18,18 @@ NAMES_AT = 11
 NAMED = 0.035
 """Share of the program above which a tool's span is named [1]."""
 CLOCK = ((120, 1), (7200, 60), (1e300, 3600))
-"""Up to how many seconds the clock counts in seconds, minutes, hours."""
+"""Clock formats: greatest time [s] of seconds, minutes, hours."""
 COLOURS = 6
 """Colours of the scale in style.css, f0 to f5."""
 UNKNOWN = -1
-"""Class of a value that is not known."""
+"""Class of a missing value."""
 Spans = Sequence[tuple[int, float, float]]
 """Tool, beginning and end as shares of the program [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Panel:
-    """One panel: its head, where it lies [px], the value at its top and its ticks."""
+    """Panel: its head, its place [px], the value at its top and its ticks."""
 
     head: str
     top: float
@@ -89,7 +89,7 @@ def clock(total: float, top: float, bottom: float) -> list[Markup]:
 def tool_spans(
     tools: Spans, bottom: float, top: float = NAMES_AT + 3, names: float = NAMES_AT
 ) -> list[Markup]:
-    """Where each tool begins, and its name where its span is wide enough."""
+    """Begin of each tool, and its name where its span is wide enough."""
     parts = []
     for tool, start, end in tools:
         parts.append(svg.down(100 * start, top, bottom, "grid change"))
@@ -112,7 +112,7 @@ class Classes:
         return len(self.bounds) + 1
 
     def of(self, values: Floats) -> np.ndarray:
-        """Class of each value; :data:`UNKNOWN` where it is not known."""
+        """Class of each value; :data:`UNKNOWN` where it is missing."""
         found = np.searchsorted(np.array(self.bounds), values, side="right")
         return np.where(np.isfinite(values), found, UNKNOWN)
 

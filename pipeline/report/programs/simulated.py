@@ -1,4 +1,4 @@
-"""Simulated part programs: predicted time of each, where it is spent, and its cause."""
+"""Simulated part programs: predicted time of each, by block type and cause."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
@@ -46,7 +46,7 @@ REMEDIES = {
     "axis speed": "an axis goes as fast as it can: a higher feed gains nothing there",
     "jerk": "the limit of jerk slows it down: smoother paths would help",
 }
-"""What slows a program down most, and what its maker can do about it."""
+"""Main cause of slowness of a program, and its remedy for the programmer."""
 RESTS_ON = {
     "acceleration": "cutting_acceleration", "corner": "corner_jump", "arc": "arc_acceleration",
     "curve": "arc_acceleration", "tolerance": "tolerance", "exact stop": "settle_time",
@@ -54,7 +54,7 @@ RESTS_ON = {
 }  # fmt: skip
 """Parameter of the control that decides how much a bound costs."""
 FREE = ("feed", "rapid", "spindle", "nothing")
-"""What bounds a block as its programmer asked for."""
+"""Programmed bounds of a block."""
 MADE_FROM = "the part program and the model of the control"
 
 
@@ -64,7 +64,7 @@ SERIES = ((1, 1.5, 2, 3, 5, 7), (1, 2, 5), (1, 3), (1,))
 
 @dataclass(frozen=True, kw_only=True)
 class Program:
-    """One simulated part program; ``moves`` is None where nothing can be drawn.
+    """Simulated part program; ``moves`` is None where nothing can be drawn.
 
     ``files`` are its summary and its table of moves.
     """
@@ -151,7 +151,7 @@ def _leaves(program: Program) -> str:
 
 
 def feed_classes(programs: Sequence[ProgramMoves]) -> Classes:
-    """At most six classes over the feeds that take 95 of 100 seconds of cutting."""
+    """Classes, at most six, over the feeds that take 95 of 100 seconds of cutting."""
     chosen = [m.cutting & np.isfinite(m.reached) & (m.time > 0) for m in programs]
     feed = np.concatenate([*(m.reached[c] for m, c in zip(programs, chosen, strict=True)), []])
     time = np.concatenate([*(m.time[c] for m, c in zip(programs, chosen, strict=True)), []])
@@ -252,7 +252,7 @@ def time_section(
 
 
 def _loss(moves: ProgramMoves) -> list[str]:
-    """What it costs that cutting moves are not at the programmed feed throughout."""
+    """Time lost by cutting below the programmed feed."""
     known = moves.cutting & np.isfinite(moves.programmed) & np.isfinite(moves.reached)
     spent = float(moves.time[known].sum())
     if spent <= 0:
@@ -270,10 +270,7 @@ def _loss(moves: ProgramMoves) -> list[str]:
 
 
 def lost_seconds(moves: ProgramMoves) -> float | None:
-    """Cutting time above path length over programmed feed [s]; None where nothing is cut.
-
-    Moves of rotary axes alone have no path in millimetres and do not count.
-    """
+    """Cutting time above path over programmed feed [s], rotary moves left out; None if no cut."""
     length = lengths(moves)
     known = moves.cutting & np.isfinite(moves.programmed) & (length > 1e-6)
     if not known.any():
@@ -283,7 +280,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
 
 
 def _binding(program: Program, assumed: Collection[str]) -> str:
-    """What costs most beside the programmed feed and rapids, and what that means."""
+    """Greatest loss beside the programmed feed and rapids, and its meaning."""
     costs = times.limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
     bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
@@ -350,8 +347,6 @@ def _bars(
 
 
 def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | None:
-    """Every program: predicted time, cutting, path, blocks, tools, what binds it beside feed."""
-
     def of_read(cell: Callable[[Program], str]) -> Callable[[Program], str]:
         return lambda program: "–" if program.refused else cell(program)
 

@@ -36,7 +36,7 @@ LIMITS = {
     "spindle": "spindle",
     "nothing": "nothing: it stands",
 }
-"""Limits of the speed of a block, for people."""
+"""Limits of the speed of a block, in words."""
 
 TYPE_KIND = {"rapid": "s-rapid", "feed": "s-cut", "arc": "s-cut"}
 LIMIT_KIND = {"feed": "s-cut", "rapid": "s-rapid", "spindle": "s-still", "nothing": "s-still"}
@@ -60,7 +60,7 @@ class Timeline:
 
 
 def timeline(moves: ProgramMoves) -> Timeline | None:
-    """What a program does over its time; None when it takes none."""
+    """Timeline of a program; None when it takes no time."""
     end = np.concatenate([[0.0], np.cumsum(moves.time)])
     total = float(end[-1])
     if total <= 0:
@@ -157,7 +157,7 @@ def _strip(shown: Timeline, top: float) -> list[Markup]:
 
 @dataclass(frozen=True, kw_only=True)
 class Bar:
-    """One bar: its name, and parts of (seconds, CSS class)."""
+    """Bar: its name, and parts of (seconds, CSS class)."""
 
     name: str
     parts: list[tuple[float, str]]
@@ -205,7 +205,7 @@ def _present(groups: list[Group]) -> list[Group]:
 
 
 def limit_words(name: str) -> str:
-    """What bounds the speed, in words; its own name when it is not listed here."""
+    """Bound of the speed, in words; its own name when it is not listed here."""
     return LIMITS.get(name, name)
 
 

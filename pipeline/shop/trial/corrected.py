@@ -61,7 +61,7 @@ def _spreads(found: Sequence[Any]) -> Any:
 class Commands:
     """Commands of a table at the ticks of the position loop."""
 
-    asked: Mapping[str, Floats]
+    commanded: Mapping[str, Floats]
     corrected: Mapping[str, Floats]
     """Commanded and corrected position of each axis [mm]; shape (T,)."""
     cut: Bools
@@ -73,28 +73,28 @@ class Commands:
         axes, frequency = parameters.drives.axes, parameters.drives.x.cascade.position_frequency
         period, columns = _read(table, axes)
         letters = [letter for letter in axes if letter in columns]
-        asked, corrected = (
+        commanded, corrected = (
             {a: _at_loop(columns[f"{a}{end}"], period, frequency) for a in letters}
             for end in ("", "_corrected")
         )
-        cut = np.zeros(len(asked[letters[0]]), bool)
+        cut = np.zeros(len(commanded[letters[0]]), bool)
         if CUTTING in columns:
             near = np.rint(np.arange(len(cut)) / (frequency * period)).astype(int)
             cut = columns[CUTTING][np.minimum(near, len(columns[CUTTING]) - 1)] > 0
-        return cls(asked=asked, corrected=corrected, cut=cut)
+        return cls(commanded=commanded, corrected=corrected, cut=cut)
 
     @cached_property
     def path(self) -> "CommandedPath":
         """The commanded path of all axes together."""
-        return CommandedPath(np.stack(list(self.asked.values()), axis=1))
+        return CommandedPath(np.stack(list(self.commanded.values()), axis=1))
 
 
 def _driven(commands: Commands, parameters: ShopParameters, seed: int) -> dict[str, Any]:
-    asked, letters = commands.asked, list(commands.asked)
+    commanded, letters = commands.commanded, list(commands.commanded)
     reached: dict[tuple[str, str, bool], Floats] = {}
     for letter in letters:
         for corrected in (False, True):
-            command = (commands.corrected if corrected else asked)[letter]
+            command = (commands.corrected if corrected else commanded)[letter]
             words = [parameters.seed, seed, *f"corrected {letter}".encode()]
             random = np.random.Generator(np.random.PCG64(words))
             out = follow(parameters.drives.axes[letter], command * 1e-3, random)
@@ -103,7 +103,7 @@ def _driven(commands: Commands, parameters: ShopParameters, seed: int) -> dict[s
     found: dict[str, Any] = {"axes": {letter: {} for letter in letters}}
     for place in PLACES:
         for letter in letters:
-            errors = (asked[letter] - reached[letter, place, c] for c in (False, True))
+            errors = (commanded[letter] - reached[letter, place, c] for c in (False, True))
             found["axes"][letter][place] = _compared(commands.cut, *errors)
         if len(letters) > 1:
             errors = (

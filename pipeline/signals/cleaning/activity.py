@@ -46,12 +46,12 @@ def intervals(series: Mapping[str, Series], end: int) -> Intervals:
     return Intervals(start=time, end=np.r_[time[1:], end][: len(time)], state=state)
 
 
-def seconds_in_states(found: Intervals, signal: str = "execution") -> dict[str, float]:
+def seconds_in_states(spans: Intervals, signal: str = "execution") -> dict[str, float]:
     """Seconds in each state of a signal; what is not known counts as ``unknown`` [s]."""
-    if signal not in found.state:
+    if signal not in spans.state:
         return {}
-    word = [w if w is not None else "unknown" for w in found.state[signal]]
-    spent = pd.Series((found.end - found.start) / NS).groupby(np.array(word, dtype=object)).sum()
+    word = [w if w is not None else "unknown" for w in spans.state[signal]]
+    spent = pd.Series((spans.end - spans.start) / NS).groupby(np.array(word, dtype=object)).sum()
     return {str(k): round(float(v), 3) for k, v in spent.items()}
 
 
@@ -95,17 +95,17 @@ class _OpenCycle:
         }  # fmt: skip
 
 
-def cycles(found: Intervals, settings: CleanSettings) -> pd.DataFrame:
+def cycles(spans: Intervals, settings: CleanSettings) -> pd.DataFrame:
     """Cycles in a machine's intervals, with columns ``COLUMNS`` and times in UTC.
 
     Losses of data longer than ``off_after_s`` end a cycle.  ``complete``: ended by READY in
     AUTOMATIC.
     """
     run = _CycleBuilder(longest_loss=round(settings.off_after_s * NS))
-    names = list(found.state)
-    for i in range(len(found.start)):
-        state = {n: found.state[n][i] for n in names}
-        run.step(int(found.start[i]), int(found.end[i]), state)
+    names = list(spans.state)
+    for i in range(len(spans.start)):
+        state = {n: spans.state[n][i] for n in names}
+        run.step(int(spans.start[i]), int(spans.end[i]), state)
     run.close(complete=False)
     return _cycle_table(run.rows)
 

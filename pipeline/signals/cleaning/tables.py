@@ -158,11 +158,11 @@ def stacked(parts: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def clipped(found: Intervals, start: int, end: int) -> Intervals:
+def clipped(intervals: Intervals, start: int, end: int) -> Intervals:
     """The parts of intervals inside ``start`` to ``end`` [ns]."""
-    low, high = np.maximum(found.start, start), np.minimum(found.end, end)
+    low, high = np.maximum(intervals.start, start), np.minimum(intervals.end, end)
     inside = high > low
-    state = {name: words[inside] for name, words in found.state.items()}
+    state = {name: words[inside] for name, words in intervals.state.items()}
     return Intervals(start=low[inside], end=high[inside], state=state)
 
 

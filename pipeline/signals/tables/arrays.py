@@ -159,7 +159,7 @@ class ArrayCollector:
             kind = np.dtype(dtype).kind
             self.arrays.append(NamedArray(name=short, shape=shape, kind=kind, load=load, unit=unit))
 
-    def found(self) -> list[NamedArray]:
+    def named_arrays(self) -> list[NamedArray]:
         """The arrays that were added; a group that holds none makes the file unreadable."""
         if not self.arrays:
             where = f"group {self.group!r}" if self.group else "the file"

@@ -86,22 +86,24 @@ def read_hdf5(path: Path, source: RecordSource, root: Path) -> Trace:
 
 def named_arrays(file: Any, group: str | None, separator: str) -> list[NamedArray]:
     """All arrays of an open HDF5 file, their names joined with a separator."""
-    found = ArrayCollector(group=group, separator=separator)
+    collector = ArrayCollector(group=group, separator=separator)
     try:
         for name, data in _datasets(file):
-            _add(found, name.replace("/", separator), data)
+            _add(collector, name.replace("/", separator), data)
     except (ValueError, TypeError) as error:  # a damaged type or shape
         raise UnreadableFile(f"the file is damaged: {str(error)[:200]}") from error
-    return found.found()
+    return collector.named_arrays()
 
 
-def _add(found: ArrayCollector, label: str, data: Any) -> None:
+def _add(collector: ArrayCollector, label: str, data: Any) -> None:
     if data.dtype.names:
         for part in data.dtype.names:
             load = partial(_dataset_values, data, part)
-            found.add(f"{label}{found.separator}{part}", data.shape, data.dtype[part], load)
+            collector.add(f"{label}{collector.separator}{part}", data.shape, data.dtype[part], load)
     elif data.shape is not None:
-        found.add(label, data.shape, data.dtype, partial(_dataset_values, data, ()), _unit(data))
+        collector.add(
+            label, data.shape, data.dtype, partial(_dataset_values, data, ()), _unit(data)
+        )
 
 
 def _datasets(file: Any) -> Iterator[tuple[str, Any]]:
@@ -150,12 +152,12 @@ def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:
         raise UnreadableFile(f"the file is no whole WAV file: {str(error)[:200]}") from error
     table = data.reshape(len(data), -1)
     shares = table if table.dtype.kind == "f" else _of_full_scale(table)
-    found = ArrayCollector(group=None, separator="/")
+    collector = ArrayCollector(group=None, separator="/")
     for place in range(table.shape[1]):
         name = f"#{place + 1}"
         values = shares[:, place] * _full_scale(name, layout, table.dtype.kind != "f")
-        found.add(name, values.shape, values.dtype, values.view)
-    return assemble(raw_table(found.found(), layout, rate=float(rate)), layout)
+        collector.add(name, values.shape, values.dtype, values.view)
+    return assemble(raw_table(collector.named_arrays(), layout, rate=float(rate)), layout)
 
 
 def _check_whole(path: Path) -> None:
@@ -240,13 +242,13 @@ def _raw(file: Any, layout: TableLayout) -> RawTable:
     rate = next(iter(rates), None)
     values = {at: _samples(at, one) for at, one in channels.items() if short[at] is not None}
     placed = _side_by_side({one: values[one] for one in starts}, starts, layout, rate)
-    found = ArrayCollector(group=layout.group, separator="/")
+    collector = ArrayCollector(group=layout.group, separator="/")
     for label, array in (values | placed).items():
         unit = channels[label].properties.get("unit_string")
-        found.add(label, array.shape, array.dtype, array.view, unit)
+        collector.add(label, array.shape, array.dtype, array.view, unit)
     dated = [at for at in starts.values() if at is not None and at > _DATED]
     start = f"{np.datetime64(min(dated), 'ns')}Z" if dated and layout.time is None else None
-    raw = raw_table(found.found(), layout, rate=rate, start=start)
+    raw = raw_table(collector.named_arrays(), layout, rate=rate, start=start)
     if not file.file_status.incomplete_final_segment:
         return raw
     reason = "the file ends inside its last segment: the samples from here on are lost"

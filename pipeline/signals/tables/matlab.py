@@ -200,14 +200,14 @@ def _modern(path: Path, layout: TableLayout) -> RawTable:
 def _classic(path: Path, layout: TableLayout) -> RawTable:
     data = path.read_bytes()
     level_5 = data[126:128] in (b"IM", b"MI")
-    found = ArrayCollector(group=layout.group, separator=".")
+    collector = ArrayCollector(group=layout.group, separator=".")
     for name, values in level_5_arrays(data) if level_5 else _level_4(data):
-        found.add(name, values.shape, values.dtype, values.view)
-    if not found.arrays and found.group is None:
+        collector.add(name, values.shape, values.dtype, values.view)
+    if not collector.arrays and collector.group is None:
         raise UnreadableFile(
             "the file holds no arrays: save tables and objects of MATLAB as a struct of vectors"
         )
-    return raw_table(found.found(), layout)
+    return raw_table(collector.named_arrays(), layout)
 
 
 def _level_4(data: bytes) -> Iterator[tuple[str, Array]]:

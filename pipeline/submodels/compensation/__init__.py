@@ -1,4 +1,4 @@
-"""What the drives' model leaves over of the following error, learnt by networks on windows.
+"""Residual following error beyond the drives' model, predicted by networks on windows.
 
 Two uses that are kept apart: prediction before the motion, from commands and states of the drives'
 model, for the twin and for corrected commands; estimation, with measurements that are older than a

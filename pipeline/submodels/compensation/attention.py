@@ -1,4 +1,4 @@
-"""Where the network with attention looks, shown on one motion to and fro."""
+"""Attention of the compensation network over a motion to and fro."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ from pipeline.twin.drive import IdentifiedDrive
 DRAWN_WINDOWS = 100
 """Windows of a regime over which the attention is averaged, at most [1]."""
 PERIOD = 0.001
-"""Between samples of the motion [s]."""
+"""Sampling period of the motion [s]."""
 RAMP_S, EVEN_S, STAND_S = 0.1, 0.3, 0.2
 """Acceleration, constant speed and rest of the motion [s]."""
 
@@ -51,7 +51,7 @@ def attention_shown(
 
 
 def _highest(model: Compensation, letter: str) -> float:
-    """Highest speed that was learnt [mm/s]; 0 where it is not known."""
+    """Highest training speed [mm/s]; 0 where it is not recorded."""
     found = model.file.conditions.get(f"highest speed {letter}")
     return 0.0 if found is None or found.high is None else float(found.high)
 

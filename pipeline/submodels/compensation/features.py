@@ -1,6 +1,6 @@
-"""What the networks look at: a recording beside the drives' model, on the grid of the windows.
+"""Network inputs: a recording beside the drives' model, on the grid of the windows.
 
-Before the motion are known: the commanded position, its speed and acceleration, how far the axis
+Inputs before the motion: the commanded position, its speed and acceleration, how far the axis
 has come since it last turned round (friction slides only after some um), the place in a turn of the
 screw, and what the drives' model makes of the command: its following error and its torque command.
 Measured are the error that the model leaves over and the drive's torque command.  Nothing measured
@@ -26,7 +26,7 @@ RESIDUAL = "residual"
 TORQUE = "torque command"
 """Measured torque command, in its own unit."""
 MEASURED = frozenset({RESIDUAL, TORQUE})
-"""Signals that are not known before the motion."""
+"""Signals that are measured during the motion."""
 COMMANDED = ("speed", "acceleration", "since reversal")
 """Inputs that the commanded position alone gives: [m/s], [m/s^2], [1] with the direction's sign."""
 SCREW = ("screw sine", "screw cosine")
@@ -36,7 +36,7 @@ MODELLED = ("modelled error", "modelled command")
 STILL = 1e-5
 """Speed below which an axis stands [m/s]: 0.6 mm/min, below any feed."""
 PRESLIDING, SLIDING = 1e-6, 1e-3
-"""Distances since a reversal between which they are told apart, by their logarithm [m]."""
+"""Range of distances since a reversal that are resolved, by their logarithm [m]."""
 TURNED = 1e-4
 """Distance [m] after a reversal within which the regime is that of the reversal."""
 SMOOTH_S = 0.008
@@ -54,14 +54,14 @@ SLIGHT = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Features:
-    """One axis in one recording, N samples of the grid of windows."""
+    """Axis in a recording, N samples of the grid of windows."""
 
     recording: Recording
     """Signals by name, those of ``MEASURED`` among them."""
     group: str
     """Group of the recording in splits."""
     time: Floats
-    """Since the recording began [s]; shape (N,)."""
+    """Time since the recording began [s]; shape (N,)."""
     measured: Floats
     modelled: Floats
     """Following error [m]; zero where there is no model; shape (N,)."""
@@ -70,8 +70,7 @@ class Features:
     known: Bools
     """Samples that were recorded, neither put in between nor beside such; shape (N,)."""
     fuzzy: Floats | None = None
-    """Following error of the drives' model with a fuzzy PI speed loop [m], where asked for;
-    shape (N,)."""
+    """Following error of the drives' model with fuzzy PI [m], where needed; shape (N,)."""
     step: float = 0.0
     """Resolution of the measured position [m]; 0 where its values show none."""
 
@@ -84,7 +83,7 @@ def every(period: float, step_s: float) -> int:
 def before_motion(
     reference: Floats, period: float, modelled: tuple[Floats, Floats] | None, lead_mm: float | None
 ) -> dict[str, Floats]:
-    """Signals that are known before the motion, each (T,).
+    """Signals available before the motion, each (T,).
 
     Commanded position ``reference`` (T,) [m] every ``period`` [s]; ``modelled`` are following error
     [m] and torque command of the drives' model, (T,) each; ``lead_mm`` that of the screw [mm].
@@ -112,7 +111,7 @@ def before_motion(
 
 
 def since_reversal(reference: Floats, speed: Floats) -> Floats:
-    """Direction of the last motion, times the decades of the way since it turned round; (T,).
+    """Direction of the last motion, times the decades of the distance since its reversal; (T,).
 
     It is 0 before the first motion and from 1 (within a um) to 4 (a millimetre and more) after it.
     """
@@ -181,7 +180,7 @@ def features_of(
     run: Run, letter: str, drive: IdentifiedDrive | None, *, step_s: float, lead_mm: float | None,
     with_fuzzy: bool = False,
 ) -> Features:  # fmt: skip
-    """One axis of a recording as the networks see it."""
+    """Network inputs of an axis of a recording."""
     axis: AxisRun = run.axes[letter]
     stride = every(run.period, step_s)
     signals: dict[str, Floats] = {}

@@ -117,7 +117,6 @@ class _Task:
 
 
 def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
-    """Document of the network, and what it predicts of the others [m]."""
     from pipeline.nets.window_training import train_windows
 
     training = task.training
@@ -132,7 +131,7 @@ def _trained(task: _Task) -> tuple[Mapping[str, Any], Floats]:
 
 
 def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats]]:
-    """What each task gives, on all cores where that is worth it."""
+    """Result of each task, on all cores where that is worth it."""
     steps = sum(
         one.training.steps(len(one.windows.y)) for one in tasks if one.kind != ARX
     )  # fmt: skip
@@ -141,7 +140,7 @@ def _all_trained(tasks: Sequence[_Task]) -> list[tuple[Mapping[str, Any], Floats
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class UseFit:
-    """One use on one axis with its networks' documents by kind."""
+    """Use of an axis with its networks' documents by kind."""
 
     model: UseModel
     documents: Mapping[str, tuple[Mapping[str, Any], ...]]
@@ -152,11 +151,8 @@ def fit_axes(
 ) -> dict[tuple[str, str], UseFit]:
     """Every use of every axis, by letter and use.
 
-    Raises
-    ------
-    ValueError
-        When no recording is long enough for a window, or too little is left of them to leave some
-        out.
+    ValueError when no recording is long enough for a window, or too little is left of them to leave
+    some out.
     """
     parts: dict[tuple[str, str], tuple[Sampled, bool]] = {}
     for letter, features in axes.items():
@@ -180,7 +176,7 @@ def fit_axes(
 
 
 def _folds(part: Sampled, settings: CompensationFitSettings) -> list[tuple[_Task, Any]]:
-    """For each fold a task without its kind, and the rows that it leaves out."""
+    """Task without its kind, and rows left out, for each fold."""
     groups = _two_or_more(part, settings)
     order = [name for k in range(settings.folds) for name in groups[k :: settings.folds]]
     found = []
@@ -270,12 +266,8 @@ def enough(
 ) -> tuple[list[Features], bool]:
     """Recordings, or stretches of them where they are of fewer groups than there are folds.
 
-    Returns
-    -------
-    list of Features
-        With as many groups as folds at least, and one more to stop a training by.
-    bool
-        Whether they are stretches.
+    As many groups as folds at least, and one more for early stopping; and whether they are
+    stretches.
     """
     many = len({one.group for one in features})
     if many > settings.folds:
@@ -353,7 +345,7 @@ def searched(
 def leak_shown(
     letter: str, features: Sequence[Features], settings: CompensationFitSettings, honest: KindScore
 ) -> LeakShown:
-    """What the published inputs would seem to gain on one axis: the measured error among them.
+    """Apparent gain of the published inputs, with the measured error among them, on one axis.
 
     Feed2025 gives the network the measured displacement beside the modelled one, of which the
     target is the difference.

@@ -1,4 +1,4 @@
-"""The stored model of what the drives' model leaves over, and the object that predicts from it.
+"""Stored compensation model of the residual following error, and its predictor.
 
 For each axis and use, networks of each kind are kept as they were trained on all but one fold of
 the training recordings; what serves is the mean of those of the champion.  Its ``residual``
@@ -46,11 +46,11 @@ if TYPE_CHECKING:
     from pipeline.twin.program_axes import Residual
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
-"""Before the motion, from commands and the drives' model; with measurements of before."""
+"""Prediction before the motion, by commands; estimation with earlier measurements as well."""
 QUANTITIES = {PREDICTION: "following error", ESTIMATION: "following error, estimated"}
 """Quantities of the two, followed by the axis' letter."""
 TWIN, FUZZY, PERSISTENCE = "twin alone", "fuzzy PI", "persistence"
-"""No network; none, and a fuzzy PI speed loop; the last measured residual that is known."""
+"""No network; none, and a fuzzy PI speed loop; the last available measured residual."""
 ATTENTIVE = "cnn_lstm_attention"
 """The published network."""
 ARX = "arx"
@@ -67,10 +67,10 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class CompensationFitSettings(Ranged, section="compensation_fit"):
-    """How the networks are trained and compared."""
+    """Training and comparison of the networks."""
 
     step_s: Positive = 0.002
-    """From row to row of a window [s]; the nearest whole number of samples."""
+    """Row period of a window [s]; the nearest whole number of samples."""
     length: Count = 48
     """Rows of a window."""
     horizon_s: Annotated[float, Range(least=0.001)] = 0.02
@@ -135,20 +135,19 @@ class KindScore:
 
     rmse_um: float
     max_um: float
-    """Over all samples left out [um]."""
+    """Greatest error over all held-out samples [um]."""
     spread_um: float = 0.0
     """Standard deviation over the networks of the folds of the RMSE of what each left out [um]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class UseModel:
-    """One use on one axis."""
+    """Use of a model on one axis."""
 
     champion: str
-    """Kind with the least RMSE on training recordings left out, or the baseline where none is
-    better."""
+    """Kind with the least RMSE on held-out training recordings, or the baseline."""
     scores: Mapping[str, KindScore]
-    """By kind, and of the baseline."""
+    """Scores by kind, and of the baseline."""
     bands: Mapping[str, Band]
     """Half widths of the 90 % interval by regime [um]."""
     inputs: tuple[WindowInput, ...]
@@ -160,7 +159,7 @@ class UseModel:
 
 @dataclass(frozen=True, kw_only=True)
 class SearchFacts:
-    """What a search of the settings found."""
+    """Result of an architecture search."""
 
     kind: str
     axis: str
@@ -172,20 +171,20 @@ class SearchFacts:
     history_um: tuple[float, ...]
     """Least validation RMSE after each generation [um]."""
     chosen: Mapping[str, float]
-    """Settings that it found."""
+    """Best settings of the search."""
     bounds_hit: Mapping[str, str] = field(default_factory=dict)
     """Settings whose best value lies on a bound, and which."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LeakShown:
-    """What the published inputs would seem to gain: they hold the measured position."""
+    """Apparent gain of the published inputs: they hold the measured position."""
 
     axis: str
     kind: str
-    """On which it is shown."""
+    """Kind of network of the comparison."""
     inputs: tuple[str, ...]
-    """Inputs that could not be known yet."""
+    """Inputs that are not available yet."""
     rmse_um: float
     honest_um: float
     """RMSE on training recordings left out, with them and without [um]."""
@@ -199,11 +198,11 @@ class AttentionShown:
     """Mean attention of the published network over its window, K parts of it."""
 
     axis: str
-    """On which it is shown."""
+    """Axis of the motion."""
     ms: tuple[float, ...]
-    """Before the time that is predicted [ms], the oldest first; shape (K,)."""
+    """Time before the predicted one [ms], the oldest first; shape (K,)."""
     weights: Mapping[str, tuple[float, ...]]
-    """By regime of the motion [1]; those of a regime add up to 1; shape (K,)."""
+    """Attention weights by regime of the motion [1]; those of a regime add up to 1; shape (K,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -211,7 +210,7 @@ class CompensationModel(Model):
     """``model.json``; the networks stand in ``networks.json`` beside it."""
 
     axes: Mapping[str, Mapping[str, UseModel]]
-    """By letter and use."""
+    """Uses by axis letter and use."""
     step_s: float
     horizon_s: float
     settle_s: float
@@ -225,9 +224,9 @@ class CompensationModel(Model):
     search: SearchFacts | None = None
     """Search of the settings."""
     leak: LeakShown | None = None
-    """For comparison; nothing else uses it."""
+    """Leakage of the published inputs, for comparison only."""
     attention: AttentionShown | None = None
-    """Where the network with attention looks."""
+    """Attention of the network over time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -244,7 +243,7 @@ def key_of(letter: str, use: str, kind: str) -> str:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Compensation:
-    """The model with its networks, restored when they are first asked for."""
+    """The model with its networks, restored at their first use."""
 
     file: CompensationModel
     documents: Mapping[str, tuple[Mapping[str, Any], ...]]
@@ -327,13 +326,7 @@ class Compensation:
 
 
 def load_compensation(folder: Path) -> Compensation:
-    """The model in a folder.
-
-    Raises
-    ------
-    StoreError
-        When a file is missing, broken or of another form.
-    """
+    """The model in a folder; StoreError when a file is missing, broken or of another form."""
     return Compensation(
         file=read_json(folder / "model.json", CompensationModel),
         documents=read_json(folder / "networks.json", NetworksFile).documents,

@@ -1,4 +1,4 @@
-"""Page of the following error that the drives' model leaves over: networks, their attention."""
+"""Page of the residual following error beyond the drives' model: networks, their attention."""
 
 from collections.abc import Iterator
 
@@ -23,7 +23,7 @@ from pipeline.submodels.compensation.model import (
 from pipeline.submodels.contract import Shown
 
 BASES = {PREDICTION: TWIN, ESTIMATION: PERSISTENCE}
-"""What each use is held against."""
+"""Baseline of each use."""
 USES = {PREDICTION: "predicted before the motion", ESTIMATION: "estimated from measurements"}
 """Uses in words."""
 SETTINGS = {"learning_rate": "learning rate", "l2": "penalty of the weights"}
@@ -35,7 +35,7 @@ Seen = Shown[CompensationModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the error that the drives' model leaves over alone knows."""
+    """Page content of the compensation networks."""
     model = shown.model
     with_drive = model is None or model.with_drive
     use = next((use for use in (PREDICTION, ESTIMATION) if model is not None
@@ -94,7 +94,7 @@ def _tried(shown: Seen, model: CompensationModel, titles: dict[str, str]) -> Ite
 
 
 def _facts(model: CompensationModel) -> Iterator[str]:
-    """What a reader must know of how it was learnt, the leak, the search."""
+    """Facts of the training: data, leakage, architecture search."""
     by_time = [axis for axis, uses in model.axes.items()
                if any(one.by_time for one in uses.values())]  # fmt: skip
     if by_time:
@@ -140,7 +140,7 @@ def _setting(name: str) -> str:
 
 
 def _attention(shown: Seen, model: CompensationModel) -> Figures | None:
-    """Where the network with attention looks, by regime."""
+    """Attention of the network over time, by regime."""
     one = model.attention
     if one is None or not one.weights:
         return None

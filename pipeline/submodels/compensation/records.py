@@ -1,4 +1,4 @@
-"""Recordings of axes for what the drives' model leaves over: following errors on an even grid.
+"""Recordings of axes for compensation: following errors on an even grid.
 
 A recording holds, for each axis, commanded and measured position, or the control's own position
 error; the torque command where it was recorded.  Words in columns of a table (a tool, a cut) may
@@ -49,7 +49,7 @@ class ErrorChannels(Ranged, section="compensation_records.axes"):
 
     @property
     def channels(self) -> dict[str, Channel]:
-        """Those that are named, lengths as such."""
+        """Named channels, lengths as such."""
         named = {name: getattr(self, name) for name in (*MOTION, "command")}
         return {
             name: replace(one, quantity="position")
@@ -66,12 +66,12 @@ class CompensationRecords(Ranged, section="compensation_records"):
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
     axes: Mapping[str, ErrorChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
     parts: tuple[str, ...] = ()
     """Columns whose values tell the parts of a table apart; each part is a recording of its own,
     called ``<file>#<column>=<value>,…`` in section ``roles``."""
     group: str = ""
-    """One of ``parts`` by which recordings belong together in splits, such as the tool."""
+    """Name of the one of ``parts`` that groups recordings in splits, such as the tool."""
     last_share: Annotated[float, Range(least=0.0, below=1.0)] = 0.0
     """Share of each training recording, its end, that is held out [1]: for a machine of which one
     recording exists."""
@@ -89,7 +89,7 @@ class CompensationRecords(Ranged, section="compensation_records"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRun:
-    """One axis in one recording, T even samples in SI."""
+    """Axis in a recording, T even samples in SI."""
 
     error: Floats
     """Measured following error, commanded less measured position [m]; shape (T,)."""
@@ -118,17 +118,17 @@ class AxisRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """One recording, or a part of one."""
+    """Recording, or a part of one."""
 
     name: str
     file: str
     """Its name, and the raw file that it is of."""
     group: str
-    """What belongs together in splits."""
+    """Group that stays together in splits."""
     sha256: str
     """Hash of the raw bytes, or of the samples where it is a part of a file."""
     period: float = float("nan")
-    """Between samples [s]."""
+    """Sampling period [s]."""
     axes: Mapping[str, AxisRun] = field(default_factory=dict)
     """Axes that it shows, by letter."""
     lacking: Mapping[str, str] = field(default_factory=dict)
@@ -150,12 +150,7 @@ def read_runs(
     """Recordings that ``records`` names, with their parts, in the order of their names.
 
     ``is_training`` says whether a recording, or a part of one, is learnt from, by its name and its
-    raw file.
-
-    Raises
-    ------
-    ValueError
-        When ``signals`` has no manifest, or none of its files fits the patterns.
+    raw file. ValueError when ``signals`` has no manifest, or none of its files fits the patterns.
     """
     declared = {
         f"{letter} {name}": channel
@@ -241,10 +236,7 @@ def _axis(letter: str, channels: ErrorChannels, samples: Samples, piece: Uniform
 
 
 def _on_grid(piece: UniformSegment, values: Floats) -> Floats:
-    """Values on the even grid, missing rows on a smooth curve through the others.
-
-    On a straight line the commanded acceleration would be lost, and its model's error with it.
-    """
+    """Values on the even grid; gaps are filled by a smooth curve to preserve the acceleration."""
     from scipy.interpolate import CubicSpline
 
     found, missing = piece.on_grid(values), piece.filled

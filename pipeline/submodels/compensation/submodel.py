@@ -102,7 +102,7 @@ class Driven:
     most: int | None = None
 
     def features(self, letter: str, step_s: float, *, with_fuzzy: bool = False) -> Features:
-        """One axis as the networks see it."""
+        """Network inputs of an axis."""
         return features_of(
             self.run,
             letter,
@@ -114,7 +114,7 @@ class Driven:
 
 
 class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
-    """What the drives' model leaves over of the following error."""
+    """Residual following error beyond the drives' model."""
 
     name: ClassVar[str] = "compensation"
     title: ClassVar[str] = "following error that the drive model leaves over"
@@ -161,13 +161,7 @@ class CompensationOfAxes(SubModel[Fitting, Judging, CompensationModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Recordings of axes, and parts of them.
-
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file, or the drives' model is broken.
-        """
+        """Recordings of axes and parts of them; ValueError for a pattern without a file."""
         if records.signals is None or records.drive is None:
             raise ValueError("recordings stand in signals, drives beside them: name both in reads")
         wanted = settings.compensation_records
@@ -334,7 +328,6 @@ def _conditions(run: Run) -> dict[str, Fact]:
 
 
 def _predicted(driven: Driven, model: Compensation) -> Prediction:
-    """A recording by every network of every use."""
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {}
     for letter, uses in model.file.axes.items():

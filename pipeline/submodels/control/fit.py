@@ -60,15 +60,14 @@ class ControlFitSettings(Ranged, section="control_fit"):
 
 @dataclass(frozen=True, kw_only=True)
 class Optimum:
-    """Where a search ended."""
+    """End of a search."""
 
     values: Floats
     """Values of all parameters, in their units; shape (D,)."""
     jacobian: Floats
-    """Jacobian of the residuals, on the scale of the search [1]; 0 by what was not fitted;
-    shape (N, D)."""
+    """Jacobian of the residuals, on the scale of the search [1]; 0 if not fitted; shape (N, D)."""
     residuals: Floats
-    """In units of the scale beyond which they count linearly [1]; shape (N,)."""
+    """Residuals over the scale beyond which they count linearly [1]; shape (N,)."""
 
     @property
     def weight(self) -> Floats:
@@ -79,13 +78,12 @@ class Optimum:
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """What the runs say of parameters that they do not determine; shapes (D,)."""
+    """Information of the runs on parameters that they do not determine; shapes (D,)."""
 
     values: Floats
-    """Where the search left each, in its unit."""
+    """Value of each at the end of the search, in its unit."""
     felt: Floats
-    """One over the half width that the residuals leave to it, were all others known; on the scale
-    of the search."""
+    """Inverse half width from the residuals, all others given; on the scale of the search."""
 
 
 def optimum(
@@ -151,7 +149,7 @@ class ControlFit:
     free: tuple[FreeParameter, ...]
     """The parameters that were fitted."""
     values: Floats
-    """In the units of ``free``; shape (D,)."""
+    """Values in the units of ``free``; shape (D,)."""
     low: Floats
     high: Floats
     """95 % interval; NaN of what is not determined; shape (D,)."""
@@ -160,22 +158,21 @@ class ControlFit:
     from_speeds: Bools
     """Whether it was read from logged speeds, not fitted to durations; shape (D,)."""
     control: dict[str, ControlParameters]
-    """Control of each unit; what is not determined near what is known of its kind."""
+    """Control of each unit; undetermined parameters near the prior of their kind."""
     ends: dict[str, tuple[ControlParameters, ControlParameters]]
-    """Ends of each unit of which something is not determined, with that at its slow and its fast
-    end."""
+    """Control with the undetermined parameters at their slow and fast end, by unit."""
     apart: frozenset[str]
     """Parameters that units do not share, or that runs of one unit alone determine."""
     differ: frozenset[str]
     """Names with the unit of those of them that units do not share."""
     left: Left
-    """What the runs leave of parameters that are not determined."""
+    """Information of the runs on undetermined parameters."""
     uncertainty: Uncertainty
     """Uncertainty of those fitted to durations, on the scale of the search."""
     rmse_s: float
     """Rmse of the residuals, without outliers beyond 10 times the noise [s]."""
     segments: int
-    """How many."""
+    """Number of segments."""
 
     def lenders(self, place: int) -> list[str]:
         """Units whose value a parameter has that the runs of its own unit do not excite."""
@@ -201,19 +198,15 @@ def identify_control(
     observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
     near: ControlFit | None = None,
 ) -> ControlFit:  # fmt: skip
-    """Find the control of the runs ``observed``.
+    """Control parameters identified from the runs ``observed``.
 
-    What they do not determine is taken out one by one, the loosest first, and pulled to what is
-    known of its kind while the others are found again.  What units are taken to share is tested
-    by unit, and found again for each where they differ or runs of one alone determine it.
+    Undetermined parameters are removed one by one, the loosest first, and set to their prior, and
+    the others are fitted again.  Parameters shared by units are tested by unit, and fitted for each
+    where they differ or runs of one alone determine it.
 
     Where ``near`` is given, a control of more runs of the same units, the search begins there in
-    place of ``start``, and what units share is not tested again.
-
-    Raises
-    ------
-    ValueError
-        When there is no run, or the runs determine no parameter.
+    place of ``start``, and shared parameters are not tested again. ValueError when there is no run,
+    or the runs determine no parameter.
     """
     if not sum(len(one.measured) for one in observed):
         raise ValueError(
@@ -230,7 +223,7 @@ def _identified(
     observed: Sequence[Observed], start: ControlParameters, settings: ControlFitSettings,
     near: ControlFit | None,
 ) -> ControlFit:  # fmt: skip
-    """The control, with those parameters found by unit that ``near`` holds apart."""
+    """Control, with a value by unit of those parameters that ``near`` holds apart."""
     units = sorted({one.unit for one in observed})
     free = free_parameters(start, units, near.apart if near is not None else ())
     measured = np.concatenate([one.measured for one in observed])
@@ -424,9 +417,9 @@ def _rates(
 
 
 def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
-    """Of the optimum, each residual weighted as the loss did; on the scale of the search.
+    """Uncertainty of the optimum on the scale of the search, residuals weighted as in the loss.
 
-    The S columns of ``jacobian`` (N, S) are of what is unknown, ``blocks`` (N,) the clusters.
+    ``jacobian`` (N, S) by the unknowns, ``blocks`` (N,) the clusters.
     """
     jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
     uncertainty = uncertainty_of(jacobian, residuals, blocks)
@@ -436,7 +429,7 @@ def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) ->
 
 
 def _reach(one: FreeParameter, value: float, settings: ControlFitSettings) -> float:
-    """What a width on the scale of the search is a share of [1, s]."""
+    """Reference of a width on the scale of the search [1, s]."""
     return 1.0 if one.log_scale else max(abs(value), 2 * settings.scales_s[-1])
 
 
@@ -444,9 +437,9 @@ def _loosest(
     free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
     settings: ControlFitSettings,
 ) -> Bools:  # fmt: skip
-    """Which active parameters the logs do not determine: those unfelt, else the loosest one.
+    """Active parameters that the logs do not determine: those without effect, else the loosest one.
 
-    With no more clusters than parameters no interval is known; then the least felt one goes.
+    With no more clusters than parameters there is no interval; then the one of least effect goes.
     """
     if not active.any():
         return active

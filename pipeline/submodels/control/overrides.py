@@ -84,7 +84,7 @@ def nearest(values: Floats) -> Floats:
 STEADY = 0.005
 """Two readings, one after the other, that differ by less than this share are steady."""
 LAG = 0.25
-"""How much later than the machine a polled line may be [s]."""
+"""Greatest delay of a polled line behind the machine [s]."""
 FEWEST = 6
 """Steady polls that make a plateau: about a second."""
 SHARE = 0.05
@@ -105,7 +105,7 @@ def feed_of_lines(moves: Moves) -> Floats:
 
 
 def steady(readings: Floats) -> NDArray[np.bool_]:
-    """Which readings agree with the one before."""
+    """Flags of readings that agree with the one before."""
     before = np.concatenate([[np.nan], readings])[:-1]
     same: NDArray[np.bool_] = np.abs(readings - before) < STEADY * before
     return same
@@ -179,7 +179,7 @@ class Operator:
 
 
 def operator_of(run: Run, moves: Moves) -> Operator:
-    """What the operator did to ``run`` of the program ``moves``."""
+    """Operator's overrides and stops in ``run`` of the program ``moves``."""
     programmed = feed_of_lines(moves)
     lines = len(programmed)
     cuts = np.isfinite(programmed)

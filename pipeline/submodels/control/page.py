@@ -30,11 +30,11 @@ MEANINGS = {
     "spindle_delay": "what each start and stop of the spindle takes beside its ramp",
     "spindle_orientation": "time to orient the spindle",
 }
-"""Meaning of the parameters of a control, for people."""
+"""Meaning of the parameters of a control, in words."""
 
 
 def content(shown: Shown[ControlModelFile]) -> PageContent:
-    """What the page of the control alone knows."""
+    """Page content of the control."""
     return PageContent(
         about="A control cuts a program’s feed wherever the axes cannot follow: at corners, in "
         "arcs, in blocks too short to get up to speed. These are the limits that it keeps by these "

@@ -1,4 +1,4 @@
-"""Which parameters of a control are found from logs, and how a vector of them makes a control."""
+"""Identifiable parameters of a control, and the control of a vector of them."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ Quantity = tuple[str, float, float, str]
 
 PLANE, HEIGHT = ("X", "Y"), ("Z",)
 BY_UNIT = ("rapid_speed", "corner_jump")
-"""Parameters that shops set: found for each of several machines of a kind."""
+"""Parameters set by the shop: fitted for each of several machines of a kind."""
 MANY = 4
-"""Values of a kind from which on their own scatter is known."""
+"""Least number of values of a kind with a scatter of their own."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FreeParameter:
-    """One parameter."""
+    """Parameter of the fit."""
 
     name: str
     """Name in :class:`~pipeline.machine.control.parameters.ControlParameters`, with axes or unit
@@ -33,11 +33,11 @@ class FreeParameter:
     high: float
     """No machine tool is outside."""
     start: float
-    """Where the search begins."""
+    """Start of the search."""
     log_scale: bool
     """Whether it is fitted on a logarithmic scale; times are not, they may be 0."""
     remedy: str
-    """What to record when it is not determined."""
+    """Record that would determine it."""
     units: tuple[str, ...] = ()
     """Machines of the kind that it holds for; all when empty."""
 
@@ -70,7 +70,7 @@ class FreeParameter:
         return self.coordinate(self.low), self.coordinate(self.high)
 
     def coordinate(self, value: float) -> float:
-        """Where ``value`` stands in the search."""
+        """Position of ``value`` on the scale of the search."""
         return float(np.log(value)) if self.log_scale else value
 
     def value(self, coordinate: float) -> float:
@@ -121,7 +121,6 @@ def free_parameters(
 
 
 def _of_a_machine(control: ControlParameters) -> list[FreeParameter]:
-    """The parameters of one machine."""
     found = []
     for axes in (PLANE, HEIGHT):
         letters = "".join(a for a in axes if a in control.axes)
@@ -161,7 +160,7 @@ def _free(name: str, start: float, quantity: Quantity, *, log_scale: bool) -> Fr
 def expected(
     free: Sequence[FreeParameter], values: Floats, determined: Bools
 ) -> tuple[Floats, Floats]:
-    """What others and the start say of each parameter, and half of its 95 % interval.
+    """Prior of each parameter from others and from the start, and half of its 95 % interval.
 
     That is the mean of the determined values of its kind, of other axes and units, and of the
     start; what machines of a kind have in common is the other units' own.  Its interval is that of

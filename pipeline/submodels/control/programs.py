@@ -144,10 +144,7 @@ def _cutting_seconds(moves: Moves, among: Bools) -> float:
 
 
 def _sections(run: Run, moves: Moves) -> tuple[Section, ...]:
-    """Sections of another revision that are as long as in the program.
-
-    Each begins at a tool change and ends before the next.
-    """
+    """Sections of another revision as long as in the program, from tool change to tool change."""
     theirs, ours = tool_changes(run), _programmed_changes(moves)
     ours = ours[max(len(ours) - len(theirs), 0) :]  # the log may have missed the first
     same_tools = [tool for _, tool in ours] == [tool for _, tool in theirs]
@@ -191,10 +188,7 @@ def _why_none(run: Run, programs: Mapping[str, Moves], jumping: int) -> str:
 
 
 def _why_short(run: Run, name: str, moves: Moves) -> str:
-    """Why a run that completed is not all of a program; empty where it is.
-
-    The tool of the first change may have been in the spindle before the log began.
-    """
+    """Reason why a completed run is not all of a program; a first tool change may be missing."""
     last, shown = int(run.line.value.max(initial=0)), set(run.tool.value.astype(int).tolist())
     changed = [tool for _, tool in _programmed_changes(moves)][1:]
     missing = sorted(set(changed) - shown) if any(tool > 0 for tool in shown) else []
@@ -253,7 +247,7 @@ def _tools_agree(run: Run, moves: Moves) -> bool:
 
 
 def _spread(run: Run, moves: Moves) -> float:
-    """How far steady readings lie from the programmed feeds times one factor: a robust spread."""
+    """Robust spread of steady readings about the programmed feeds times one factor."""
     _, ratio = steady_ratios(run, moves)
     logs: NDArray[np.float64] = np.log(ratio[ratio > 0])
     if len(logs) < 3:

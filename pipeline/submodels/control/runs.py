@@ -32,15 +32,7 @@ def joined(spans: Sequence[Span]) -> tuple[Span, ...]:
 
 
 def stopped_within(stops: Sequence[Span], begin: Floats, end: Floats) -> Floats:
-    """How much of the time from ``begin`` to ``end`` lies in ``stops`` [s].
-
-    Parameters
-    ----------
-    stops : sequence of (float, float)
-        In order and without overlap, as :func:`joined` gives them [s].
-    begin, end : ndarray, shape (N,)
-        [s].
-    """
+    """Share of the times from ``begin`` to ``end``, (N,), in ordered, disjoint ``stops`` [s]."""
     if not stops:
         return np.zeros_like(begin)
     edges = np.ravel(stops)
@@ -56,11 +48,11 @@ COMPLETED = frozenset({"PROGRAM_COMPLETED"})
 
 @dataclass(frozen=True, kw_only=True)
 class Activity:
-    """From becoming active to completing or stopping."""
+    """Activity from becoming active to completing or stopping."""
 
     start: float
     end: float
-    """When the control became active and when it ceased to be, in the recording's time [s]."""
+    """Begin and end of the active state, in the recording's time [s]."""
     completed: bool
     """Whether the program ran to its end."""
     held: tuple[Span, ...] = ()
@@ -68,19 +60,10 @@ class Activity:
 
 
 def activities(said: Iterable[tuple[float, str]], end: float) -> Iterator[Activity]:
-    """What the words of a control's execution come to.
+    """Activities from a control's execution states.
 
-    Parameters
-    ----------
-    said : iterable of (float, str)
-        When [s], and the word.
-    end : float
-        Of the recording [s].
-
-    Yields
-    ------
-    Activity
-        All of the recording when no word was said: the control may say nothing of its execution.
+    ``said`` holds time [s] and state, ``end`` is that of the recording [s].  Without a state all of
+    the recording counts: the control may report no execution.
     """
     said = list(said)
     start: float | None = None if said else 0.0
@@ -129,7 +112,7 @@ class Series:
         return Series(time=time, value=self.at(time, before=np.nan))
 
     def within(self, start: float, end: float) -> "Series":
-        """What was said from ``start`` to ``end``, and before it what was in force."""
+        """Values reported from ``start`` to ``end``, and the one in force before."""
         keep = (self.time >= start) & (self.time <= end)
         time, value = self.time[keep], self.value[keep]
         earlier = np.searchsorted(self.time, start)
@@ -149,12 +132,12 @@ UNSAID = Series(time=np.empty(0), value=np.empty(0))
 
 @dataclass(frozen=True, kw_only=True)
 class Run(Activity):
-    """One execution of a program."""
+    """Execution of a program."""
 
     recording: str
     """The file it is from."""
     number: int
-    """Which run of that file, counting from 1."""
+    """Number of the run in that file, counting from 1."""
     line: Series
     """Line of the program, as polled."""
     feed: Series = UNSAID
@@ -174,7 +157,7 @@ class Run(Activity):
 
     @property
     def latency(self) -> float:
-        """How late a stamp of the log may be [s]: the period of its polls.
+        """Greatest delay of a stamp of the log [s]: the period of its polls.
 
         That is the lower quartile of the gaps between changes of what changes most often, of line
         and feed; polls that found no change leave longer gaps.
@@ -190,20 +173,11 @@ class Run(Activity):
 
 
 def read_runs(path: Path, items: Mapping[str, str], recording: str) -> list[Run]:
-    """Runs in one recording.
+    """Runs in one recording; empty when it reports no lines.
 
     ``items`` maps a signal to its data item; ``execution`` and ``line`` are needed, the others of
-    :data:`SIGNAL_OF` are used where they are named.
-
-    Returns
-    -------
-    list of Run
-        Empty when the recording says nothing of lines.
-
-    Raises
-    ------
-    ValueError
-        When ``items`` names no data item for the line or the execution.
+    :data:`SIGNAL_OF` are used where they are named. ValueError when ``items`` names no data item
+    for the line or the execution.
     """
     for needed in ("execution", "line"):
         if needed not in items:
@@ -256,6 +230,6 @@ def _run(series: Mapping[str, Series], recording: str, number: int, active: Acti
 
 
 def _without_stale(line: Series, start: float) -> Series:
-    """Without the line at ``start`` when the next is lower: it is left from the run before."""
+    """Line numbers without one at ``start`` that is left from the run before: the next is lower."""
     stale = len(line.value) > 1 and line.time[0] <= start and line.value[0] > line.value[1]
     return Series(time=line.time[1:], value=line.value[1:]) if stale else line

@@ -26,7 +26,7 @@ TOGETHER = 8
 
 @dataclass(frozen=True, kw_only=True)
 class Observed:
-    """One run, or matched part of one, with the rows of its program."""
+    """Run, or matched part of one, with the rows of its program."""
 
     run: Run
     """Lines numbered as in the program."""
@@ -35,9 +35,9 @@ class Observed:
     moves: Moves
     """Moves of the program."""
     operator: Operator
-    """What the operator did."""
+    """Overrides and stops of the operator."""
     unit: str
-    """Which of several machines of a kind."""
+    """Unit among several machines of a kind."""
     begin: Floats
     end: Floats
     """Begin and end of each segment in the recording [s]; shape (N,)."""
@@ -49,7 +49,7 @@ class Observed:
 
     @property
     def overrides(self) -> Overrides:
-        """What the operator set, by row."""
+        """Overrides of the operator, by row."""
         line = self.moves.line
         return Overrides(
             feed=self.operator.feed[line],
@@ -59,10 +59,7 @@ class Observed:
 
 
 def observe(run: Run, program: str, moves: Moves, unit: str, shortest_s: float) -> Observed:
-    """Cut a run into segments, at polls that saw a later line.
-
-    Segments last at least ``shortest_s`` [s], those of waits excepted.
-    """
+    """Segments of a run of at least ``shortest_s`` [s], waits excepted, cut at new lines."""
     operator = operator_of(run, moves)
     time, row = _polls(run, moves)
     cut = _cuts(time, row, moves, shortest_s)
@@ -122,22 +119,14 @@ class Share:
 
     measured: float
     predicted: float
-    """What was measured of a segment goes to its types in proportion to what is predicted of
-    them."""
+    """Measured and predicted time [s]; a segment's measured time is split over its types in
+    proportion to the predicted times."""
     late: float
     """Half width of the interval that late stamps at the ends of the segments leave."""
 
 
 def shares(observed: Observed, times: Floats) -> dict[str, Share]:
-    """Measured and predicted time of each type of row.
-
-    Parameters
-    ----------
-    observed : Observed
-        What was measured.
-    times : ndarray, shape (rows,)
-        Predicted time of each row of the program [s].
-    """
+    """Measured and predicted time of each type of row, from row ``times``, (rows,) [s]."""
     own = {w: type_of(observed.moves.kind) == w for w in TYPES}
     time = {w: _within(observed, times * mine) for w, mine in own.items()}
     rows = {w: _within(observed, mine.astype(float)) > 0 for w, mine in own.items()}
@@ -197,7 +186,7 @@ class Rate:
 def rapid_rates(observed: Sequence[Observed]) -> dict[str, Rate]:
     """Rapid rate of each axis that rapids of one machine show, by its letter.
 
-    A rapid of several axes is as fast as the axis with the longest way allows, so that a steady
+    A rapid of several axes is as fast as the axis with the longest travel allows, so that a steady
     reading tells the rate of that axis: speed along the path x its share of the path / override.
     """
     if not observed:

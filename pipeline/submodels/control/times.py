@@ -1,4 +1,4 @@
-"""Times that a control is predicted to take for runs, with their 90 % interval.
+"""Predicted times of runs, with their 90 % interval.
 
 A half width is a share of the predicted time, by type of row: conformal over programs, each
 predicted by a control that was identified from the others.
@@ -33,7 +33,7 @@ TIME = "run time"
 DWELL = "dwell"
 """Regime of the rows that the control times by its own clock."""
 WAIT = 1.0
-"""At M0 and M1 an operator is taken to wait when they last longer than planned by this [s]."""
+"""Excess over the planned M0 or M1 from which the operator is taken to wait [s]."""
 NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
 """Baselines: no acceleration or waiting; overrides as recorded, feeds not read from speeds."""
 
@@ -193,7 +193,7 @@ def _opened(
     one: Observed, times: Floats, until: int, ends: Sequence[ControlParameters],
     types: Iterable[str],
 ) -> tuple[Floats, Floats]:  # fmt: skip
-    """How much shorter and longer the whole run and its ``types`` are at the ``ends`` [s]."""
+    """Differences of the times of the whole run and its ``types`` at the ``ends`` [s]."""
     kind = type_of(one.moves.kind[:until])
     change = np.zeros((1 + len(ends), until))
     for k, end in enumerate(ends, start=1):
@@ -203,16 +203,10 @@ def _opened(
 
 
 def naive_times(moves: Moves, feed_factor: Floats, rapid_speed: float) -> Floats:
-    """Path over programmed feed, without acceleration or waiting: what simple estimators do [s].
+    """Path over programmed feed, without acceleration or waiting, as by simple estimators [s].
 
-    Parameters
-    ----------
-    moves : Moves
-        Of the program.
-    feed_factor : ndarray, shape (rows,)
-        Feed override [1].
-    rapid_speed : float
-        Of rapids, and of cuts whose feed is not in mm/min [mm/min].
+    ``feed_factor`` is the feed override, (rows,) [1]; ``rapid_speed`` [mm/min] that of rapids, and
+    of cuts whose feed is not in mm/min.
     """
     cutting = np.isin(moves.kind, CUTTING)
     timed = cutting & (moves.feed > 0) & (moves.feed_mode == FeedMode.PER_MINUTE)

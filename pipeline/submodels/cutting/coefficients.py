@@ -56,7 +56,7 @@ def parameters(
     runout.  What zeros, wear, gain and the law of the chip leave open of the mean forces is left
     open of the coefficients: their intervals hold the draws of :mod:`.law_draws`.  A coefficient
     that only the mean forces determine is taken from them.  Through the means of two feeds any line
-    passes and nothing says which way is right: the intervals then hold those of the mean forces.
+    passes and nothing says which is right: the intervals then hold those of the mean forces.
     """
     each = [cut.conditions for cut in fit.problem.cuts]
     values, law = fit.values[:6], np.full(6, np.inf)

@@ -45,7 +45,7 @@ def condition_sources(
     by_pattern: Mapping[str, StatedConditions],
     all_of_them: StatedConditions,
 ) -> ConditionSources:
-    """Where the cutting conditions of recordings stand, as the shared reader takes it.
+    """Sources of the cutting conditions of recordings for the shared reader.
 
     From the named groups of a regular expression on the recording's ``name``, from a list by
     pattern of the name, and those common to all.
@@ -61,13 +61,7 @@ def _present(stated: StatedConditions) -> dict[str, float | str]:
 
 
 def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
-    """What the sources state, in the units of the names; other conditions are left out.
-
-    Raises
-    ------
-    ValueError
-        When a value is none of the condition.
-    """
+    """Stated conditions, others left out; ValueError when a value is none of the condition."""
     stated: dict[str, Any] = {}
     for name, unit in UNITS.items():
         one = conditions.get(name)
@@ -80,13 +74,7 @@ def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
 
 
 def conditions_of(conditions: Mapping[str, Condition], tool: Tool) -> CutConditions:
-    """Conditions of a cut in SI, from what its sources state.
-
-    Raises
-    ------
-    ValueError
-        When something is missing, out of its range or contradicts the rest.
-    """
+    """Conditions of a cut in SI; ValueError when they are incomplete, invalid or contradictory."""
     stated = _stated(conditions)
     speed = _positive("speed_rpm", stated.speed_rpm) / 60
     a_p = _positive("axial_depth_mm", stated.axial_depth_mm) * MM

@@ -1,4 +1,4 @@
-"""Estimates of single parameters, as the identifications of the cut find them."""
+"""Estimates of single parameters from the identifications of the cut."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ class Estimate:
     name: str
     unit: str
     value: float
-    """In the unit."""
+    """Value in the unit."""
     half_width: float
     """Half of the 95 % interval, in the unit."""
     determined: bool
@@ -24,7 +24,7 @@ class Estimate:
     remedy: str = ""
     """Why they do not if so, and what to record then."""
     remark: str = ""
-    """On the meaning of a determined one."""
+    """Remark on the meaning of a determined value."""
     lowest: float = -np.inf
     """Physical lower bound of its interval."""
 

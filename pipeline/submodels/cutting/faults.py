@@ -1,4 +1,4 @@
-"""Faults of a dynamometer recording that are named: axes, signs, units and a wrong speed or feed.
+"""Faults of a dynamometer recording: axes, signs, units and a wrong speed or feed.
 
 Each recording is compared with a model that was fitted without it, as it stands and under each
 candidate fault.  With a free phase, the weighted residuals of its harmonics are compared by the F
@@ -34,7 +34,7 @@ FAR = 0.2
 CARRIES = 0.01
 """Share of a direction's power from which one of its harmonics counts as an observation [1]."""
 NEAR = 1.25
-"""Factor about the feeds of a fit inside which a feed or a moderate unit is told apart [1]."""
+"""Factor about the feeds of a fit inside which a wrong feed or unit can be identified [1]."""
 UNITS = {
     1e3: "its forces are in kN where N is stated",
     1e-3: "its forces are in mN where N is stated, or in N where kN is",
@@ -53,7 +53,7 @@ class Reference:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Candidate:
-    """One possible fault, as what would undo it."""
+    """Possible fault, as its correction."""
 
     words: str
     """The fault as a clause."""

@@ -28,7 +28,7 @@ from pipeline.submodels.cutting.waveform import (
 ROUNDS = 4
 """Alternations between weights and fit, at most."""
 FIRST = 0.15
-"""First guess of the model error, as a share of a direction's fluctuation [1]."""
+"""Start value of the model error, as a share of a direction's fluctuation [1]."""
 RUNOUTS = (0.0, 0.3, -0.3)
 """Starts of the runout, over feed per tooth [1]."""
 NATURALS = (0.18, 0.4, 0.9)
@@ -56,7 +56,7 @@ class Fit:
     """Optimum of a waveform problem."""
 
     problem: Problem
-    """With its last weights."""
+    """Problem with its last weights."""
     x: Floats
     """Nonlinear unknowns; shape (P,)."""
     solved: Solved
@@ -84,10 +84,7 @@ class Fit:
 def fit_waveform(
     tool: Tool, cuts: Sequence[CutHarmonics], terms: Terms, start: "Fit | None" = None
 ) -> Fit:
-    """The optimum of a waveform's terms.
-
-    ``start`` is a fit of fewer terms or other recordings to start from.
-    """
+    """Optimum of a waveform's terms; ``start``: a fit of fewer terms or other recordings."""
     problem = Problem(tool=tool, cuts=cuts, terms=terms, left_out=_first(cuts))
     places = list(_starts(problem, start))
     descents = sorted(
@@ -213,7 +210,6 @@ def aligned(problem: Problem, x: Floats, values: Floats) -> Floats:
 
 
 def _descent(problem: Problem, x: Floats, evaluations: int) -> Fit:
-    """The optimum that the descent from ``x`` reaches."""
     from scipy.optimize import least_squares
 
     low, high = problem.bounds

@@ -201,10 +201,7 @@ def cutting_model(
     settings: CuttingFitSettings,
     spindle: SpindleLoadResult | None,
 ) -> CuttingModel:
-    """The model as it is stored.
-
-    ``head`` is what every model holds; its parameters are filled in.
-    """
+    """Model as it is stored, the parameters of ``head`` filled in."""
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
     widest = settings.widest
@@ -336,7 +333,6 @@ def recording_row(one: CuttingRecording) -> CutRecording:
 
 
 def _channel(setup: CuttingSetup, direction: int) -> str:
-    """Letter of the channel that measures a direction."""
     name: str = getattr(setup.dynamometer, DIRECTIONS[direction])
     return name.removeprefix("-")
 

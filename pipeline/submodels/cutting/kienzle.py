@@ -51,12 +51,8 @@ def kienzle_by_force(force: Floats, each: Sequence[CutConditions], deviation: Fl
     """Constants from the mean tangential force of all teeth over a revolution [N], one a cut.
 
     It is the mean torque over R, or the mean cutting power over v_c; ``deviation`` is the standard
-    deviation of each, as a share [1].
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than three cuts, a force is not positive, or chips are too alike.
+    deviation of each, as a share [1]. ValueError when there are fewer than three cuts, a force is
+    not positive, or chips are too alike.
     """
     bad = ~(np.isfinite(force) & (force > 0.0))
     if bad.any():

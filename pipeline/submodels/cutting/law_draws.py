@@ -1,4 +1,4 @@
-"""Draws of the law of the chip that the mean forces of recorded cuts allow.
+"""Draws of the chip-force law from the mean forces of recorded cuts.
 
 Given the law's exponents and growth the mean forces y are linear in C and E, y = X beta + e, with
 
@@ -135,17 +135,16 @@ class FittedLine:
     values: Floats
     """Values [N/m^2], [N/m]; shape (6,)."""
     covariance: Floats
-    """Of them; shape (6, 6)."""
+    """Covariance of the values; shape (6, 6)."""
     gain: Floats
     """Their change by the gain of each recording; shape (6, R)."""
     edges: Floats
-    """Their change by the edge force of each recording, tangential, radial, axial;
-    shape (6, R, 3)."""
+    """Their change by the edge force of each recording, tangential, radial, axial; (6, R, 3)."""
     crosstalk: Floats
     """Their change by the share of each of ``PAIRS``; shape (6, 6)."""
     reading: Callable[[ChipShape], Floats]
-    """For a shape of the law what the fit reads as its own constants for each constant of the law,
-    shape (6, 6): a part of another bend is taken for runout."""
+    """Constants of the fit for each constant of a law of that shape, (6, 6): a part of another bend
+    is taken for runout."""
 
     def tables(self, exponents: Floats, growths: Floats) -> Floats:
         """Readings of L laws of exponents (L, 3) and growths (L,); shape (L, 6, 6)."""
@@ -164,7 +163,7 @@ class KnownShape:
     chip: ChipShape
     """h_0 [m] and m [1], the same m for all directions."""
     covariance: Floats
-    """Of h_0 and m; shape (2, 2)."""
+    """Covariance of h_0 and m; shape (2, 2)."""
 
     def likely(self, exponents: Floats, growths: Floats) -> Floats:
         """Logarithm of the likelihood of laws of exponents (L, 3) and growths (L,); shape (L,).
@@ -189,7 +188,7 @@ Forces = TypeVar("Forces", Floats, Complexes)
 
 
 def mixed(forces: Forces, to: int, of: int) -> Forces:
-    """What channel ``to`` shows of ``of``, for forces of shape (..., 3)."""
+    """Response of channel ``to`` to ``of``, for forces of shape (..., 3)."""
     shown = np.zeros_like(forces)
     shown[..., to] = forces[..., of]
     return shown
@@ -255,7 +254,6 @@ class _Covariances:
     crosstalk: Floats
 
     def total(self, understated: float, gain: float, wear: float, shape: float) -> Floats:
-        """Of all of them."""
         return (
             understated**2 * self.stated + gain**2 * self.gain + wear**2 * self.wear
             + shape**2 * self.shape + self.crosstalk
@@ -265,9 +263,9 @@ class _Covariances:
 def _covariances(
     cuts: Sequence[CutHarmonics], table: Floats, means: Floats, line: FittedLine | None
 ) -> _Covariances:
-    """Of the means, and of the six rows of a fitted line after them.
+    """Covariance of the means, and of the six rows of a fitted line after them.
 
-    ``table`` is that of a straight line, whose radial edge force the wear is a share of.
+    ``table`` is that of a straight line, to whose radial edge force the wear refers.
     """
     count, more = len(cuts), 0 if line is None else 6
     fitted = np.linalg.lstsq(table * PRIOR, means, rcond=None)[0] * PRIOR

@@ -44,7 +44,7 @@ FEEDS = 1.1
 BEYOND = 2.0
 """Factor beyond the trained feeds, up and down, up to which the residual applies [1]."""
 KEPT = 64
-"""Conditions whose departures of the laws are kept, at most."""
+"""Greatest number of conditions whose departures of the draws are kept."""
 FURTHER = 0.5
 """Extrapolation of the straight line over the feed, as a share of the trained range [1]."""
 
@@ -54,7 +54,7 @@ class WaveformResidual:
     """Residual of the mechanics under one set of conditions."""
 
     conditions: CutConditions
-    """Of the first of its recordings."""
+    """Conditions of the first of its recordings."""
     feeds: tuple[float, ...]
     """Feeds per tooth f_z of its recordings [m]."""
     constant: Complexes
@@ -154,7 +154,7 @@ class CutModel:
     :func:`pipeline.submodels.cutting.waveform.columns` has them; shape (D,)."""
     natural: Floats | None
     damping: Floats | None
-    """Of the modes of the channels that show feed, normal and axis [Hz], [1]; shape (3,)."""
+    """Natural frequency [Hz] and damping [1] of the channels for feed, normal and axis; (3,)."""
     left_out: Floats
     """Variance of the model error of each direction's harmonics [N^2]; shape (3,)."""
     residuals: Sequence[WaveformResidual] = ()
@@ -162,10 +162,9 @@ class CutModel:
     spread: ForceSpread | None = None
     """Laws of the chip that the records allow, and what intervals are made of; none without."""
     chip: ChipShape = STRAIGHT
-    """Of the law."""
+    """Chip shape of the force law."""
     line: Floats | None = None
-    """Its straight line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default;
-    shape (6,)."""
+    """Its line over the recorded cuts [N/m^2], [N/m]; that of ``values`` by default; (6,)."""
     _departures: dict[tuple[CutConditions, int], Complexes] = field(
         default_factory=dict, repr=False
     )
@@ -225,7 +224,7 @@ class CutModel:
         return np.asarray(table * self.shown(conditions, harmonics)[:, :, None])
 
     def shown(self, conditions: CutConditions, harmonics: int) -> Complexes:
-        """What the channels show of a force at each harmonic; shape (H + 1, 3) [1]."""
+        """Channel response to a force at each harmonic; shape (H + 1, 3) [1]."""
         if self.natural is None or self.damping is None:
             return np.ones((harmonics + 1, 3), dtype=np.complex128)
         frequencies = orders(harmonics) * conditions.speed
@@ -249,7 +248,7 @@ class CutModel:
         return rotated(model, phase_shift(model, cut.lines, self.weight(cut)))
 
     def weight(self, cut: CutHarmonics) -> Floats:
-        """One over the standard deviation of a recording's harmonics about the model [1/N]."""
+        """Inverse standard deviation of a recording's harmonics about the model [1/N]."""
         variance = cut.variance.copy()
         variance[1:] += self.left_out
         return np.asarray(1 / np.sqrt(variance))
@@ -290,13 +289,7 @@ def stored(model: CutModel) -> StoredCutModel:
 
 
 def restored(document: StoredCutModel) -> CutModel:
-    """The model that :func:`stored` wrote.
-
-    Raises
-    ------
-    ValueError
-        When its tool is none.
-    """
+    """The model that :func:`stored` wrote; ValueError when its tool is none."""
     natural, damping = document.natural_Hz, document.damping
     return CutModel(
         tool=structured(document.tool, Tool, "prediction.tool"),

@@ -1,4 +1,4 @@
-"""Page of the cut: coefficients, what maintenance reads from them, the spindle's load, forces."""
+"""Page of the cut: coefficients, their use in maintenance, the spindle's load, forces."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -52,7 +52,7 @@ MEANINGS = {
     "p2": "no-load power that grows with speed squared",
     "specific_force": "power at the tool for each volume of chips in time, edges and all",
 }
-"""What the parameters of the cut mean, for people."""
+"""Meaning of the parameters of the cut, for readers."""
 OF_LOAD = {
     "K_tc": "of the specific force what grows with the chip",
     "K_te": "of it what the edges take, for each width in the cut",
@@ -63,7 +63,7 @@ TERMS = {
     "runout": "runout", "helix": "helix angle", "modes": "ringing of the dynamometer’s channels",
     "teeth": "an edge of its own for each tooth",
 }  # fmt: skip
-"""Methods and terms of the model, for people."""
+"""Methods and terms of the model, in words."""
 WEAR = (
     "The edge coefficients are the part of the force that does not depend on the chip, that is "
     "rubbing. Edge coefficients that grow with the same tool, material and depth mean a wearing "
@@ -87,11 +87,11 @@ REMEDIES = {
     "runout": "a tool that no longer runs true: clean the taper, clamp it anew, check it with a "
               "dial gauge",
 }  # fmt: skip
-"""What growth beyond both intervals means, by parameter."""
+"""Meaning of growth beyond both intervals, by parameter."""
 MOST_FEEDS, POINTS = 4, 120
 """Feeds of a set of conditions that are named, and points of a curve from coefficients [1]."""
 TURN = 360.0
-"""One turn of the spindle [deg]."""
+"""Angle of a spindle revolution [deg]."""
 SAME = 0.02
 """Share by which the speeds of two levels differ at most [1]."""
 POLYNOMIAL = ("p0", "p1", "p2")
@@ -101,7 +101,7 @@ Seen = Shown[CuttingModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the cut alone knows."""
+    """Page content of the cut."""
     model = shown.model
     return PageContent(
         about="The force on a cutting edge is taken as a cutting coefficient times the area of the "
@@ -167,7 +167,7 @@ def content(shown: Seen) -> PageContent:
 
 
 def meaning(model: CuttingModel | None, group: str, name: str) -> str:
-    """What a parameter means, with what was remarked on it."""
+    """Meaning of a parameter, with its remark."""
     means = OF_LOAD.get(name) if group == SPINDLE else None
     means = means or MEANINGS.get(name, "–")
     remark = "" if model is None or group else model.remarks.get(name, "")
@@ -175,7 +175,7 @@ def meaning(model: CuttingModel | None, group: str, name: str) -> str:
 
 
 def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
-    """What to do about a parameter that grew beyond both intervals; else empty.
+    """Action on a parameter that grew beyond both intervals; else empty.
 
     >>> def p(low, high):
     ...     return Parameter(value=low, unit="um", interval_95=(low, high), determined=True,
@@ -201,7 +201,7 @@ def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
 
 
 def _causes(shown: Seen) -> str:
-    """What explains recordings that failed: faults, conditions that were not learnt."""
+    """Explanation of failed recordings: faults, conditions beyond the training data."""
     if shown.verdict is None:
         return ""
     failed = {s.group for s in shown.verdict.scores if s.status == "failed"}
@@ -282,7 +282,7 @@ def _conditions(row: ResidualConditions) -> str:
 
 
 def _tried(model: CuttingModel) -> Iterator[Tried]:
-    """Searches on the same waveforms, and terms of the model on recordings left out."""
+    """Optimisers on the same waveforms, and terms of the model on held-out recordings."""
     for row in model.methods:
         yield Tried(task="search", label=METHODS.get(row.method, row.method), unit="%",
                     error=row.rms_error_percent, evaluations=row.evaluations,
@@ -335,7 +335,7 @@ def _spindle(shown: Seen, model: CuttingModel) -> list[Block | None]:
 
 
 def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
-    """What was found from the spindle's load, and what it is good for."""
+    """Results from the spindle load, and their use."""
     in_table = {lost.reason for lost in spindle.left_out}
     reason = "; ".join(one for one in spindle.reason.split("; ") if one not in in_table)
     ends = [words.rstrip(".") for words in (spindle.assumed, reason)]
@@ -352,7 +352,7 @@ def _spindle_words(model: CuttingModel, spindle: SpindleLoad) -> str:
 
 
 def _no_load(shown: Seen, model: CuttingModel, spindle: SpindleLoad) -> Figures | None:
-    """No-load power over speed, with the levels that it was found from."""
+    """No-load power over speed, with the measured levels."""
     strip, top = no_load_strip(model, spindle)
     if not strip.curves and not strip.dots:
         return None
@@ -413,7 +413,7 @@ def _truth(shown: Seen) -> Iterator[KnownValue]:
 
 
 def _true_powers(model: CuttingModel, truth: Any) -> Iterator[KnownValue]:
-    """No-load power at the tool at the speeds that were simulated; the truth is the motor's."""
+    """True no-load power at the tool at the simulated speeds; the truth is the motor's."""
     spindle, pairs = model.spindle, stated(truth, "spindle", "no_load_W")
     if spindle is None or not spindle.curve or not isinstance(pairs, list):
         return

@@ -3,7 +3,7 @@
 The force in the plane of the feed is judged: its waveform as both of its components one after the
 other, whose RMSE is that of the vector; its peak and mean as the magnitude.  The channels of the
 dynamometer, a fit on the other recordings and the scatter of the revolutions are shown.  Beside the
-model stand mechanics alone, without the waveform residual, and the plain guess.
+model stand mechanics alone, without the waveform residual, and the baseline.
 """
 
 from collections.abc import Iterable, Mapping
@@ -71,10 +71,7 @@ def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
 
 
 class ForcePredictor:
-    """Predictor of the forces of recordings by a stored model.
-
-    Without a stored prediction every recording is left without one.
-    """
+    """Predictor of the forces of recordings by a stored model, if there is one."""
 
     def __init__(
         self, stored: CuttingModel, setup: CuttingSetup, settings: CuttingFitSettings
@@ -142,10 +139,7 @@ class ForcePredictor:
             yield _table(CHANNEL_FORCE + name, regime, degrees, channel, width)
 
     def _by_load(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
-        """Tangential force by the spindle's load beside that of the dynamometer, if there is any.
-
-        Every recording of the dynamometer is new to the load.
-        """
+        """Tangential force from the spindle load beside that of the dynamometer, if any."""
         cut = cut_harmonics(recording, self.settings)
         found = tangential_by_load(self.load, cut.conditions)
         if found is None or self.plain is None:

@@ -42,18 +42,17 @@ class UnusableRecording(ValueError):  # noqa: N818 - a state of a recording, not
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CuttingRecording:
-    """One recording of a cut."""
+    """Recording of a cut."""
 
     name: str
     sha256: str
-    """Of the raw file."""
+    """SHA-256 of the raw file."""
     role: Role
-    """What it is for."""
+    """Role of the recording."""
     conditions: CutConditions | None = None
     """Conditions of the cut, at the set speed."""
     revolution: Revolution | None = None
-    """Its mean revolution, forces on the tool along feed, normal, axis; None when it is left
-    out."""
+    """Mean revolution, forces on the tool along feed, normal, axis; None if left out."""
     zero_measured: bool = False
     """Whether the zero of its channels was measured in air."""
     reason: str = ""
@@ -61,7 +60,7 @@ class CuttingRecording:
     notes: tuple[str, ...] = ()
     """Changes made to its rows."""
     file: Recording | None = None
-    """As the ingest wrote it."""
+    """Recording as written by the ingest."""
 
     @property
     def is_training(self) -> bool:
@@ -70,13 +69,7 @@ class CuttingRecording:
 
     @property
     def cut(self) -> tuple[CutConditions, Revolution]:
-        """Its conditions and its mean revolution.
-
-        Raises
-        ------
-        ValueError
-            When it is left out.
-        """
+        """Its conditions and its mean revolution; ValueError when it is left out."""
         if self.conditions is None or self.revolution is None:
             raise ValueError(f"{self.name} is left out: {self.reason}")
         return self.conditions, self.revolution
@@ -88,13 +81,8 @@ def read_recordings(
 ) -> list[CuttingRecording]:  # fmt: skip
     """Every dynamometer recording that the records name, in the order of their names.
 
-    One that cannot be used has the reason; a sealed one is not looked into.  The list is empty
-    without a dynamometer.
-
-    Raises
-    ------
-    ValueError
-        When none of the files fits ``cutting_records.recordings``.
+    One that cannot be used has the reason; a sealed one is not looked into. The list is empty
+    without a dynamometer. ValueError when none of the files fits ``cutting_records.recordings``.
     """
     if not records.recordings:
         return []
@@ -166,13 +154,7 @@ def _other_speed(one: CuttingRecording, setup: CuttingSetup, settings: CuttingFi
 
 
 def cut_harmonics(recording: CuttingRecording, settings: CuttingFitSettings) -> CutHarmonics:
-    """Harmonics of a recording with their variance, zero included, at its measured speed.
-
-    Raises
-    ------
-    ValueError
-        When the recording is left out.
-    """
+    """Harmonics of a recording with their variance; ValueError when it is left out."""
     conditions, revolution = recording.cut
     variance = revolution.scatter.copy()
     if not recording.zero_measured:
@@ -191,12 +173,7 @@ def steady_revolution(
     """Mean revolution of the steady part, forces on the tool, and whether its zero was measured.
 
     ``force`` are the channels x, y, z, shape (T, 3) [N], sampled at ``rate`` [1/s]; conditions at
-    the set speed.
-
-    Raises
-    ------
-    ValueError
-        When the recording cannot be used.
+    the set speed. ValueError when the recording cannot be used.
     """
     _check_range(force)
     steady = steady_part(force, rate / conditions.speed, entry_time(conditions, setup.tool) * rate)
@@ -217,13 +194,7 @@ def entry_time(conditions: CutConditions, tool: Tool) -> float:
 
 
 def forces(samples: Samples) -> tuple[Floats, float, tuple[str, ...]]:
-    """Channels x, y, z [N], shape (T, 3), the sampling rate [1/s], and the changes made.
-
-    Raises
-    ------
-    ValueError
-        When a channel or the time is missing or unusable.
-    """
+    """Channels (T, 3) [N], sampling rate [1/s], changes; ValueError for an unusable channel."""
     if samples.lacking:
         raise UnusableRecording(next(iter(samples.lacking.values())))
     values = np.stack([samples.channels[name] for name in CHANNELS], axis=1)

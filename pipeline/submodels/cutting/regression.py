@@ -25,7 +25,7 @@ class Regression:
     values: Floats
     """Estimates; shape (D,)."""
     covariance: Floats
-    """Of them; shape (D, D)."""
+    """Covariance of the estimates; shape (D, D)."""
     half_width: Floats
     """Half of the 95 % interval; infinite without more readings than parameters; shape (D,)."""
     quantile: float
@@ -37,23 +37,10 @@ class Regression:
 
 
 def regression(design: Floats, readings: Floats, covariance: Floats, size: Floats) -> Regression:
-    """Generalised least squares.
+    """Generalised least squares; infinite half widths when the columns are not separable.
 
-    Parameters
-    ----------
-    design : ndarray, shape (L, D)
-        Of the readings.
-    readings : ndarray, shape (L,)
-        Measured values.
-    covariance : ndarray, shape (L, L)
-        Of the readings by their measurement uncertainty.
-    size : ndarray, shape (L,)
-        Magnitudes that the share tau refers to.
-
-    Returns
-    -------
-    Regression
-        All half widths are infinite when the columns are not separable.
+    ``design`` (L, D); ``covariance`` (L, L) of the ``readings`` (L,) by their measurement
+    uncertainty; ``size`` (L,): magnitudes that the share tau refers to.
     """
     from scipy.special import stdtrit
 

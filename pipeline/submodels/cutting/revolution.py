@@ -41,12 +41,8 @@ def steady_part(force: Floats, revolution: float, entry_length: float) -> Steady
     """The steady part of a recording.
 
     ``force`` (T, 3) [N]; ``revolution`` is its length in samples, ``entry_length`` the samples from
-    first contact to full engagement, and the exit takes as many.
-
-    Raises
-    ------
-    ValueError
-        When there is no cut in it.
+    first contact to full engagement, and the exit takes as many. ValueError when there is no cut in
+    it.
     """
     count = int(len(force) / revolution)
     if count < 1:
@@ -170,12 +166,7 @@ def mean_revolution(
 
     ``force`` (T, C) [N] is sampled at ``rate`` [1/s]; ``speed`` is the setpoint of the spindle
     [rev/s], estimated from harmonics up to twice as many as teeth; ``highest`` bounds the
-    harmonics.
-
-    Raises
-    ------
-    ValueError
-        When the record is too short, or does not repeat with the revolution.
+    harmonics. ValueError when the record is too short, or does not repeat with the revolution.
     """
     if len(force) / rate * speed < FEWEST:
         raise ValueError(
@@ -213,10 +204,7 @@ def mean_revolution(
 
 
 def wave(lines: Complexes, angles: Floats) -> Floats:
-    """Force of harmonics at angles; shape (T, C).
-
-    ``lines`` (H + 1, C) [N], ``angles`` (T,) [rad].
-    """
+    """Force of harmonics (H + 1, C) [N] at angles (T,) [rad]; shape (T, C)."""
     return np.real(lines.T @ _phasors(angles, len(lines))).T
 
 

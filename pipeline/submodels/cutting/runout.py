@@ -1,4 +1,4 @@
-"""Runout of the tool, told apart from edges that are not sharp.
+"""Runout of the tool, separated from the rounding of its edges.
 
 An edge's force is not there at once: it grows until the chip is about as thick as the edge is round
 (Waldorf, DeVor and Kapoor 1998).  The tooth that stands out most enters with the thickest chips, so
@@ -64,15 +64,15 @@ class RoundedFit:
     """Fit in which the edge's force grows with the chip and the cutting force has a size effect."""
 
     fit: Fit
-    """To all recordings."""
+    """Fit to all recordings."""
     uncertainty: FitUncertainty
-    """Of it."""
+    """Uncertainty of the fit."""
     folds: Sequence[Fold]
     """Fits without some of the recordings, in the order of the selection's."""
     factor: Floats
-    """Of the deviations of its law's constants over those of the fit alone [1]; shape (6,)."""
+    """Ratio of the constants' standard deviations to those of the fit alone [1]; shape (6,)."""
     alike: Fit | None = None
-    """Of teeth with edges alike, where recordings left out do not tell that from ``fit``."""
+    """Fit with alike teeth, where held-out recordings do not distinguish it from ``fit``."""
 
     @property
     def coefficients(self) -> Floats:
@@ -91,7 +91,7 @@ class RoundedFit:
 
     @property
     def lines_elsewhere(self) -> list[FittedLine]:
-        """Those of the folds, as well known as those of all recordings."""
+        """Lines of the folds, as uncertain as those of all recordings."""
         return [fitted_line(fold.fit, self.uncertainty.factor) for fold in self.folds]
 
     @property
@@ -101,7 +101,7 @@ class RoundedFit:
 
     @property
     def shapes(self) -> list[KnownShape | None]:
-        """Those of the folds, as well known as that of all recordings."""
+        """Shapes of the folds, as uncertain as that of all recordings."""
         return [self._shape_of(fold.fit) for fold in self.folds]
 
     def _shape_of(self, fit: Fit) -> KnownShape | None:
@@ -136,7 +136,7 @@ def rounded_fit(fit: Fit, most: int) -> RoundedFit:
 
 
 def _alike(fit: Fit, folds: Sequence[Fold], most: int) -> Fit | None:
-    """The fit whose teeth have edges alike; None where it predicts much worse."""
+    """Fit with alike teeth; None where it predicts much worse."""
     problem = fit.problem
     terms = replace(problem.terms, teeth=False)
     found = fit_waveform(problem.tool, problem.cuts, terms, start=fit)

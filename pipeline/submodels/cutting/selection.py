@@ -1,4 +1,4 @@
-"""Model selection by cross-validation, and uncertainty of the fit that was selected.
+"""Model selection by cross-validation, and uncertainty of the selected fit.
 
 Runout is always part of the model.  Modes of the channels, edge forces of single teeth, an unknown
 helix and the waveform residual enter where they predict recordings better that were left out of the
@@ -48,7 +48,7 @@ class Fold:
     left_out: tuple[int, ...]
     """Positions of the recordings left out."""
     fit: Fit
-    """To the others."""
+    """Fit to the other recordings."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,7 +56,7 @@ class Selection:
     """Fit to all recordings with the selected terms, and the comparison behind it."""
 
     fit: Fit
-    """With the terms that were selected."""
+    """Fit with the selected terms."""
     with_residual: bool
     """Whether the waveform residual is part of the model."""
     folds: Sequence[Fold]
@@ -137,7 +137,6 @@ class _Comparison:
         return [terms for terms, value in self.errors.items() if terms != kept and value <= bound]
 
     def folds(self, fit: Fit) -> list[Fold]:
-        """Fits of the same terms to a part of the recordings."""
         terms = fit.problem.terms
         if terms not in self._folds:
             self._folds[terms] = left_out_fits(fit, self.most)
@@ -154,7 +153,7 @@ class _Comparison:
 
 
 def left_out_fits(fit: Fit, most: int) -> list[Fold]:
-    """At most so many fits of the same terms to a part of the recordings; none of a single one."""
+    """Fits of the same terms to parts of the recordings, at most so many; none of a single one."""
     problem = fit.problem
     folds = []
     for out in _left_out_in_turn(len(problem.cuts), most):
@@ -165,7 +164,6 @@ def left_out_fits(fit: Fit, most: int) -> list[Fold]:
 
 
 def _left_out_in_turn(count: int, most: int) -> list[list[int]]:
-    """Positions of the recordings that each fold leaves out."""
     if count < 2:
         return []
     folds = min(count, most)
@@ -239,7 +237,7 @@ class FitUncertainty:
     condition: float
     """Condition number of the Jacobian with columns scaled to length one [1]."""
     factor: Floats
-    """Of the six coefficients' standard deviations over those of the fit alone [1]; shape (6,)."""
+    """Ratio of the coefficients' standard deviations to those of the fit alone [1]; shape (6,)."""
 
     def half_width(self, by: Mapping[str, float]) -> float:
         """Half of the 95 % interval of a quantity with this gradient by unknowns, 0 by others."""
@@ -315,7 +313,7 @@ def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
         return np.asarray(step[:, : len(shown) - 3 * len(change)] @ shown[rows[: len(shown)]])
 
     def reading(chip: ChipShape) -> Floats:
-        """What the fit reads for each constant of a law of another shape."""
+        """Reading of the fit for each constant of a law of another shape."""
         designs = fit.problem.designs(fit.x, chip)
         return answer([one[..., : len(COEFFICIENTS)] for one in designs])
 
@@ -361,7 +359,7 @@ def _values(part: Fit, whole: Fit) -> dict[str, float]:
 
 
 def _jackknife(fit: Fit, folds: Sequence[Fold], fewest: int) -> dict[str, float]:
-    """Standard deviations from fits to a part of the recordings; empty for too few."""
+    """Jackknife standard deviations from partial fits; empty for too few."""
     from scipy.special import ndtri, stdtrit
 
     count = len(folds)

@@ -21,7 +21,7 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     """Settings of the identification of cutting coefficients from forces."""
 
     method: Literal["least_squares", "genetic"] = "least_squares"
-    """Which optimum of the waveform's terms is taken."""
+    """Optimiser whose optimum of the waveform's terms serves."""
     compare: bool = True
     """Whether the other method is run too, for the report."""
     harmonics: Annotated[int, Range(least=1, most=64)] = 48
@@ -38,7 +38,7 @@ class CuttingFitSettings(Ranged, section="cutting_fit"):
     genetic: GeneticSettings = field(
         default_factory=lambda: GeneticSettings(population=16, generations=10, stall=5)
     )
-    """Of the genetic algorithm."""
+    """Settings of the genetic algorithm."""
 
 
 DIRECTIONS = ("feed", "normal", "axial")
@@ -48,22 +48,16 @@ DIRECTIONS = ("feed", "normal", "axial")
 
 @dataclass(frozen=True, kw_only=True)
 class Dynamometer:
-    """Channel of each component of the force on the tool; a minus before the name reverses it.
-
-    Raises
-    ------
-    ValueError
-        When they are not the channels x, y and z, each once.
-    """
+    """Channels x, y, z of the force on the tool, each once; a minus before one reverses it."""
 
     feed: str = "-x"
     """Channel of the force on the tool along the feed, F_x of
     :mod:`pipeline.cutting.force.waveform`.  A dynamometer under the workpiece shows the opposite
     force: ``-x`` when its x points along the feed."""
     normal: str = "-y"
-    """Of the force on the tool to the left of the feed, F_y; with M4, to the right of it."""
+    """Channel of the force on the tool to the left of the feed, F_y; with M4, to the right."""
     axial: str = "z"
-    """Of the force with which the edge lifts the workpiece, F_z: ``z`` of a dynamometer under the
+    """Channel of the force that lifts the workpiece, F_z: ``z`` of a dynamometer under the
     workpiece that points upwards."""
 
     def __post_init__(self) -> None:
@@ -88,23 +82,16 @@ class Dynamometer:
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingSetup:
-    """Tool, workpiece and dynamometer of a machine's cutting recordings.
-
-    Raises
-    ------
-    ValueError
-        When the tool is no end mill.
-    """
+    """Tool (an end mill), workpiece and dynamometer of a machine's cutting recordings."""
 
     tool: Tool
-    """That cut; what ``sought`` names of it is identified."""
+    """Tool of the cuts; its parameters in ``sought`` are identified."""
     material: str = ""
-    """Of the workpiece."""
+    """Material of the workpiece."""
     dynamometer: Dynamometer = field(default_factory=Dynamometer)
     """Orientation of its channels."""
     sought: tuple[Literal["runout", "helix"], ...] = ("runout",)
-    """Unknowns of the tool that are identified; a helix angle that is given is the start of the
-    search."""
+    """Unknowns of the tool that are identified; a given helix angle is the start of the search."""
 
     def __post_init__(self) -> None:
         if self.tool.kind == "drill":
@@ -120,20 +107,14 @@ class CuttingLimits(Ranged, section="cutting_limits"):
 
     peak_percent: Positive = 10.0
     mean_percent: Positive = 10.0
-    """Of the peak and the mean of the force in the plane over a mean revolution [%]."""
+    """Greatest error of peak and mean force in the plane over a mean revolution [%]."""
     rms_percent: Positive = 20.0
-    """Of the RMS error of the waveform in the plane, over the RMS force [%]."""
+    """Greatest RMS error of the waveform in the plane, over the RMS force [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CuttingRecords:
-    """Recordings of a machine's cutting forces and of its spindle's load.
-
-    Raises
-    ------
-    ValueError
-        When it names no recording at all, or not the channels x, y and z.
-    """
+    """Recordings of a machine's cutting forces (channels x, y, z) and of its spindle's load."""
 
     recordings: str = ""
     """Pattern of their names below the machine's folder; "" where there is no dynamometer."""
@@ -146,7 +127,7 @@ class CuttingRecords:
     conditions: StatedConditions = field(default_factory=StatedConditions)
     """Common to all recordings."""
     by_pattern: Mapping[str, StatedConditions] = field(default_factory=dict)
-    """Of the recordings whose names match a pattern."""
+    """Conditions of the recordings whose names match a pattern."""
     left_out: Mapping[str, str] = field(default_factory=dict)
     """Patterns of recordings that are not used, with the reason."""
     spindle: SpindleLoadRecords | None = None
@@ -166,5 +147,5 @@ class CuttingRecords:
 
     @property
     def sources(self) -> ConditionSources:
-        """Where the conditions of a recording stand."""
+        """Sources of the conditions of a recording."""
         return condition_sources(self.name, self.by_pattern, self.conditions)

@@ -1,4 +1,4 @@
-"""90 % intervals of predicted forces: law of the chip, waveform, recording, recordings left out.
+"""90 % intervals of predicted forces: law, waveform, recording, held-out recordings.
 
 Forces are predicted by a straight law or by one whose edges are not sharp, whichever errs less on
 training recordings left out.  The spread of the laws that the records allow
@@ -45,14 +45,13 @@ class ForceWave:
     """Force on the tool over a revolution, and the error that is expected of it."""
 
     force: Floats
-    """Along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
+    """Force along the feed, to its left, along the axis [N]; shape (ANGLES, 3)."""
     draws: Floats
-    """By each law [N]; shape (D, ANGLES, 3)."""
+    """Force by each drawn law [N]; shape (D, ANGLES, 3)."""
     shaped: Floats
     """Variance by the model error of all harmonics [N^2]; shape (3,)."""
     recording: Floats
-    """One standard deviation by each cause that differs from recording to recording [N];
-    shape (K, ANGLES, 3)."""
+    """Standard deviation by cause that differs between recordings [N]; shape (K, ANGLES, 3)."""
 
     @property
     def deviation(self) -> Floats:
@@ -86,10 +85,7 @@ def spread_of(fit: Fit, line: FittedLine, shape: KnownShape | None) -> ForceSpre
 
 
 def calibrated(spread: ForceSpread, errors: Sequence[tuple[float, ...]]) -> ForceSpread:
-    """The spread, scaled by errors on recordings left out of peak, mean and waveform.
-
-    The errors are over those expected.
-    """
+    """Spread scaled by the errors over the expected ones on held-out recordings."""
     squares = np.array(errors).reshape(-1, 3) ** 2
     scales = np.sqrt((PRIOR + squares.sum(axis=0)) / (PRIOR + len(squares)))
     peak, mean, shape = scales.tolist()
@@ -140,13 +136,7 @@ def half_widths(spread: ForceSpread, levels: Sequence[ForceLevel]) -> tuple[floa
 
 
 def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
-    """Halves of the 90 % intervals of a recording's force at each angle [N]; shape (ANGLES, 3).
-
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
-    """
+    """Half 90 % intervals of the force at each angle [N], (ANGLES, 3); ValueError if no spread."""
     whole = force_wave(model, cut.conditions, cut.harmonics)
     lines = model.predicted(cut.conditions, cut.harmonics)
     shift = phase_shift(lines, cut.lines, model.weight(cut)) / (2 * np.pi)
@@ -156,13 +146,7 @@ def wave_half_widths(model: CutModel, cut: CutHarmonics) -> Floats:
 
 
 def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> ForceWave:
-    """Force over a revolution with the error that is expected of it.
-
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
-    """
+    """Force over a revolution with its expected error; ValueError when the model has no spread."""
     spread = model.spread
     if spread is None:
         raise ValueError("the model holds no spread of its forces: identify it again")
@@ -188,13 +172,7 @@ def force_wave(model: CutModel, conditions: CutConditions, harmonics: int) -> Fo
 def force_levels(
     model: CutModel, conditions: CutConditions, harmonics: int
 ) -> tuple[ForceLevel, ForceLevel]:
-    """Peak and mean force in the plane with the errors that are expected of them.
-
-    Raises
-    ------
-    ValueError
-        When the model has no spread.
-    """
+    """Peak and mean force in the plane with expected errors; ValueError without a spread."""
     whole = force_wave(model, conditions, harmonics)
     plane = whole.force[:, :2]
     size = np.linalg.norm(plane, axis=1)
@@ -218,10 +196,10 @@ def force_levels(
 
 
 def _extrapolated(residual: WaveformResidual | None, f_z: float) -> float:
-    """Share of the waveform's model error that is left at a feed [1], at most 1.
+    """Share of the waveform's model error that remains at a feed [1], at most 1.
 
-    Without a residual all of it; with one the leverage of the feed in the regression over the feeds
-    that were learnt, for one feed the square of the relative distance.
+    All of it without a residual; with one, the leverage of the feed in the regression over the
+    training feeds, for one feed the square of the relative distance.
     """
     if residual is None:
         return 1.0

@@ -104,13 +104,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Recordings of the dynamometer, then logs of the spindle's load.
-
-        Raises
-        ------
-        ValueError
-            When a pattern of the records fits no file.
-        """
+        """Dynamometer recordings, then load logs; ValueError for a pattern without a file."""
         files, signals, raw = records.files, records.signals, records.raw
         if signals is None or raw is None:
             raise ValueError("cutting needs the signals and the raw folder: name them in reads")
@@ -230,7 +224,6 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
 def _loader(
     one: CuttingRecording, settings: Fitting | Judging
 ) -> Callable[[], CuttingRecording]:  # fmt: skip
-    """Content of a recording; a sealed one is read when it is needed."""
     if one.revolution is not None:
         return lambda: one
     return lambda: with_revolution(one, settings.cutting, settings.cutting_fit)
@@ -263,7 +256,6 @@ def outside(facts: Mapping[str, Fact], learnt: Mapping[str, Condition]) -> list[
 
 
 def _facts(conditions: CutConditions | None) -> dict[str, Fact]:
-    """Conditions of a recording with their units."""
     if conditions is None:
         return {}
     values = {

@@ -112,10 +112,7 @@ def _forces(tool: Tool, conditions: CutConditions, chip: ChipShape) -> Floats:
 
 
 def _lines(values: Floats, harmonics: int) -> Complexes:
-    """Harmonics of values on the middles of a revolution's steps; shape (H + 1, ...).
-
-    On the middles no angle of the grid is one where a tooth enters as another leaves.
-    """
+    """Harmonics of values at mid-steps, where no tooth both enters and leaves; (H + 1, ...)."""
     spectrum = np.fft.rfft(values, axis=0)[: harmonics + 1] * (2 / len(values))
     spectrum[0] /= 2
     return rotated(spectrum, -np.pi / len(values))
@@ -142,12 +139,8 @@ def rotated(spectrum: Complexes, phase: float) -> Complexes:
 def transfer(frequencies: Floats, natural: Floats, damping: Floats) -> Complexes:
     """Frequency response of each channel to a force; shape (H + 1, 3).
 
-    Parameters
-    ----------
-    frequencies : ndarray, shape (H + 1,)
-        Of the harmonics [Hz].
-    natural, damping : ndarray, shape (3,)
-        Of the channels' modes [Hz], [1].
+    ``frequencies`` (H + 1,) of the harmonics [Hz]; ``natural`` [Hz] and ``damping`` [1] (3,) of the
+    channels' modes.
     """
     r = frequencies[:, None] / natural
     return np.asarray(1 / (1 - r**2 + 2j * damping * r))
@@ -183,8 +176,7 @@ class Terms:
     teeth: bool = False
     """Runout and helix of the tool, modes of the channels, edges of single teeth."""
     edge: EdgeGrowth = "at once"
-    """How the edge's force grows with the chip; where it does, the cutting force has a size effect,
-    too."""
+    """Growth of the edge force with the chip; with one, the cutting force has a size effect."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -192,11 +184,11 @@ class CutHarmonics:
     """Harmonics of one recording's mean revolution, with their variance."""
 
     conditions: CutConditions
-    """With the measured spindle speed."""
+    """Conditions with the measured spindle speed."""
     lines: Complexes
     """Harmonics of the force on the tool along feed, normal, axis [N]; shape (H + 1, 3)."""
     variance: Floats
-    """Of their real and imaginary parts each, scatter and zero [N^2]; shape (H + 1, 3)."""
+    """Variance of their real and imaginary parts each, scatter and zero [N^2]; shape (H + 1, 3)."""
 
     @property
     def harmonics(self) -> int:
@@ -311,10 +303,7 @@ class Problem:
         return self._teeth[key]
 
     def designs(self, x: Floats, chip: ChipShape | None = None) -> list[Complexes]:
-        """Columns of each recording as it shows them, shape (H + 1, 3, D) each.
-
-        Of the law at ``x``, or of one of another shape.
-        """
+        """Columns of each recording in its channels, (H + 1, 3, D), by the law of ``chip`` at x."""
         modes = self.modes(x)
         designs = []
         spectra = self.spectra(self.geometry(x), self.chip(x) if chip is None else chip)
@@ -328,7 +317,7 @@ class Problem:
         return designs
 
     def weights(self) -> list[Floats]:
-        """One over the standard deviation of each harmonic, by recording."""
+        """Inverse standard deviation of each harmonic, by recording."""
         weights = []
         for cut in self.cuts:
             variance = cut.variance.copy()
@@ -365,10 +354,7 @@ class Problem:
         return Solved(values=values, residuals=measured - table @ values, base=base, table=table)
 
     def slopes(self, x: Floats, values: Floats, first: int | None = None) -> Floats:
-        """Derivatives of the modelled rows, coefficients held; shape (N, P).
-
-        With ``first`` by the first so many nonlinear unknowns only.
-        """
+        """Derivatives of the modelled rows at fixed coefficients, (N, P), by ``first`` unknowns."""
         weights, step = self.weights(), STEP * self.scale
         here = [one @ values for one in self.designs(x)]
         changes = []

@@ -32,12 +32,9 @@ class Errors:
 
 
 def errors_of(predicted: Floats, measured: Floats) -> Errors:
-    """Errors where both are known.
+    """Errors where both have a value.
 
-    Raises
-    ------
-    ValueError
-        When no sample is known.
+    ValueError without samples.
 
     Examples
     --------

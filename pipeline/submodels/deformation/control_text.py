@@ -1,4 +1,4 @@
-"""Correction of spindle growth as a file for a control: a table, or text that the control runs.
+"""Correction of spindle growth as a file for a control: a table, or a macro.
 
 ``csv`` is the table itself.  ``fanuc`` is a custom macro that shifts the external work zero point
 along Z (variable #5203; #3001 is a clock in ms, #3000 an alarm: Fanuc 0i-F operator's manual
@@ -36,12 +36,12 @@ class Written:
     """Method that serves, for a person."""
     status: str
     """Status of its verdict."""
-    found: Correction
+    correction: Correction
     """The correction."""
     models: Path
     """Folder of the model."""
     unknown: str = ""
-    """Why the interval of the growth is not known, where the judge says so."""
+    """Reason for no interval of the growth, from the judge."""
 
     @property
     def simulated(self) -> str:
@@ -50,24 +50,24 @@ class Written:
 
 
 def _head(done: Written) -> Iterator[str]:
-    """What every file says before its content, in whole lines."""
-    found = done.found
-    below, above = found.interval_um
+    """Head of every file, in whole lines."""
+    correction = done.correction
+    below, above = correction.interval_um
     yield f"Kerf: correction of spindle growth, {done.machine}{done.simulated}"
     yield f"Method: {done.method}; verdict: {done.status}"
     yield "Offset to add along +Z (away from the workpiece, ISO 841) = +growth since the start"
     yield (
-        f"{'Exact but for rounding' if found.exact else 'Linearised'}: at most "
-        f"{found.largest_um:.3g} um from the model ({found.rmse_um:.3g} um RMS) over "
-        f"{found.recordings} training recordings"
+        f"{'Exact but for rounding' if correction.exact else 'Linearised'}: at most "
+        f"{correction.largest_um:.3g} um from the model ({correction.rmse_um:.3g} um RMS) over "
+        f"{correction.recordings} training recordings"
     )
-    yield f"Growth learnt: {found.growth_um[0]:.1f} to {found.growth_um[1]:.1f} um"
+    yield f"Growth learnt: {correction.growth_um[0]:.1f} to {correction.growth_um[1]:.1f} um"
     interval = f"-{below:.2f} to +{above:.2f} um, the difference included"
     yield f"90 % interval of growth: {'not known' if done.unknown else interval}"
-    yield f"Call or row every {found.period_s:g} s; growth counts from the first"
+    yield f"Call or row every {correction.period_s:g} s; growth counts from the first"
     yield "It holds for sound sensors inside these ranges only:"
-    for name in found.ranges:
-        one = found.ranges[name]
+    for name in correction.ranges:
+        one = correction.ranges[name]
         yield f"  {name}: {one.low:g} to {one.high:g} {one.unit}"
 
 
@@ -78,7 +78,7 @@ def table_lines(done: Written) -> Iterator[str]:
     (``speed``: the square of the speed in 1000 rev/min), plus um x input at the start x
     (1 - exp(-t / first lag)) for rows ``start``.
     """
-    found = done.found
+    correction = done.correction
     for line in _head(done):
         yield f"# {line}"
     yield "# growth [um] = sum of um_per_unit * (input - input at start) low-passed by first_lag_s"
@@ -86,30 +86,29 @@ def table_lines(done: Written) -> Iterator[str]:
     yield "# + sum of um_per_unit * input at start * (1 - exp(-t / first_lag_s)), rows start"
     yield "# low-pass: lag y' = x - y, exact for x that runs straight from row to row"
     yield "kind,input,unit,first_lag_s,second_lag_s,um_per_unit,low,high,range_unit"
-    for term in found.terms:
+    for term in correction.terms:
         first, second = (*term.lags_s, 0.0, 0.0)[:2]
-        one = found.ranges[term.input]
+        one = correction.ranges[term.input]
         unit = "(1000 rev/min)^2" if term.input == SPEED else "K"
         yield (f"rise,{_quoted(term.input)},{unit},{first:g},{second:g},{term.um!r},{one.low:g},"
                f"{one.high:g},{one.unit}")  # fmt: skip
-    for start in found.starts:
+    for start in correction.starts:
         constant = start.input == ONE
         span = ",,," if constant else (
-            f",{found.ranges[start.input].low:g},{found.ranges[start.input].high:g},"
-            f"{found.ranges[start.input].unit}"
+            f",{correction.ranges[start.input].low:g},{correction.ranges[start.input].high:g},"
+            f"{correction.ranges[start.input].unit}"
         )  # fmt: skip
         yield (f"start,{_quoted(start.input)},{'1' if constant else 'degC'},{start.lag_s:g},0,"
                f"{start.um!r}{span}")  # fmt: skip
 
 
 def _quoted(name: str) -> str:
-    """A name as a field of CSV: quoted where it holds a comma or a quotation mark."""
     return name if not set(name) & set(',"') else '"' + name.replace('"', '""') + '"'
 
 
 @dataclass(frozen=True, kw_only=True)
 class Control:
-    """How a control's text is written."""
+    """Syntax of a control's text."""
 
     comment: str
     variable: str
@@ -120,7 +119,7 @@ class Control:
     last: int
     """Numbers of the variables that may be used [1]."""
     brackets: tuple[str, str]
-    """Around an expression."""
+    """Brackets of an expression."""
     less: str
     more: str
     """Comparisons."""
@@ -130,8 +129,7 @@ class Control:
     foot: tuple[str, ...]
     alarm: tuple[str, ...]
     offset: tuple[str, ...]
-    """Lines before and after; where an input is out of range; that write the offset {value}
-    [mm]."""
+    """Lines before and after; out of an input's range; that write the offset {value} [mm]."""
 
 
 FANUC = Control(
@@ -165,20 +163,20 @@ OWN = 10
 
 def control_lines(done: Written, on: Control) -> Iterator[str]:
     """The correction as text that a control runs: every call works out the offset anew."""
-    text = _Text(found=done.found, on=on, names=_names(done.found, on))
+    text = _Text(correction=done.correction, on=on, names=_names(done.correction, on))
     yield from on.head
     for line in _head(done):
         yield on.comment.format(_plain(line, on))
     yield from text.refusals()
     yield from text.clock()
     yield f"{text.own(GROWTH)}=0"
-    for number, chain in enumerate(done.found.chains):
+    for number, chain in enumerate(done.correction.chains):
         yield from text.chain(number, chain)
-    for constant in sorted({one.lag_s for one in done.found.starts}):
+    for constant in sorted({one.lag_s for one in done.correction.starts}):
         yield from text.relaxation(constant)
-    if QUANTITY in done.found.ranges:
-        yield text.less(text.own(GROWTH), done.found.ranges[QUANTITY].low, 900)
-        yield text.more(text.own(GROWTH), done.found.ranges[QUANTITY].high, 900)
+    if QUANTITY in done.correction.ranges:
+        yield text.less(text.own(GROWTH), done.correction.ranges[QUANTITY].low, 900)
+        yield text.more(text.own(GROWTH), done.correction.ranges[QUANTITY].high, 900)
     yield on.label.format(300)
     value = text.inside(f"{text.own(GROWTH)}/{_decimal(UM_PER_MM)}")
     yield from (line.format(value=value) for line in on.offset)
@@ -193,51 +191,46 @@ def control_lines(done: Written, on: Control) -> Iterator[str]:
 class _Text:
     """Pieces of a control's text."""
 
-    found: Correction
+    correction: Correction
     on: Control
     names: Mapping[str, str]
 
     def own(self, place: int) -> str:
-        """One of the text's own variables."""
         return _variable(self.on, place)
 
     def inside(self, expression: str) -> str:
-        """An expression in brackets."""
         return f"{self.on.brackets[0]}{expression}{self.on.brackets[1]}"
 
     def less(self, left: str, right: float, label: int, *, than: str = "") -> str:
-        """A jump where something is less than a number."""
         word = than or self.on.less
         return self.on.jump.format(f"{left}{_spaced(word)}{_decimal(right)}", label)
 
     def more(self, left: str, right: float, label: int) -> str:
-        """A jump where something is more than a number."""
         return self.less(left, right, label, than=self.on.more)
 
     def refusals(self) -> Iterator[str]:
-        """What the inputs are, and the alarm where one is out of its range."""
-        for each in self.found.inputs:
-            words = f"{self.names[each]} = {each}, {self.found.ranges[each].unit}, set by the PLC"
+        """Comments on the inputs, and the alarm where one is out of its range."""
+        for each in self.correction.inputs:
+            words = (
+                f"{self.names[each]} = {each}, {self.correction.ranges[each].unit}, set by the PLC"
+            )
             yield self.on.comment.format(_plain(words, self.on))
         yield self.on.comment.format(f"{self.own(RUNNING)} = 0 STARTS ANEW: GROWTH IS ZERO THERE")
-        for each in self.found.inputs:
-            yield self.less(self.names[each], self.found.ranges[each].low, 900)
-            yield self.more(self.names[each], self.found.ranges[each].high, 900)
+        for each in self.correction.inputs:
+            yield self.less(self.names[each], self.correction.ranges[each].low, 900)
+            yield self.more(self.names[each], self.correction.ranges[each].high, 900)
 
     def clock(self) -> Iterator[str]:
-        """Time since the last call; a start anew where the clock went back or paused for long.
-
-        What the lags held is not known any more then.
-        """
+        """Time since the last call; a restart after a step back or a long pause."""
         own, clock = self.own, self.on.clock_s
         yield f"{own(STEP)}={clock}-{own(LAST)}"
         yield self.less(own(STEP), 0.0, 100)
-        yield self.more(own(STEP), LONGEST_CALL * self.found.period_s, 100)
+        yield self.more(own(STEP), LONGEST_CALL * self.correction.period_s, 100)
         yield self.more(own(RUNNING), 0.0, 200)
         yield self.on.label.format(100)
         yield from (f"{own(RUNNING)}=1", f"{own(LAST)}={clock}", f"{own(ELAPSED)}=0",
                     f"{own(GROWTH)}=0")  # fmt: skip
-        for each in self.found.inputs:
+        for each in self.correction.inputs:
             yield f"{self.names[f'start {each}']}={self.names[each]}"
         yield from (f"{where}=0" for key, where in self.names.items() if key.startswith("lag "))
         yield self.more(own(RUNNING), 0.0, 300)
@@ -250,7 +243,7 @@ class _Text:
         """Terms with the same lags: their sum, low-passed, added to growth."""
         total = self.own(SUM)
         yield f"{total}=0"
-        for term in self.found.terms:
+        for term in self.correction.terms:
             if term.lags_s == chain:
                 now, start = self.names[term.input], self.names[f"start {term.input}"]
                 rise = f"{now}-{start}"
@@ -278,7 +271,7 @@ class _Text:
         """Terms of the start with the same lag, added to growth."""
         total = self.own(SUM)
         yield f"{total}=0"
-        for one in self.found.starts:
+        for one in self.correction.starts:
             if one.lag_s == constant:
                 times = "" if one.input == ONE else f"*{self.names[f'start {one.input}']}"
                 yield f"{total}={total}+{self.inside(_decimal(one.um))}{times}"
@@ -290,10 +283,10 @@ def _variable(on: Control, place: int) -> str:
     return on.variable.format(on.first + place)
 
 
-def _names(found: Correction, on: Control) -> dict[str, str]:
+def _names(correction: Correction, on: Control) -> dict[str, str]:
     """Variable of each input, of its value at the start, and of each lag."""
-    keys = [*found.inputs, *(f"start {one}" for one in found.inputs)]
-    for number, chain in enumerate(found.chains):
+    keys = [*correction.inputs, *(f"start {one}" for one in correction.inputs)]
+    for number, chain in enumerate(correction.chains):
         keys += [f"lag {number} {stage} {what}" for stage in range(len(chain)) for what in "xy"]
     if on.first + OWN + len(keys) - 1 > on.last:
         raise ValueError(

@@ -1,4 +1,4 @@
-"""Correction of spindle growth that a control can work out: sums of lagged inputs, with its range.
+"""Correction of spindle growth for a control: sums of lagged inputs, with its range.
 
 Growth [um] is a sum of terms: a coefficient times an input since the start, low-passed by no, one
 or two first-order lags.  Beside them stand terms of the start alone, a coefficient times a
@@ -67,12 +67,12 @@ class Correction:
     """Growth as a sum of terms, what it was compared with, and where it holds."""
 
     inputs: tuple[str, ...]
-    """That are read: sensors from front to rear, the ambient temperature, the speed."""
+    """Input channels: sensors from front to rear, the ambient temperature, the speed."""
     period_s: float
     """Time between two rows [s]."""
     terms: tuple[Term, ...]
     starts: tuple[StartTerm, ...]
-    """Of the sum."""
+    """Start terms of the sum."""
     exact: bool
     """Whether the method that serves is such a sum."""
     largest_um: float
@@ -83,8 +83,7 @@ class Correction:
     growth_um: tuple[float, float]
     """Least and greatest growth of these recordings [um]."""
     ranges: Mapping[str, Learnt]
-    """In which the model answers: what was learnt of each input and of growth, and the share of it
-    beyond its ends that the model accepts."""
+    """Training range of each input and of growth, and the accepted share beyond its ends."""
     bands: Mapping[str, Band]
     """90 % intervals of the method by regime [um]."""
 
@@ -102,13 +101,7 @@ class Correction:
         return below + self.largest_um, above + self.largest_um
 
     def growth(self, values: Mapping[str, Floats]) -> Floats:
-        """Growth since the first row [um], shape (T,), of evenly spaced rows.
-
-        Parameters
-        ----------
-        values : mapping of str to ndarray, each shape (T,)
-            Temperatures [degC] and speed [rev/min] by the names of the inputs.
-        """
+        """Growth since the first row [um], (T,), from temperatures [degC] and speed [rev/min]."""
         many = len(values[self.inputs[0]])
         time = self.period_s * np.arange(many)
         since = {name: since_start(name, values[name]) for name in self.inputs}
@@ -145,13 +138,7 @@ class _Sums:
 
 
 def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
-    """The method that serves as a sum of terms.
-
-    Raises
-    ------
-    ValueError
-        Without a recording, or when the method that serves predicts no growth at all.
-    """
+    """The champion as a sum of terms; ValueError without a recording, or with zero growth."""
     file = model.file
     checked = [model.checked(one) for one in states]
     sound = [one for one in checked if not one.faults] or checked
@@ -193,7 +180,7 @@ def correction(model: GrowthModel, states: Sequence[State]) -> Correction:
 
 
 def _accepted(learnt: Learnt, widening: float) -> Learnt:
-    """The range that the model accepts; what cannot be negative, a speed, ends at zero."""
+    """Accepted range of an input; that of a speed begins at 0 or above."""
     low, high = learnt.accepted(widening)
     low = max(low, 0.0) if learnt.unit == "rev/min" else low
     return replace(learnt, low=float(f"{low:.5g}"), high=float(f"{high:.5g}"))
@@ -272,14 +259,14 @@ def _rounded(value: float) -> float:
 
 
 def _terms(sums: _Sums) -> tuple[Term, ...]:
-    """Those that are not zero, by lags and then by name."""
+    """Non-zero terms, by lags and then by name."""
     every = sorted(sums.terms.items(), key=lambda one: (len(one[0][1]), one[0][1], one[0][0]))
     found = (Term(input=name, lags_s=chain, um=_rounded(um)) for (name, chain), um in every)
     return tuple(one for one in found if one.um != 0)
 
 
 def _start_terms(sums: _Sums) -> tuple[StartTerm, ...]:
-    """Those that are not zero, by lag and then by name."""
+    """Non-zero terms of the start, by lag and then by name."""
     every = sorted(sums.starts.items(), key=lambda one: (one[0][1], one[0][0]))
     found = (
         StartTerm(input=name, lag_s=constant, um=_rounded(um)) for (name, constant), um in every

@@ -25,7 +25,7 @@ AT_TOP_SPEED = 10.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Inputs:
-    """What the methods predict from: T samples of S sensors in C groups."""
+    """Inputs of the methods: T samples of S sensors in C groups."""
 
     state: State
     """Complete."""
@@ -45,7 +45,7 @@ class Inputs:
 
     @property
     def time(self) -> Floats:
-        """Since the start [s]; shape (T,)."""
+        """Time since the start [s]; shape (T,)."""
         return self.state.time
 
 

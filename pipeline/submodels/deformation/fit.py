@@ -1,4 +1,4 @@
-"""Fit of spindle growth: sensors, inputs, every method with recordings left out, and the winner."""
+"""Fit of spindle growth: sensors, inputs, every method cross-validated, and the champion."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,12 +63,8 @@ def fit_growth(
 ) -> GrowthModel:  # fmt: skip
     """Fit and compare all methods on training recordings.
 
-    ``head`` is what every model holds; its parameters are filled in.
-
-    Raises
-    ------
-    ValueError
-        With fewer than four recordings, or when a method is named that does not exist.
+    ``head`` is what every model holds; its parameters are filled in. ValueError with fewer than
+    four recordings, or when a method is named that does not exist.
     """
     if len(profiles) < FEWEST_PROFILES:
         raise ValueError(
@@ -166,7 +162,6 @@ class _Task:
 
 
 def _done(task: _Task) -> tuple[dict[str, Any], list[Floats]]:
-    """Document of the fit, and growth of the other recordings."""
     fitted = METHODS[task.method].fit(task.examples, task.budget, task.seed)
     return fitted.document(), [fitted.predict(one.inputs) for one in task.others]
 
@@ -176,13 +171,7 @@ def _seeds(name: str, many: int) -> range:
 
 
 def _methods(profiles: Sequence[Profile], named: Sequence[str]) -> tuple[str, ...]:
-    """Methods that are compared.
-
-    Raises
-    ------
-    ValueError
-        When one is named that does not exist, or that needs a channel that is not recorded.
-    """
+    """Methods to compare; ValueError for an unknown one or one without its channel."""
     turning = any(one.state.speed.any() for one in profiles)
     air = all(np.isfinite(one.state.ambient).all() for one in profiles)
     able = [
@@ -279,7 +268,6 @@ def spread(names: list[str], folds: int) -> list[str]:
 def _fitted(
     examples: Sequence[Example], names: Sequence[str], settings: DeformationFitSettings
 ) -> dict[str, Ensemble]:
-    """Every method fitted on all recordings, once a seed."""
     budget = Budget(training=settings.training, every_s=settings.every_s)
     tasks = [
         _Task(method=name, seed=seed, budget=budget, examples=tuple(examples))
@@ -298,7 +286,7 @@ def _treatment(
     profiles: Sequence[Profile], sensors: SensorModel, faults: Sequence[TrainingFault],
     lags_s: Sequence[float],
 ) -> Treatment:  # fmt: skip
-    """Without or in place of faulty sensors, by the linear regression on recordings left out."""
+    """Treatment of faulty sensors with the least error of a linear regression, cross-validated."""
     if not faults:
         return Treatment(chosen=REPLACED)
     lost = tuple(name for name in sensors.sensors if name in {f.fault.sensor for f in faults})

@@ -45,7 +45,7 @@ class FirstHour:
     high: float
     """Largest predicted growth within the hour, with its 90 % interval [um]."""
     measured: float
-    """What the probe read then [um]."""
+    """Reading of the probe then [um]."""
     speed: float | None
     """Highest speed of the recording [rev/min]."""
     settled_min: float
@@ -66,7 +66,7 @@ class SensorFault:
     case: str
     """First recording in which it was noticed."""
     minute: float
-    """When, since that recording's start [min]."""
+    """Minute of the recording at which it was detected [min]."""
     worst_K: float | None
     """Largest departure [K], above zero where it reads too high; None where it gives no value."""
     cases: int
@@ -74,16 +74,16 @@ class SensorFault:
     lasts: bool
     """Whether the last recording is among them."""
     place: str
-    """Where it sits, as far as the machine's file says."""
+    """Place of the sensor, as far as the machine's file names it."""
     moment: str
-    """When it was noticed, by the recording's clock."""
+    """Time of detection, by the recording's clock."""
     last: str
     """The last recording in which it is faulty."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthFacts:
-    """Everything that the page says, found once."""
+    """Facts of the page, computed once."""
 
     shown: Seen
 
@@ -156,7 +156,7 @@ class GrowthFacts:
         )  # fmt: skip
 
     def place(self, sensor: str) -> str:
-        """Where a sensor sits, as the machine's file says, and its number from the front."""
+        """Place of a sensor by the machine's file, and its number from the front."""
         model = self.shown.model
         if model is None or sensor not in model.sensors.sensors:
             return "its place is not known"
@@ -165,13 +165,11 @@ class GrowthFacts:
         return f"{said}, {order}" if said else order
 
     def _moment(self, case: str, minute: float) -> str:
-        """When a minute of a recording was, by its clock."""
         start = instant(self._files.get(case, {}).get("first"))
         return "not dated" if start is None else moment(start + timedelta(minutes=minute))
 
     @cached_property
     def _files(self) -> Mapping[str, Mapping[str, Any]]:
-        """Entries of the raw files in the manifest of the machine's signals."""
         if self.shown.signals is None:
             return {}
         manifest = self.shown.shelf.document(self.shown.signals / "manifest.json", "raw files")

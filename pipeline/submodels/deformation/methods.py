@@ -68,7 +68,7 @@ class Fitted(ABC):
 
 
 class Method(ABC):
-    """A way to predict growth."""
+    """Method of predicting growth."""
 
     label: str
     """Name on pages."""
@@ -134,7 +134,7 @@ class Linear(Method):
     """Ridge regression whose penalty has the least error on recordings left out in turn."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     inputs: str
     """Field of :class:`~pipeline.submodels.deformation.features.Inputs`."""
 
@@ -183,10 +183,7 @@ def ridge(x: Sequence[Floats], y: Sequence[Floats], name: str) -> Ridge:
 
 
 def growth_record(inputs: Inputs, growth: Floats | None = None) -> GrowthRecord:
-    """Inputs as the thermal models take them: SI, the groups for sensors.
-
-    The coldest group at the start stands for the air where that is not recorded.
-    """
+    """Inputs of the thermal models in SI; the coldest group replaces a missing ambient."""
     state = inputs.state
     known = bool(np.isfinite(state.ambient).all())
     coldest = np.full(len(inputs), np.min(inputs.group_temperatures[:1], initial=np.inf))
@@ -318,20 +315,20 @@ class _Network(Fitted):
 
 @dataclass(frozen=True, kw_only=True)
 class Network(Method):
-    """A network of :mod:`pipeline.nets` and the way in which it is trained."""
+    """A network of :mod:`pipeline.nets` and its training method."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     kind: NetworkSettings
-    """Which network."""
+    """Settings of the network."""
     method: str
-    """How it is trained."""
+    """Training method."""
     inputs: str = "linear"
     """Field of the inputs that its rules are linear in."""
     seeded: ClassVar[bool] = True
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
-        """The network trained on the known samples, whole recordings kept for early stopping."""
+        """Network trained on the labelled samples, whole recordings kept for early stopping."""
         from pipeline.nets.training import train
 
         known = [_learnt_from(one, budget.every_s) for one in examples]
@@ -401,7 +398,7 @@ SIMPLE = (PERSISTENCE, "linear")
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """One method as it is served: the mean of its fits, one a seed."""
+    """Method as it is served: the mean of its fits, one a seed."""
 
     name: str
     members: tuple[Fitted, ...] = field(default_factory=tuple)
@@ -417,13 +414,7 @@ class Ensemble:
 
 
 def restored(name: str, documents: Sequence[Mapping[str, Any]]) -> Ensemble:
-    """The ensemble of stored documents.
-
-    Raises
-    ------
-    ValueError
-        When there is no method of that name.
-    """
+    """The ensemble of stored documents; ValueError when there is no method of that name."""
     if name not in METHODS:
         raise ValueError(f"there is no method {name!r}; there are {', '.join(METHODS)}")
     return Ensemble(name, tuple(METHODS[name].restore(one) for one in documents))

@@ -32,7 +32,7 @@ error has no meaning."""
 
 @dataclass(frozen=True, kw_only=True)
 class DeformationFitSettings(Ranged, section="deformation_fit"):
-    """How the methods are fitted and compared."""
+    """Fit and comparison of the methods."""
 
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 2400.0, 7200.0)
     """Time constants of the lags among the inputs [s]."""
@@ -47,27 +47,26 @@ class DeformationFitSettings(Ranged, section="deformation_fit"):
     machine that is warm when the probe is set to zero.  Of these numbers the one with which the
     linear regression errs least on recordings left out."""
     methods: tuple[str, ...] = ()
-    """That are compared; unless named all that the recorded channels allow."""
+    """Methods that are compared; by default all that the recorded channels allow."""
     training: TrainingSettings = field(default_factory=TrainingSettings)
     """Budget of each network, the same for all."""
     every_s: Positive = 360.0
     """Time between two samples that networks and physical models learn from [s]; neighbours say
     nearly the same."""
     sensors: SensorSettings = field(default_factory=SensorSettings)
-    """Of the check of the temperature sensors."""
+    """Settings of the plausibility check of the temperature sensors."""
     rate_s: Positive = 600.0
-    """Time constant over which warming and cooling are told from steady [s]."""
+    """Time constant of the detection of warming and cooling [s]."""
     steady_K_h: Positive = 2.0
     """Rate below which the spindle counts as steady [K/h]."""
     widening: NotNegative = 0.25
-    """Temperatures and speeds up to this share of the learnt range beyond its ends are accepted
-    [1]."""
+    """Accepted share of the training range of temperatures and speeds beyond its ends [1]."""
     probe_delay_s: NotNegative = 600.0
-    """A reading of the probe is known to the adaptive interval this long after its time [s]."""
+    """Delay of a probe reading in the adaptive interval [s]."""
     adaptive_steps: tuple[Annotated[float, Range(least=0.0)], ...] = (0.0, 0.03, 0.1, 0.3, 1.0)
     """Steps of the adaptive interval to choose from on training recordings; 0 keeps it fixed."""
     compute: Compute = "processes"
-    """Where the fits run."""
+    """Place of computation of the fits."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,12 +74,12 @@ class MethodScore:
     """Errors of a method on training recordings left out of its fit."""
 
     label: str
-    """For a person."""
+    """Label for readers."""
     seeds: int
     """Fits on each fold [1]."""
     rmse_um: float
     max_um: float
-    """Of the mean prediction over the seeds [um]."""
+    """Greatest error of the mean prediction over the seeds [um]."""
     r: float | None
     """Correlation with what was measured [1]; None where the prediction is constant."""
     mape_percent: float
@@ -118,10 +117,10 @@ are not read at all, others replaced; all are kept as they are."""
 
 @dataclass(frozen=True, kw_only=True)
 class Treatment:
-    """What happens to faulty sensors, and why."""
+    """Treatment of faulty sensors, and its reason."""
 
     chosen: str
-    """One of the treatments."""
+    """Chosen treatment."""
     ignored: tuple[str, ...] = ()
     """Sensors that are not read."""
     rmse_um: Mapping[str, float] = field(default_factory=dict)
@@ -146,7 +145,7 @@ class DeformationModel(Model):
     compared: Mapping[str, MethodScore]
     """All methods, on training recordings left out."""
     treatment: Treatment
-    """Of faulty sensors."""
+    """Treatment of faulty sensors."""
     training_faults: tuple[TrainingFault, ...]
     """Found in the training recordings."""
     later_starts: int
@@ -157,23 +156,23 @@ class DeformationModel(Model):
     """Share of a range by which an input may lie beyond it [1]."""
     rate_s: float
     steady_K_h: float
-    """Which tell the regimes [s], [K/h]."""
+    """Limits of the regimes [s], [K/h]."""
     bands: Mapping[str, Band]
     """90 % intervals by regime [um]."""
     adaptive_step: float
     """Step of the interval that follows the probe [1]."""
     probe_delay_s: float
-    """Age at which a reading of the probe is known to it [s]."""
+    """Delay of a probe reading in it [s]."""
     second: str = ""
     """Method that the one which serves has to agree with; empty where there is no other."""
     agreement_um: float = 0.0
     """Difference between the two from which there is no correction [um]."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Where sensors sit, in words, by their names, as far as the machine's file says."""
+    """Places of sensors, in words, by their names, as far as the machine's file has them."""
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What is read: sensors from front to rear, the ambient temperature, the speed."""
+        """Input channels: sensors from front to rear, the ambient temperature, the speed."""
         used = {AMBIENT: self.uses_ambient, SPEED: self.uses_speed}
         return (*self.sensors.sensors, *(name for name in used if used[name]))
 
@@ -221,7 +220,7 @@ class GrowthModel:
     def stitched(self, pieces: Sequence[tuple[int, Inputs]], name: str = "") -> Floats:
         """Growth by a method [um], by each of its seeds in the first axis; shape (seeds, T).
 
-        Each stretch of time is predicted from what was known of the sensors in it.
+        Each stretch of time is predicted from the state of the sensors in it.
         """
         ensemble = self.ensembles[name] if name else self.champion
         whole = [(first, ensemble.each(inputs)) for first, inputs in pieces]
@@ -231,10 +230,7 @@ class GrowthModel:
         return result
 
     def withheld(self, pieces: Sequence[tuple[int, Inputs]], growth: Floats) -> np.ndarray:
-        """Reason why there is no correction at each sample, empty where there is one; shape (T,).
-
-        ``growth`` (T,) is that by the method that serves [um].
-        """
+        """Reason for no correction by sample, "" where there is one; ``growth`` [um]; (T,) each."""
         file, found = self.file, np.full(len(growth), "", dtype=object)
         if file.second:
             apart = np.abs(growth - self.stitched(pieces, file.second).mean(axis=0))
@@ -249,7 +245,7 @@ class GrowthModel:
         return found
 
     def regimes(self, pieces: Sequence[tuple[int, Inputs]]) -> np.ndarray:
-        """Regime of each sample, from what was known of the sensors then; shape (T,)."""
+        """Regime of each sample, from the state of the sensors then; shape (T,)."""
         file = self.file
         result = regimes_of(pieces[0][1], file.rate_s, file.steady_K_h)
         for first, inputs in pieces[1:]:
@@ -267,13 +263,7 @@ def treated(sensors: SensorModel, state: State, treatment: Treatment) -> Checked
 
 
 def load_growth_model(folder: Path) -> GrowthModel:
-    """The stored model of a machine.
-
-    Raises
-    ------
-    StoreError
-        When a file is missing or of another version.
-    """
+    """The stored model of a machine; StoreError when a file is missing or of another version."""
     file = read_json(folder / "model.json", DeformationModel)
     methods = read_json(folder / "methods.json", MethodsFile)
     return GrowthModel(

@@ -39,7 +39,7 @@ COUNTS = (
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of spindle growth alone knows."""
+    """Page content of spindle growth."""
     facts, model = GrowthFacts(shown=shown), shown.model
     warm = _warm_words(facts)
     load = f"kerf compensation --machine {shown.machine} --out FILE"
@@ -115,7 +115,7 @@ def _hour_words(facts: GrowthFacts) -> str:
 
 
 def _warm_words(facts: GrowthFacts) -> str:
-    """How long to warm up; empty where nothing is predicted."""
+    """Advice on the warm-up time; empty where nothing is predicted."""
     hour, verdict = facts.first_hour, facts.shown.verdict
     if hour is None:
         return ""
@@ -140,7 +140,7 @@ def _key_figures(facts: GrowthFacts) -> list[tuple[str, str, str]]:
 
 
 def _goal_words(facts: GrowthFacts) -> list[str]:
-    """Goals of the paper beside what the method that serves reaches."""
+    """Targets of the paper beside the champion's errors."""
     verdict = facts.shown.verdict
     largest = COUNTS[0].worst(verdict)
     known = [] if verdict is None else [
@@ -167,7 +167,7 @@ def _goal_words(facts: GrowthFacts) -> list[str]:
 
 
 def _fault_words(one: SensorFault) -> str:
-    """What is wrong with a sensor and since when, without a full stop."""
+    """Defect of a sensor and its begin, without a full stop."""
     off = ""
     if one.worst_K is not None:
         side = "high" if one.worst_K > 0 else "low"
@@ -179,7 +179,7 @@ def _fault_words(one: SensorFault) -> str:
 
 
 def _cost_words(facts: GrowthFacts) -> str:
-    """What the faulty sensors cost as they are, and with the others in their place."""
+    """Errors with faulty sensors as they are, and with the others in their place."""
     if facts.cost is None:
         return ""
     return (
@@ -235,7 +235,7 @@ FAULTS: tuple[Column[SensorFault], ...] = (
 
 
 def _expected(facts: GrowthFacts) -> Section | None:
-    """What to expect: growth of the first hour, faulty sensors."""
+    """Expectation: growth of the first hour, faulty sensors."""
     hour = facts.first_hour
     text = []
     if hour is not None:

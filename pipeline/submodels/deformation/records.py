@@ -33,7 +33,7 @@ FEWEST_SAMPLES = 10
 GROWTH, SPEED, AMBIENT = "growth", "spindle_speed", "ambient_temperature"
 """Names of the channels beside the sensors, in tables too."""
 RAD_S = 1 / RPM
-"""One rad/s in rev/min."""
+"""Factor from rad/s to rev/min."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,8 +43,7 @@ class DeformationRecords(Ranged, section="deformation_records"):
     recordings: tuple[str, ...]
     """Patterns of raw files below the machine's folder."""
     temperatures: Mapping[str, Channel]
-    """Name of each sensor -> its channel; three or more, from the front of the spindle to its
-    rear."""
+    """Channel of each sensor by its name; three or more, from front to rear of the spindle."""
     displacement: Channel
     """Reading of the probe at the spindle's nose, positive where the spindle grows."""
     speed: Channel | None = None
@@ -56,10 +55,9 @@ class DeformationRecords(Ranged, section="deformation_records"):
     longest_gap_s: Annotated[float, Range(above=0.0)] = 180.0
     """A row older than this is no sample [s]."""
     probe_is_zeroed: bool = True
-    """Whether the probe was set to zero when the recording began; else the first reading is
-    subtracted."""
+    """Whether the probe was set to zero at the start; else the first reading is subtracted."""
     places: Mapping[str, str] = field(default_factory=dict)
-    """Where sensors sit, in words, by their names."""
+    """Places of sensors, in words, by their names."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -97,12 +95,12 @@ def _kind(channel: Channel, quantity: str) -> Channel:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """What a prediction looks at: T samples of S sensors on an even grid."""
+    """Inputs of a prediction: T samples of S sensors on an even grid."""
 
     period: float
     """Time between two samples [s]."""
     temperatures: Floats
-    """From front to rear [degC]; NaN where a sensor gives none; shape (T, S)."""
+    """Temperatures from front to rear [degC]; NaN where a sensor gives none; shape (T, S)."""
     speed: Floats
     """Spindle speed [rev/min]; zero where none is recorded; shape (T,)."""
     ambient: Floats
@@ -113,7 +111,7 @@ class State:
 
     @property
     def time(self) -> Floats:
-        """Since the start [s]; shape (T,)."""
+        """Time since the start [s]; shape (T,)."""
         seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
         return seconds
 
@@ -142,19 +140,19 @@ class State:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Profile:
-    """One recording: its state and the growth that was measured."""
+    """Recording: its state and the measured growth."""
 
     name: str
     """Name of the raw file."""
     state: State
-    """What a prediction looks at."""
+    """Inputs of a prediction."""
     growth: Floats = field(default_factory=lambda: np.zeros(0))
     """Displacement since the start [um]; NaN where there is no reading; shape (T,)."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GrowthRecording:
-    """A recording as it was found: its profile, or the reason why there is none."""
+    """Recording: its profile, or the reason for none."""
 
     name: str
     profile: Profile | None = None
@@ -164,10 +162,7 @@ class GrowthRecording:
 def read_profiles(
     signals: Path, records: DeformationRecords, preferred: Callable[[str], bool]
 ) -> list[GrowthRecording]:
-    """Recordings of growth of a machine, in the order of their names.
-
-    ``preferred`` says of a name whether it is the one to keep of several with the same bytes.
-    """
+    """Growth recordings by name; ``preferred`` names the one to keep of files of equal bytes."""
     found = read_recordings(
         signals, records.channels, patterns=records.recordings, preferred=preferred,
         section="deformation_records.recordings",
@@ -301,9 +296,9 @@ def _profile(
 
 
 def _planned_end(clock: Floats, speed: Floats, records: DeformationRecords) -> float:
-    """Time up to which a speed that comes with the rows is known [s]: what follows was not planned.
+    """End of the planned speed [s]: the speed in the rows is taken as planned up to it.
 
-    A spindle that stands last goes on standing; a speed that is written down as it changes holds.
+    A spindle at rest at the end stays at rest; a speed logged at its changes holds.
     """
     known = np.flatnonzero(np.isfinite(speed))
     often = len(known) > 1 and np.median(np.diff(clock[known])) <= records.longest_gap_s
@@ -328,18 +323,8 @@ def _frozen_since(growth: Floats, temperatures: Floats, period: float) -> int:
 def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floats:
     """Newest value at or before each time of a grid, NaN where it is older than ``longest``.
 
-    Parameters
-    ----------
-    clock, values : ndarray, shape (N,)
-        Rows in the order of time [s]; rows without a value are passed over.
-    grid : ndarray, shape (T,)
-        Times [s].
-    longest : float
-        Greatest age of a value [s].
-
-    Returns
-    -------
-    ndarray, shape (T,)
+    Rows ``clock``, ``values`` (N,) are in the order of time; those without a value are skipped.
+    ``grid`` (T,) and ``longest`` [s].
 
     Examples
     --------
@@ -356,7 +341,7 @@ def on_grid(clock: Floats, values: Floats, grid: Floats, longest: float) -> Floa
 
 
 def filled(values: Floats, start: float) -> Floats:
-    """Values with each gap held at the last known one, and at ``start`` before the first.
+    """Values with each gap held at the last value, and at ``start`` before the first.
 
     Examples
     --------
@@ -369,7 +354,7 @@ def filled(values: Floats, start: float) -> Floats:
 
 
 def coldest_at_start(temperatures: Floats) -> float:
-    """Lowest temperature in the first row [degC]: stands for the air until that is known."""
+    """Lowest temperature in the first row [degC]: stands for the air until its first reading."""
     first = temperatures[0][np.isfinite(temperatures[0])] if len(temperatures) else np.zeros(0)
     return float(first.min()) if len(first) else float("nan")
 
@@ -402,12 +387,7 @@ def state_of_table(table: Any, wanted: Sequence[str], period: float) -> State:
     """State from a table of evenly spaced rows, ``period`` [s] apart, one column a channel.
 
     ``wanted`` are the sensors [degC], then ``ambient_temperature`` [degC] and ``spindle_speed``
-    [rev/min] where they are read.
-
-    Raises
-    ------
-    ValueError
-        When a column is missing or no number.
+    [rev/min] where they are read. ValueError when a column is missing or no number.
     """
     columns = {}
     for name in wanted:

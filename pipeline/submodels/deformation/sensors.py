@@ -1,4 +1,4 @@
-"""Temperature sensors held against each other: which is dead or drifts, and what replaces it.
+"""Plausibility of temperature sensors against each other: dead or drifting ones, replacements.
 
 The expected temperature of a sensor is its linear regression on the present and low-passed
 temperatures of the others.  All of these regressions, for any sensors that are left, follow from
@@ -27,10 +27,10 @@ the start of a recording; one that departs slowly from those of the others; one 
 far in training that nothing can be held against it."""
 NOISE_K2 = 1e-6
 """Variance [K^2] of independent noise of a thousandth of a kelvin: sensors may be copies."""
-UNSETTLED = 10.0
+START_FACTOR = 10.0
 """Factor on the tolerated departure at the start, from which it decays as the lags settle [1]."""
 JUMP_SAMPLES = 3
-"""Samples whose median departure a jump is told from [1]."""
+"""Number of samples whose median departure is the reference of a jump [1]."""
 SIDE_SAMPLES = 4
 """Samples on either side of a step whose straight lines are held against each other [1]."""
 LEVEL_SD_K = 30.0
@@ -40,17 +40,17 @@ COMPARABLE = 20.0
 MAD_SD = 1.4826
 """Standard deviation of a normal distribution over its median absolute deviation [1]."""
 MOVED = 4.0
-"""Movement of the others that a held value is told by, in units of the least departure [1]."""
+"""Least movement of the others that shows a held value, over the least departure [1]."""
 SET_ASIDE, SUSPECT = 1 / 3, 2.0
 """Share of the training recordings that may be set aside at first [1], and the ratio of a departure
 to the usual one from which they are [1]."""
 ROUNDS = 3
-"""Times the regressions are found anew without the sensors that were faulty [1]."""
+"""Number of repetitions of the regressions without the sensors that were faulty [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SensorSettings(Ranged, section="deformation_fit.sensors"):
-    """How sensors are checked."""
+    """Plausibility check of sensors."""
 
     range_degC: tuple[float, float] = (-30.0, 150.0)
     """Temperatures that a working sensor can show; an open or shorted line lies outside."""
@@ -60,8 +60,8 @@ class SensorSettings(Ranged, section="deformation_fit.sensors"):
     """So is one whose value has not changed at all for so long, while those of the others have
     moved by four times ``least_K`` in the median [s]."""
     settle_s: NotNegative = 1800.0
-    """What the lags hold at the start of a recording is not known; so long they settle [s], and ten
-    times the departure is tolerated."""
+    """Settling time of the lags, unknown at the start of a recording [s]; until then ten times the
+    departure is tolerated."""
     smooth_s: Positive = 600.0
     """Time constant of the mean over which a departure counts [s]."""
     lags_s: tuple[Annotated[float, Range(above=0.0)], ...] = (600.0, 3600.0)
@@ -82,14 +82,14 @@ class Fault:
     kind: str
     """``"dead"``, ``"loose"``, ``"shifted"``, ``"drifting"`` or ``"erratic"``."""
     since_s: float
-    """When it was noticed, since the start of the recording [s]."""
+    """Time of detection, since the start of the recording [s]."""
     departure_K: float | None
     """Largest departure from what the other sensors say [K], above zero where it reads too high;
     None where it gives no value."""
 
     @property
     def sentence(self) -> str:
-        """What is wrong with it, for a person, without a full stop."""
+        """Defect, in words, without a full stop."""
         off = "" if self.departure_K is None else f", off by up to {self.departure_K:+.1f} K"
         return f"sensor {self.sensor} is {self.kind} from minute {self.since_s / 60:.0f}{off}"
 
@@ -99,12 +99,12 @@ class Checked:
     """A state whose faulty sensors are replaced."""
 
     states: tuple[State, ...]
-    """One for each set of faulty sensors in the order of time: every state is complete and holds
-    the whole recording as it appears once the faults of that set are known."""
+    """States, one for each set of faulty sensors in the order of time: every state is complete and
+    holds the whole recording with the faults of that set."""
     since: tuple[int, ...]
     """First sample of each state [1]."""
     faults: tuple[Fault, ...] = ()
-    """In the order in which they were noticed."""
+    """Faults in the order of detection."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,7 +115,7 @@ class SensorModel:
     """
 
     sensors: tuple[str, ...]
-    """From front to rear."""
+    """Sensors from front to rear."""
     channels: int
     """C [1]."""
     period_s: float
@@ -129,8 +129,8 @@ class SensorModel:
     settings: SensorSettings = field(default_factory=SensorSettings)
     """Settings of the check."""
     held_s: tuple[float, ...] = ()
-    """How long each may show the same value while the others move [s]: longer than a sensor of its
-    resolution usually does; empty for ``settings.held_s``."""
+    """Greatest time of an unchanged value while the others move [s]: longer than usual for a sensor
+    of its resolution; empty for ``settings.held_s``."""
     jump_K: tuple[float, ...] = ()
     """Change of the departure within a sample from which it is [K]; empty for any change."""
 
@@ -203,7 +203,7 @@ class SensorModel:
         Shape (T, S), not negative.
         """
         time, found = self.period_s * np.arange(len(vector)), self.departures(vector, gone)
-        unsettled = 1 + (UNSETTLED - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
+        unsettled = 1 + (START_FACTOR - 1) * np.exp(-time / max(self.settings.settle_s, 1e-9))
         smoothed = np.abs(lag(time, found, self.settings.smooth_s)) / unsettled[:, None]
         jumps = np.zeros(found.shape)
         if len(found) <= JUMP_SAMPLES + 1:
@@ -298,7 +298,7 @@ class SensorModel:
         self, state: State, vector: Floats, sensor: int, gone: frozenset[int], since: int,
         holes: Bools,
     ) -> Fault:  # fmt: skip
-        """What the record says of a blamed sensor."""
+        """Fault of a blamed sensor, from the record."""
         off = state.temperatures[:, sensor] - self.expected(vector, sensor, gone)
         silent = bool(holes[since:, sensor].mean() > 0.5)
         # a jump is over within minutes, a drift takes longer than the mean over which it counts
@@ -382,7 +382,7 @@ def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = (
 
 
 def usual_holds(states: Sequence[State], settings: SensorSettings) -> tuple[float, ...]:
-    """How long each sensor may show one value [s], by its resolution.
+    """Usual time of an unchanged value of each sensor [s], by its resolution.
 
     Half as long again as the median, over the recordings, of its longest hold while the others
     moved; ``settings.held_s`` at least.  A sensor that is stuck in fewer than half of the
@@ -408,12 +408,8 @@ def fit_sensors(
     """Regressions of the sensors on each other, from training recordings that may hold faults.
 
     The tolerance of a sensor rests on recordings left out of the regressions in turn; sensors that
-    exceed it are replaced in their recording, and all is found anew.
-
-    Raises
-    ------
-    ValueError
-        When fewer than two recordings have all sensors.
+    exceed it are replaced in their recording, and all is fitted anew. ValueError when fewer than
+    two recordings have all sensors.
     """
     states = [one.state for one in profiles]
     held_s = usual_holds(states, settings)
@@ -570,7 +566,6 @@ def _agreeing(
 def _blank(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
 ) -> SensorModel:
-    """A model without moments and tolerances."""
     return SensorModel(
         sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
         mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
@@ -580,10 +575,7 @@ def _blank(
 def _largest_departures(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
 ) -> tuple[Floats, Floats, SensorModel]:
-    """Largest departure and jump in each recording under a model of the others; that of all.
-
-    Both of shape (recordings, S) [K].
-    """
+    """Largest departures and jumps by recording, cross-validated, (recordings, S) [K]; model."""
     vectors, blank = [lagged(s, settings.lags_s) for s in states], _blank(states, sensors, settings)
     largest, jumps = np.zeros((2, len(vectors), len(sensors)))
     for out, vector in enumerate(vectors):
@@ -597,10 +589,7 @@ def _fitted(
     states: Sequence[State], sensors: Sequence[str], settings: SensorSettings,
     faulty: Sequence[frozenset[str]] = (),
 ) -> SensorModel:  # fmt: skip
-    """Model of complete states; the tolerance from recordings left out in turn.
-
-    Sensors that are ``faulty`` in a recording say nothing there of what is usual.
-    """
+    """Model of complete states, without those of sensors ``faulty`` there; tolerance by folds."""
     *sizes, model = _largest_departures(states, sensors, settings)
     sound = np.array([[name not in one for name in sensors] for one in faulty] or True)
     tolerance, jump = (_tolerance(size, sound & np.ones(size.shape, bool), settings)

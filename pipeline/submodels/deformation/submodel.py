@@ -161,13 +161,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Recordings of growth.
-
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file.
-        """
+        """Recordings of growth; ValueError when a pattern fits no file."""
         if records.signals is None:
             raise ValueError("recordings of growth stand in the signals: name them in reads")
         files, wanted = records.files, settings.deformation_records
@@ -280,13 +274,7 @@ def _constant(profile: Profile) -> Callable[[], Profile]:
 
 
 def _state(table: pd.DataFrame, file: DeformationModel) -> State:
-    """State of a table.
-
-    Raises
-    ------
-    ValueError
-        When it lacks a column, has no row, or its rows are not as far apart as was learnt.
-    """
+    """State of a table; ValueError without a column or row, or with another row period."""
     period = file.sensors.period_s
     if "t" not in table.columns or not len(table):
         raise ValueError("the input has no column t with rows: give the time since the start in s")
@@ -303,11 +291,8 @@ def _state(table: pd.DataFrame, file: DeformationModel) -> State:
 def refuse_unlearnt(state: State, file: DeformationModel) -> None:
     """Refuse a state beyond what was learnt.
 
-    Raises
-    ------
-    ValueError
-        When a temperature or the speed lies beyond the learnt range by more than its declared
-        widening; the message names the channel and the value.
+    ValueError when a temperature or the speed lies beyond the learnt range by more than its
+    declared widening; the message names the channel and the value.
     """
     for name, values in file.values(state).items():
         learnt = file.learnt.get(name)

@@ -52,11 +52,11 @@ class ForceComparison:
 
     measured: Floats = field(repr=False)
     modelled: Floats = field(repr=False)
-    """In the drive's unit of force; shape (N,)."""
+    """Force of model and recording, in the drive's unit; shape (N,)."""
     direction: Floats = field(repr=False)
     """Direction of motion, -1 or 1; shape (N,)."""
     time: Floats = field(repr=False)
-    """Since the recording began [s]; shape (N,)."""
+    """Time since the recording began [s]; shape (N,)."""
     period: float
     """Sampling period of the rows [s]."""
 
@@ -99,7 +99,7 @@ def force_comparison(
 
 
 def constant_level(training: Sequence[ForceComparison]) -> float:
-    """Mean force against motion over the training recordings: a guess without a model."""
+    """Mean force against motion over the training recordings, the baseline."""
     total = sum(float(one.measured @ one.direction) for one in training)
     rows = sum(len(one.measured) for one in training)
     return total / rows if rows else 0.0
@@ -165,7 +165,7 @@ def following_comparison(
 
 
 class _Added(NamedTuple):
-    """What a disturbance adds to reference [m], command and load; shape (T * substeps,)."""
+    """Contribution of a disturbance to reference [m], command and load; shape (T * substeps,)."""
 
     reference: Floats
     command: Floats
@@ -201,7 +201,7 @@ def _added(
 
 
 def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoParameters:
-    """The servo with the gains that a recording was taken with, where they are known.
+    """Servo with the gains of a recording, where they are listed.
 
     Scale factors and lags stay: they belong to the servo, the listed gains to the recording.
     """
@@ -211,7 +211,7 @@ def with_own_gains(servo: ServoParameters, constants: AxisConstants) -> ServoPar
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisComparison:
-    """One axis in one recording against the twin."""
+    """Axis in a recording against the twin."""
 
     force: ForceComparison
     """Force of the recorded motion."""
@@ -224,10 +224,7 @@ class AxisComparison:
 def axis_comparison(
     recording: Recording, axis: str, drive: IdentifiedDrive, substeps: int
 ) -> AxisComparison:
-    """The recorded force and following error of ``axis`` beside those of the twin.
-
-    The servo samples ``substeps`` times in one sample of the recorder.
-    """
+    """Force and following error of ``axis`` beside the twin's, ``substeps`` of it per sample."""
     recording = in_unit_of_drive(recording, axis, drive)
     entering = entering_disturbance(recording, axis, drive)
     return AxisComparison(
@@ -240,9 +237,7 @@ def axis_comparison(
 def entering_disturbance(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> Disturbance | None:
-    """Where the disturbance of a recording enters; with factor and delay the only numbers that are
-    taken from a recording that is judged, as it does not name them.
-    """
+    """Entry of a recording's disturbance; entry, factor and delay alone come from test data."""
     if drive.servo is not None:
         servo = with_own_gains(drive.servo, recording.axes[axis].constants)
         drive = replace(drive, servo=servo)

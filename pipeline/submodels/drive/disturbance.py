@@ -82,7 +82,7 @@ ALIKE = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Disturbance:
-    """Where and how a recorded disturbance enters."""
+    """Entry, factor and delay of a recorded disturbance."""
 
     entry: Entry
     """A key of ``PLACES``."""
@@ -97,8 +97,7 @@ class Disturbance:
     share: float = 0.0
     """Share of the squared error of its equation that it explains [1]."""
     words: str = ""
-    """What is to be said, without a full stop; "" where the channel is what it was declared to
-    be."""
+    """Remark, without a full stop; "" where the channel is what it was declared to be."""
 
 
 def disturbance_of(recording: Recording, axis: str, drive: IdentifiedDrive) -> Disturbance | None:
@@ -219,13 +218,10 @@ def _words(
 def law_fits(
     recording: Recording, axis: str, drive: IdentifiedDrive
 ) -> dict[Difference, dict[Entry, EntryFit]]:
-    """Fits of each place in the servo's law, by the differences that may be fed forward.
+    """Fits of each entry of the disturbance into the servo, by feed-forward difference.
 
-    Returns
-    -------
-    dict
-        Central differences alone where nothing is fed forward; empty without servo, reference or
-        position.
+    Central differences alone where nothing is fed forward; empty without servo, reference or
+    position.
     """
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:
@@ -355,9 +351,7 @@ class _Law:
 
     @cached_property
     def pushed(self) -> tuple[Floats, int]:
-        """Signals with the disturbance in place of the servo's, and by how many samples its ends
-        are held: a delay only moves them.
-        """
+        """Signals with the disturbance for the servo's; number of samples to hold at their ends."""
         record = self.record
         held = ceil(max(LATEST, -EARLIEST) / record.period) + 2
         push = np.pad(self.load, held, mode="edge")

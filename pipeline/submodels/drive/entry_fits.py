@@ -23,7 +23,7 @@ EXPLAINS = 0.02
 """Least share of an equation's squared error that a disturbance takes away [1]: what a nearly
 correct model leaves over is correlated with whatever moves, by a per cent."""
 APART = log(100.0)
-"""Log-likelihood by which one place is better than another when they are told apart [1]."""
+"""Least difference of log-likelihood between distinguishable places [1]."""
 EARLIEST, LATEST = -0.01, 0.05
 """Range of delays of a disturbance behind its channel [s]."""
 
@@ -72,21 +72,20 @@ def entry_fits(
     weight: float,
     stretch: Ints,
 ) -> dict[Entry, EntryFit]:
-    """Factor and delay of each place from what is left over in one equation.
+    """Factor and delay of the disturbance at each entry, from the residual of one equation.
 
     Parameters
     ----------
     own : ndarray, shape (N,)
         Recorded less modelled.
     nuisance : ndarray, shape (N, M)
-        Of errors of the model.
+        Columns of errors of the model.
     scaled : dict of str to ndarray, shape (N, M)
-        What the same errors do to the disturbance at a place; nothing where it is missing.
+        Effect of the same errors on the disturbance at an entry; missing where there is none.
     columns : callable
-        Of a delay in samples: the disturbance at each place; shape (N,) each.  Linear in the
-        channel.
+        Disturbance at each entry, (N,), by the delay in samples; linear in the channel.
     period, step : float
-        Of the recorder, and between the delays that are tried first [s].
+        Sampling period, and step of the coarse search over delays [s].
     weight : float
         Half of the independent rows in one row [1].
     stretch : ndarray of int, shape (N,)
@@ -114,7 +113,7 @@ def entry_fits(
 
 
 def _without(nuisance: Floats) -> Callable[[Floats], Floats]:
-    """What is left of rows when the columns of errors are taken out."""
+    """Projection of rows that removes the columns of errors."""
     base = np.linalg.qr(nuisance)[0]
 
     def left(rows: Floats) -> Floats:
@@ -133,9 +132,7 @@ def _error(y: Floats, x: Floats) -> float:
 def _at_any_delay(
     columns: Callable[[float], dict[Entry, Floats]],
 ) -> Callable[[float], dict[Entry, Floats]]:
-    """The columns, computed once at each whole sample: a shift is linear between samples, and so is
-    all that follows it.
-    """
+    """Columns at any delay, linear between whole samples, each of which is computed once."""
     whole = cache(columns)
 
     def late(samples: float) -> dict[Entry, Floats]:

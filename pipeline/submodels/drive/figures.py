@@ -143,10 +143,10 @@ def _mass(
                     ("s-batch", "value of all training records", "box")]  # fmt: skip
 
 
-def mass_strip(found: RecursiveMass, batch: Parameter | None) -> tuple[Strip, Axis] | None:
+def mass_strip(mass: RecursiveMass, batch: Parameter | None) -> tuple[Strip, Axis] | None:
     """The estimate with its band, and the value of all training recordings with its interval."""
     t, value, half = (readings(np.array(column, dtype=float))
-                      for column in (found.time_s, found.value, found.half_width))  # fmt: skip
+                      for column in (mass.time_s, mass.value, mass.half_width))  # fmt: skip
     good = np.isfinite(t) & np.isfinite(value)
     if good.sum() < 2:
         return None
@@ -162,19 +162,19 @@ def mass_strip(found: RecursiveMass, batch: Parameter | None) -> tuple[Strip, Ax
     both = np.array(span)
     areas = [] if ends is None else [("s-batch", both, np.full(2, ends[0]), np.full(2, ends[1]))]
     strip = Strip(
-        head=f"Mass, {found.unit}", height=220, unit=found.unit, scale=(scale.low, scale.high),
+        head=f"Mass, {mass.unit}", height=220, unit=mass.unit, scale=(scale.low, scale.high),
         areas=[*areas, ("s-band", t, value - half, value + half)],
         curves=[("modelled", t, value)], levels=levels,
     )  # fmt: skip
     return strip, axis("Time, s", span)
 
 
-def loops_figure(found: SpeedLoops, made: list[Source]) -> Figures:
+def loops_figure(loops: SpeedLoops, made: list[Source]) -> Figures:
     """Speed over time of both kinds of speed loop, tuned alike."""
-    shown = {one.kind: one for one in found.loops if one.gains == TUNED}
+    shown = {one.kind: one for one in loops.loops if one.gains == TUNED}
     curves = [(kind, np.array(shown[name].time_ms), np.array(shown[name].speed_percent))
               for name, kind in LOOPS if name in shown]  # fmt: skip
-    words = f"Speed of axis {found.axis} after a step of 1000 rev/min, both kinds {TUNED}."
+    words = f"Speed of axis {loops.axis} after a step of 1000 rev/min, both kinds {TUNED}."
     below = axis("Time, ms", (0.0, max((float(t[-1]) for _, t, _ in curves), default=1.0)))
     strip = Strip(head="Speed, % of the step", height=220, curves=curves, zero=True)
     figure = Figure(svg=strips_figure([strip], below, words), caption=words, sources=made)

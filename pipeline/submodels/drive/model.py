@@ -63,8 +63,7 @@ class DriveIdentification:
     shafts: Mapping[str, ShaftFit] = field(default_factory=dict)
     """Shafts of the axes whose both ends were recorded."""
     loop_gains: Mapping[str, loop_gain.LoopGain] = field(default_factory=dict)
-    """Gains of the axes whose commanded and actual position was recorded, with or without a
-    torque."""
+    """Gains of axes with recorded commanded and actual position, with or without a torque."""
 
 
 def identify_drives(
@@ -134,10 +133,10 @@ def identified_axis(
 
 
 def axis_again(
-    letter: str, recordings: Sequence[Recording], found: Mapping[str, IdentifiedAxis],
+    letter: str, recordings: Sequence[Recording], axes: Mapping[str, IdentifiedAxis],
     prior: DrivePrior, settings: DriveFitSettings,
 ) -> DriveAxis | None:  # fmt: skip
-    """The axis as some recordings tell it; None where they determine less of it than ``found``.
+    """The axis as some recordings tell it; None where they determine less of it than ``axes``.
 
     Without what no force and following error depends on: presliding, the constant level of the
     force, methods that are only compared.
@@ -146,13 +145,12 @@ def axis_again(
         own = identified_axis(letter, recordings, prior, replace(settings, compare=False))
     except ValueError:
         return None
-    if not _determined_of(found[letter]) <= _determined_of(own):
+    if not _determined_of(axes[letter]) <= _determined_of(own):
         return None
     return _axis(own)
 
 
 def _determined_of(axis: IdentifiedAxis) -> set[str]:
-    """Parameters of mechanics and loops that are determined."""
     return {name for name, one in _fitted(axis).items() if one.determined}
 
 
@@ -186,7 +184,6 @@ def _reason(recordings: Sequence[Recording], axis: str, otherwise: str) -> str:
 def _motor(
     recordings: Sequence[Recording], records: MotorRecords | None, widest: float
 ) -> tuple[MotorFit | None, str]:
-    """Motor from its longest recording, or why there is none."""
     if records is None:
         return None, ""
     shown = [one for one in recordings if one.motor]
@@ -205,13 +202,11 @@ def _motor(
     return motor, ""
 
 
-def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recording]) -> DriveAxis:
-    """One axis as it is stored.
-
-    The constant level of the force is the mean of the ``recordings`` from which the axis was
-    identified.
-    """
-    axis = _axis(found)
+def stored_axis(
+    letter: str, estimate: IdentifiedAxis, recordings: Sequence[Recording]
+) -> DriveAxis:
+    """Axis as it is stored, with the mean force level of its training ``recordings``."""
+    axis = _axis(estimate)
     drive = identified_drive(axis)
     shown = [one for one in recordings if one.trained and letter in one.axes]
     return replace(axis, constant_level=constant_level([compared_force(one, letter, drive)
@@ -219,7 +214,7 @@ def stored_axis(letter: str, found: IdentifiedAxis, recordings: Sequence[Recordi
 
 
 def _axis(axis: IdentifiedAxis) -> DriveAxis:
-    """One axis as it is stored, without the constant level of its force."""
+    """Axis as it is stored, without the constant level of its force."""
     fit, servo, mass, spring = axis.drive, axis.servo, axis.mass, axis.presliding
     return DriveAxis(
         command_unit=fit.command_unit,
@@ -259,21 +254,20 @@ def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
     )  # fmt: skip
 
 
-def axis_parameters(letter: str, found: DriveIdentification) -> dict[str, Parameter]:
+def axis_parameters(letter: str, identification: DriveIdentification) -> dict[str, Parameter]:
     """Parameters of an axis: of its mechanics, of its servo, of its position loop alone."""
-    axis = found.axes.get(letter)
+    axis = identification.axes.get(letter)
     known = {} if axis is None else _fitted(axis)
-    if letter in found.loop_gains:
-        known[loop_gain.NAME] = found.loop_gains[letter].parameter
+    if letter in identification.loop_gains:
+        known[loop_gain.NAME] = identification.loop_gains[letter].parameter
     if axis is not None and axis.presliding is not None:
         known |= axis.presliding.parameters(axis.drive.force_unit)
-    if letter in found.shafts:
-        known |= found.shafts[letter].parameters
+    if letter in identification.shafts:
+        known |= identification.shafts[letter].parameters
     return known
 
 
 def _fitted(axis: IdentifiedAxis) -> dict[str, Parameter]:
-    """Parameters of mechanics and loops."""
     fits: tuple[AxisFit, ...] = (axis.drive, axis.servo)
     return {name: _parameter(fit, i) for fit in fits for i, name in enumerate(fit.names)}
 
@@ -294,7 +288,9 @@ def motor_parameters(fit: MotorFit, pole_pairs: int) -> dict[str, Parameter]:
     return known | {"torque_constant": torque}
 
 
-def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tuple[LeftOut, ...]:
+def left_out(
+    identification: DriveIdentification, recordings: Sequence[Recording]
+) -> tuple[LeftOut, ...]:
     """Recordings without an axis or of another servo, and axes that no recording shows."""
     rows = [
         LeftOut(case=one.name, reason="; ".join(sorted(set(one.lacking.values()))))
@@ -303,18 +299,18 @@ def left_out(found: DriveIdentification, recordings: Sequence[Recording]) -> tup
     ]
     rows += [
         LeftOut(case="all of them", reason=f"axis {axis}: {why}")
-        for axis, why in found.open_axes.items()
+        for axis, why in identification.open_axes.items()
     ]
     rows += [
         LeftOut(
             case=name,
             reason=f"servo of axis {letter}: taken with other gains than the first recording",
         )
-        for letter, axis in found.axes.items()
+        for letter, axis in identification.axes.items()
         for name in axis.servo.left_out
     ]
-    if found.motor_reason:
-        rows.append(LeftOut(case="the motor's", reason=found.motor_reason))
+    if identification.motor_reason:
+        rows.append(LeftOut(case="the motor's", reason=identification.motor_reason))
     return tuple(rows)
 
 
@@ -361,7 +357,7 @@ def _determined(found: Estimate | None) -> float | None:
 
 
 def _known(value: float) -> float | None:
-    """To five significant digits; None when it is not finite."""
+    """Value to five significant digits; None when it is not finite."""
     return significant(value) if np.isfinite(value) else None
 
 

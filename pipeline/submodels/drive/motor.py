@@ -39,20 +39,17 @@ ORDERS = 4
 class Windows:
     """Windows of a record; those with a sample that is not finite are left out.
 
+    ValueError when no window is whole.
+
     Parameters
     ----------
     signals : dict of str to array_like, shape (T,)
         The record, sampled at the same times.
     period : float
-        Between samples [s].
+        Sampling period [s].
     held : bool
         Whether the driving signal (the voltage) is held from its sample to the next, as an
         inverter's command is; else it is sampled like the others.
-
-    Raises
-    ------
-    ValueError
-        When no window is whole.
     """
 
     def __init__(self, signals: dict[str, ArrayLike], period: float, *, held: bool) -> None:
@@ -86,10 +83,7 @@ class Windows:
         return self._summed(self.signals[name][:, :WINDOW], mean)
 
     def halves(self, signal: Floats) -> Floats:
-        """Integrals of g times a signal, shape (B, W + 1), from every other sample.
-
-        Shape (2, B, orders): from the even samples, and from the odd.
-        """
+        """Integrals of g times a signal (B, W + 1), even and odd samples apart; (2, B, orders)."""
         return self._split(signal, self._function(np.arange(WINDOW + 1)))
 
     def rates(self, signal: Floats) -> Floats:
@@ -130,18 +124,15 @@ class SplitFit:
     values: Floats
     """0 where the regressor is not excited; shape (D,)."""
     half_width: Floats
-    """Half width of the 95 % interval; infinite for what is not excited, or interchangeable;
-    shape (D,)."""
+    """Half width of the 95 % interval; infinite if not excited, or interchangeable; (D,)."""
     excited: Bools
     """Whether the halves agree on the regressor; shape (D,)."""
     interchangeable: Bools
-    """Whether it takes part in a combination of excited regressors that they do not agree on;
-    shape (D,)."""
+    """Whether it is part of an excited combination that they do not agree on; shape (D,)."""
     condition: float
     """Condition of the excited regressors, each scaled to length one."""
     correlation: Floats
-    """Correlation of the parameters; 0 beside the diagonal for those that are not excited;
-    shape (D, D)."""
+    """Correlation of the parameters; 0 beside the diagonal if not excited; shape (D, D)."""
     rms: float
     """Rms of the residuals, in the unit of what is fitted."""
 
@@ -149,14 +140,8 @@ class SplitFit:
 def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
     """Fit y = regressors @ values by two-stage least squares, each half the other's instrument.
 
-    Parameters
-    ----------
-    regressors : ndarray, shape (2, N, D)
-        From either half of the samples.
-    y : ndarray, shape (N,)
-        Signal to be explained.
-    blocks : ndarray of int, shape (N,)
-        Blocks within which residuals are correlated.
+    ``regressors`` (2, N, D) from either half of the samples; residuals of ``y`` (N,) are correlated
+    within ``blocks`` (N,).
     """
     # by chance the halves of pure noise agree by about 1 / sqrt(blocks)
     least = min(max(AGREEMENT, 4.0 / np.sqrt(len(np.unique(blocks)))), 0.99)
@@ -261,6 +246,7 @@ def identify_motor(
     """Resistance, both inductances, the magnets' flux linkage, and the inverter's dead voltage.
 
     The last is left out where the record does not clearly show it: measured voltages have none.
+    ValueError when the series are too short for a window.
 
     Parameters
     ----------
@@ -271,17 +257,11 @@ def identify_motor(
     w_e : array_like, shape (T,)
         Electrical speed [rad/s], pole pairs times the shaft's.
     period : float
-        Between samples [s].
+        Sampling period [s].
     widest : float
-        Half width of the 95 % interval beyond which a parameter is not determined, as a share of
-        its value [1].
+        Greatest relative half width of the 95 % interval of a determined parameter [1].
     held : bool
         Whether the voltages are held from their sample to the next, as an inverter's commands are.
-
-    Raises
-    ------
-    ValueError
-        When the series are too short for a window.
     """
     signals = {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}
     cut = Windows(signals, period, held=held)

@@ -1,4 +1,4 @@
-"""Page of the feed drives: what each axis moves, its friction, its loops; the twin's motion."""
+"""Page of the feed drives: moving mass, friction and loops of each axis; the twin's motion."""
 
 from collections.abc import Iterator, Mapping
 from functools import partial
@@ -72,7 +72,7 @@ METHODS = {"least_squares": "least squares", "genetic": "genetic search"}
 
 
 def content(shown: Shown[DriveModel]) -> PageContent:
-    """What the page of the feed drives alone knows."""
+    """Page content of the feed drives."""
     model = shown.model
     figures: list[Block | None] = []
     if model is not None:
@@ -130,7 +130,7 @@ def content(shown: Shown[DriveModel]) -> PageContent:
 
 
 def meaning(axis: str, name: str) -> str:
-    """What a parameter means, with the direction behind its name.
+    """Meaning of a parameter, with the direction behind its name.
 
     >>> meaning("X", "coulomb_negative"), meaning("motor", "L_d"), meaning("X", "other")
     ('friction that speed does not change, towards −X', 'inductance along the magnets’ flux', '–')
@@ -148,7 +148,7 @@ def meaning(axis: str, name: str) -> str:
 def _groups(
     shown: Shown[DriveModel], model: DriveModel
 ) -> Iterator[tuple[str, str, str, Block | None]]:
-    """Group, heading, what is said of it and its figures, of each axis and of the motor."""
+    """Group, heading, text and figures of each axis and of the motor."""
     made = made_from(shown, "model.json")
     for axis in model.parameters:
         if axis == MOTOR and model.motor is not None:
@@ -166,7 +166,7 @@ def _groups(
 
 
 def _axis_words(model: DriveModel, axis: str, one: DriveAxis) -> Iterator[str]:
-    """How well the fit holds, what of the loops is known, both ends of the axis."""
+    """Quality of the fit, determined loops and shaft of an axis."""
     yield _fitted("The residual of the fit is {error} % of the force", one.fit)
     if one.servo_reason:
         yield f"Its loops could not be found: {one.servo_reason.rstrip('.')}."
@@ -253,7 +253,7 @@ def _speed_loops(shown: Shown[DriveModel], found: SpeedLoops | None) -> list[Blo
 
 
 def _causes(shown: Shown[DriveModel]) -> str:
-    """What explains recordings that failed: how a recorded disturbance enters."""
+    """Cause of failed recordings: entry of a recorded disturbance."""
     if shown.verdict is None:
         return ""
     failed = {s.group for s in shown.verdict.scores if s.status == "failed"}

@@ -30,8 +30,7 @@ class AxisPrior:
     constant and lead, forces are in the command's unit."""
     torque_constant: Number = None
     lead: Number = None
-    """Torque constant of the motor [N m/A] and lead of the screw [mm/rev], in place of
-    ``force_constant``."""
+    """Torque constant [N m/A] and screw lead [mm/rev], in place of ``force_constant``."""
     position_gain: Number = None
     velocity_gain: Number = None
     integral_gain: Number = None
@@ -97,7 +96,7 @@ class DrivePrior:
     """Prior knowledge of the drives of a machine."""
 
     axes: Mapping[str, AxisPrior] = field(default_factory=dict)
-    """By the axis' letter."""
+    """Priors by axis letter."""
 
     def axis(self, letter: str) -> AxisPrior:
         """Prior knowledge of one axis; nothing when it is not named."""
@@ -133,8 +132,7 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     compare: bool = True
     """Whether the other method runs too, for the report."""
     bandwidth_Hz: Annotated[float | None, Range(above=0.0, unit="Hz")] = None
-    """Bandwidth of the parallel filter on motion and force [Hz]; chosen from the records when
-    None."""
+    """Bandwidth of the parallel filter on motion and force [Hz]; by the records when None."""
     shortest_s: Annotated[float, Range(above=0.0, unit="s")] = 0.2
     """Least duration of a stretch of constant speed [s]."""
     widest: Positive = 0.5
@@ -142,8 +140,7 @@ class DriveFitSettings(Ranged, section="drive_fit"):
     substeps: Annotated[int, Range(above=0.0, most=FINEST)] = 4
     """Steps of the closed-loop simulation in one sample."""
     folds: Annotated[int, Range(least=2)] = 5
-    """Drives that are identified without some of the recordings for the intervals of an axis, at
-    most."""
+    """Greatest number of drives without some recordings, for the intervals of an axis."""
     genetic: GeneticSettings = field(default_factory=GeneticSettings)
     """Settings of the genetic algorithm."""
 

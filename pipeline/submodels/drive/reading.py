@@ -1,4 +1,4 @@
-"""Recordings of feed drives from Parquet: axes on a uniform grid in SI, or why one is not shown.
+"""Recordings of feed drives from Parquet: axes on a uniform grid in SI, or reasons for none.
 
 Rows that lack a value of a channel that is used count as missing.  Each axis that a recording does
 not show has its reason, in one sentence.
@@ -90,10 +90,7 @@ def read_file(
     *,
     trained: bool,
 ) -> list[Recording]:
-    """Recordings in one file: one for each stretch without a gap in time.
-
-    ``shared`` are constants of the other recordings, for those that the file lacks.
-    """
+    """Recordings in one file, split at gaps; ``shared`` constants complete the file's."""
     name = file.name
     blank = Recording(name=name, trained=trained, sha256=file.sha256, notes=file.notes)
     motor, shaft = records.motor, records.shaft
@@ -162,7 +159,6 @@ def _drives(
     prior: DrivePrior,
     constants: Mapping[str, float],
 ) -> list[Recording]:
-    """Recordings of the axes in one table."""
     channels: dict[str, dict[str, Floats]] = {}
     constants_of_axis: dict[str, AxisConstants] = {}
     units: dict[str, str] = {}
@@ -215,12 +211,10 @@ def _drives(
 
 
 def _both(channels: Mapping[str, Floats]) -> bool:
-    """Whether commanded and actual position are there."""
     return {"reference", "position"} <= set(channels)
 
 
 def _motor(samples: Samples, blank: Recording) -> list[Recording]:
-    """Recordings of the motor in one table."""
     if samples.lacking:
         raise Unusable(next(iter(samples.lacking.values())))
     found = samples.channels
@@ -237,7 +231,6 @@ def _motor(samples: Samples, blank: Recording) -> list[Recording]:
 
 
 def _shafts(samples: Samples, blank: Recording, records: ShaftRecords) -> list[Recording]:
-    """Recordings of both ends of the drive trains in one table."""
     found: dict[str, dict[str, Floats]] = {}
     for letter, channels in records.axes.items():
         recorded = {key: _recorded(samples, f"{letter} {key}") for key in SHAFT}
@@ -361,10 +354,7 @@ def _near(piece: UniformSegment, flags: Bools) -> Bools:
 
 
 def check_command(name: str, unit: str) -> None:
-    """Refuse the channel ``name`` of a torque command in a unit of motion.
-
-    A command may be in amperes, volts, percent or counts.
-    """
+    """Refuse a torque command in a unit of motion; allowed: amperes, volts, percent, counts."""
     for motion in ("m", "m/s", "m/s^2", "rad", "rad/s", "s"):
         try:
             conversion(unit, motion)

@@ -20,7 +20,7 @@ class AxisChannels:
     """Channels of one axis, by their names in the recordings."""
 
     command: str | None = None
-    """Torque command: current or voltage; without it the loop gain alone can be found."""
+    """Torque command: current or voltage; without it only the loop gain is identified."""
     reference: str | None = None
     position: str | None = None
     velocity_reference: str | None = None
@@ -104,7 +104,7 @@ class ShaftRecords:
     recordings: str
     """Pattern of their names below the machine's folder."""
     axes: Mapping[str, ShaftChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +114,7 @@ class DriveRecords:
     recordings: str
     """Pattern of their names below the machine's folder."""
     axes: Mapping[str, AxisChannels]
-    """By the axis' letter."""
+    """Channels by axis letter."""
     air: AirRows | None = None
     """Rows to fit; all when absent."""
     motor: MotorRecords | None = None
@@ -143,7 +143,7 @@ class AxisConstants:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AxisRecord:
-    """One axis in one recording, shape (T,) each; None where a channel is not recorded."""
+    """Axis in a recording, shape (T,) each; None where a channel is not recorded."""
 
     command: Floats
     """Torque command, in ``command_unit``."""
@@ -189,7 +189,7 @@ class Tracked:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Recording:
-    """One stretch of a recording on a uniform grid of T samples."""
+    """Stretch of a recording on a uniform grid of T samples."""
 
     name: str
     """Name of the raw file; " (part 2)" is added where a gap in time cuts it into parts."""
@@ -245,10 +245,7 @@ BLOCKS = 4
 
 
 def blocks_of(parts: Sequence[Recording]) -> list[Recording]:
-    """Parts of one recording in about :data:`BLOCKS` blocks of its own time, cut where it is slow.
-
-    Each has the hash of its own samples.
-    """
+    """Parts of a recording in about :data:`BLOCKS` blocks, cut where slow, hashed one by one."""
     total = sum(one.seconds for one in parts)
     cut = [block for one in parts for block in _cut(one, round(BLOCKS * one.seconds / total))]
     return [
@@ -258,7 +255,7 @@ def blocks_of(parts: Sequence[Recording]) -> list[Recording]:
 
 
 def _cut(one: Recording, many: int) -> list[Recording]:
-    """About equal blocks of a recording, from and to where its axes are slowest."""
+    """Blocks of a recording of about equal length, from and to where its axes are slowest."""
     speed = np.zeros(one.samples)
     for axis in one.axes.values():
         moved = axis.velocity if axis.position is None else np.gradient(axis.position)
@@ -272,7 +269,6 @@ def _cut(one: Recording, many: int) -> list[Recording]:
 
 
 def _within(one: Recording, rows: slice) -> Recording:
-    """Some rows of a recording."""
     axes = {}
     for letter, axis in one.axes.items():
         part: dict[str, Any] = {k: v[rows] for k, v in vars(axis).items() if hasattr(v, "dtype")}

@@ -16,7 +16,7 @@ Gaussian filter, whose derivatives are theirs.  Intervals are of a jackknife ove
 ways of motion, within which an error of the equation is the same, with the systematic parts that it
 does not show: what is left over and outlasts the filter, dilution by noise of the current, the
 class of its sensor, and what a quantity differs by with friction of the motor's bearings and
-without.  Where no play shows, no flank is sought and all samples count.
+without.  Without play all samples count.
 """
 
 from collections.abc import Callable, Sequence
@@ -76,7 +76,7 @@ class Rounds:
     whole: tuple[Floats, Floats]
     """Normal equations (7, 7), (7,)."""
     ways: tuple[Floats, Floats]
-    """What leaving out each way of motion takes from them, (B, 7, 7), (B, 7)."""
+    """Part of each phase of motion in the normal equations, (B, 7, 7), (B, 7)."""
     left: float
     """Root mean square of what it leaves over [m]."""
     lasting: float
@@ -146,10 +146,7 @@ def _starts(shown: Sequence[Signals]) -> list[Floats]:
 
 
 def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
-    """Fit from a first guess of the motor's mass, by which the flanks are known.
-
-    ``out`` are columns that are left out.
-    """
+    """Fit from a guess of the motor's mass, which fixes the flanks; without columns ``out``."""
     for _ in range(ROUNDS):
         sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
         if PLAY in out:
@@ -171,9 +168,9 @@ def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> R
 def _blocks(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
-    """Normal equations (7, 7), (7,), and what each of B ways of motion takes from them.
+    """Normal equations (7, 7), (7,), and the part of each of B phases of motion in them.
 
-    Each recording's own errors are taken out, anew of what is left without a way.
+    Each recording's own errors are removed, refitted without a phase.
     """
     found: list[tuple[Floats, Floats]] = []
     gram, product = np.zeros((7, 7)), np.zeros(7)
@@ -193,7 +190,7 @@ def _blocks(
 
 
 def _taken(kept: Floats, own: Floats) -> tuple[Floats, Floats]:
-    """What leaving rows out takes from the normal equations, a recording's own errors refitted.
+    """Part of left-out rows in the normal equations, a recording's own errors refitted.
 
     ``own`` is orthonormal over all rows, and ``kept`` orthogonal to it: K' (1 - Q Q')^-1 K.
     """
@@ -204,7 +201,7 @@ def _taken(kept: Floats, own: Floats) -> tuple[Floats, Floats]:
 
 
 def _ways(speed: Floats) -> list[Ints]:
-    """Samples of each way of motion: both directions, each slow, medium and quick."""
+    """Samples of each phase of motion: both directions, each slow, medium and fast."""
     found: list[Ints] = []
     for rows in (np.flatnonzero(speed > 0), np.flatnonzero(speed < 0)):
         found += np.array_split(rows[np.argsort(np.abs(speed[rows]))], WAYS)
@@ -226,7 +223,7 @@ def _solution(gram: Floats, product: Floats, out: tuple[int, ...]) -> Floats:
 def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
     """Half width of the 95 % interval of a quantity of the factors (..., 7).
 
-    Jackknife over ways of motion, within which the equation's errors are the same.
+    Jackknife over the phases of motion, within which the equation's errors are alike.
     """
     # friction that was left out for its sign is as uncertain as any
     out, (whole, sums), count = (
@@ -241,7 +238,7 @@ def _half(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
 
 
 def _doubt(found: Rounds, derived: Callable[[Floats], Floats]) -> float:
-    """What a quantity differs by with friction of the motor's bearings and without."""
+    """Difference of a quantity with friction of the motor's bearings and without."""
     out = tuple(set(found.out) - {COULOMB})
     ends = derived(np.array([_solution(*found.whole, one) for one in (out, (*out, COULOMB))]))
     return float(abs(ends[1] - ends[0]))
@@ -269,7 +266,7 @@ def _dilution(found: Rounds, column: int) -> float:
 
 
 def _diluted_play(found: Rounds) -> float:
-    """What the play changes by when the compliance is raised by its dilution [m]."""
+    """Change of the play when the compliance is raised by its dilution [m]."""
     gram, product = found.whole
     raised = found.shared[C] * (1 + _dilution(found, C))
     if not np.isfinite(raised):
@@ -279,11 +276,11 @@ def _diluted_play(found: Rounds) -> float:
 
 
 def _misfit(found: Rounds, column: int) -> float:
-    """Half width of a factor's 95 % interval, were what outlasts the filter the equation's error.
+    """Half width of a factor's 95 % interval, were errors that outlast the filter the equation's.
 
-    Such an error goes with the way of motion and does not average over samples: there are as many
-    independent ones as ways of motion.  The damping lives on a few periods of the resonance, which
-    do not outlast the filter: of it, all that is left over may be.
+    Such an error goes with the phase of motion and does not average over samples: there are as many
+    independent ones as phases.  The damping acts over a few periods of the resonance, which do not
+    outlast the filter: of it, the whole residual may be.
     """
     own, count = _own(found, column), sum(int(ok.sum()) for ok in found.sure)
     ways, left = len(found.ways[0]), found.left if column == DAMPING else found.lasting

@@ -24,8 +24,8 @@ from pipeline.twin.drive import IdentifiedDrive
 WIDTH = 1.5
 """Standard deviation of the filter [samples]."""
 REACH = 8.0
-"""Where the filter ends [standard deviations].  Cut at 4, as is usual, its second derivative has a
-sum, which makes of a place of 30 mm at 1 kHz an acceleration of 4 m/s^2."""
+"""End of the filter [standard deviations]. Cut at 4, as is usual, its second derivative has a sum,
+which makes of a position of 30 mm at 1 kHz an acceleration of 4 m/s^2."""
 SLOW = 0.01
 """Share of the highest speed below which an axis may stand [1]."""
 FLAT = 0.15
@@ -60,7 +60,7 @@ class Signals:
     period: float
     """Period of the samples [s]."""
     turn: Floats | None = None
-    """Angle of the motor [rad]; None where the lead is not known; shape (T,)."""
+    """Angle of the motor [rad]; None without the lead; shape (T,)."""
 
 
 def _filtered(values: Floats, order: int = 0) -> Floats:
@@ -69,19 +69,7 @@ def _filtered(values: Floats, order: int = 0) -> Floats:
 
 
 def signals_of(one: Recording, axis: str, force_constant: float, lead: float | None) -> Signals:
-    """Filtered signals of both ends of ``axis`` in a recording.
-
-    Parameters
-    ----------
-    one : Recording
-        That shows both ends.
-    axis : str
-        Its letter.
-    force_constant : float
-        k [N/A].
-    lead : float or None
-        Of the screw [m].
-    """
+    """Filtered signals of both ends of ``axis``; force constant k [N/A], screw ``lead`` [m]."""
     raw, period = one.shafts[axis], one.period
 
     def filtered(values: Floats, order: int = 0) -> Floats:
@@ -186,10 +174,7 @@ def lasting(shown: Sequence[Signals], left: Sequence[Floats], sure: Sequence[Boo
 def with_waves(
     shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> list[Signals]:
-    """Recordings with waves over the turn, at the orders that stand out of what is left over.
-
-    The strongest order first, until Fisher's test finds none.
-    """
+    """Recordings with significant waves over the turn, strongest first, by Fisher's test."""
     found: list[Signals] = list(shown)
     if any(one.turn is None for one in shown):
         return found

@@ -1,6 +1,6 @@
 """PI against fuzzy PI on an axis as identified: motor, two masses on their shaft, friction.
 
-Three sets of gains: those that the axis was found with, those of Feed2025, and both kinds tuned by
+Three sets of gains: those of the identified axis, those of Feed2025, and both kinds tuned by
 the same search with the same number of evaluations for the same cost.  Current loops and inverter
 are not identified: the loops run at 10 kHz with a bandwidth of 500 Hz, dead time is left out, and
 so is a play between screw and carriage.  The step's ripple is that of the switched inverter.
@@ -73,13 +73,7 @@ def as_identified(
     axis: DriveAxis, letter: str, parameters: Mapping[str, Mapping[str, Parameter]],
     shaft: Shaft | None, records: MotorRecords,
 ) -> ThreeLoopParameters:  # fmt: skip
-    """The axis down to its currents, with the gains that it was found with.
-
-    Raises
-    ------
-    ValueError
-        When something that it needs is not determined, or not listed.
-    """
+    """Axis to its currents, with its gains; ValueError for an undetermined parameter."""
     own, motor = parameters[letter], parameters.get(MOTOR, {})
     servo = axis.servo
     if shaft is None or shaft.lead is None:
@@ -173,11 +167,11 @@ def _ms(seconds: float) -> float | None:
     return _short(1e3 * seconds) if isfinite(seconds) else None
 
 
-def verdict_words(found: SpeedLoops) -> str:
+def verdict_words(loops: SpeedLoops) -> str:
     """Whether a fuzzy speed loop is worth anything on this axis, in one sentence."""
-    if found.reason:
-        return f"PI and fuzzy PI were not held against each other: {found.reason}."
-    both = {one.kind: one for one in found.loops if one.gains == "tuned alike"}
+    if loops.reason:
+        return f"PI and fuzzy PI were not held against each other: {loops.reason}."
+    both = {one.kind: one for one in loops.loops if one.gains == "tuned alike"}
     plain, fuzzy = both["PI"], both["fuzzy PI"]
     if plain.settling_ms is None or fuzzy.settling_ms is None or plain.following_um is None:
         return "Tuned alike, not both loops settle to 0.1 %: neither is called better."

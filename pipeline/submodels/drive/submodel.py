@@ -74,9 +74,9 @@ class DriveLimits(Ranged, section="drive_limits"):
     """Limits on every recording that the drives were not identified from."""
 
     force_percent: Positive = 15.0
-    """On the error of the force over the measured force [%]."""
+    """Greatest error of the force over the measured force [%]."""
     following_percent: Positive = 10.0
-    """On the error of the following error, RMS over its RMS and maximum over its maximum [%]."""
+    """Greatest error of the following error, RMS over its RMS and maximum over its maximum [%]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -184,9 +184,7 @@ class Drive(SubModel[Fitting, Judging, DriveModel]):
         axes = with_intervals(
             dict(zip(found.axes, stored, strict=True)),
             recordings,
-            partial(
-                axis_again, found=found.axes, prior=settings.drive, settings=settings.drive_fit
-            ),
+            partial(axis_again, axes=found.axes, prior=settings.drive, settings=settings.drive_fit),
             settings.drive_fit,
         )
         parameters = {
@@ -313,7 +311,7 @@ def _own_time(cases: list[Case]) -> list[Case]:
 def _by_rest(
     blocks: list[Recording], found: DriveIdentification, settings: Fitting
 ) -> dict[str, dict[str, DriveAxis]]:
-    """By the name of each block the axes that the other blocks determine as well as all do."""
+    """Axes that the other blocks determine as well as all do, by the name of each block."""
     tasks = [(block.name, letter) for block in blocks for letter in block.axes]
     tasks = [one for one in tasks if one[1] in found.axes]
 
@@ -357,7 +355,6 @@ def _speed(axis: AxisRecord, period: float) -> Any:
 def _predicted(
     recording: Recording, model: DriveModel, drives: dict[str, IdentifiedDrive]
 ) -> Prediction:
-    """Force and following error of every axis that a recording shows."""
     frames: list[pd.DataFrame] = []
     facts: dict[str, Fact] = {"length": Fact(value=round(recording.seconds, 3), unit="s")}
     frames += twist_frames(recording, model, drives)

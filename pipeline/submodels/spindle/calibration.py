@@ -1,4 +1,4 @@
-"""Training days left out: whether a forest helps, and how wide the prediction intervals are.
+"""Cross-validation over training days: use of the forest, and prediction intervals.
 
 Each group of days is predicted by a network and a forest that were fitted on the other days only,
 in the same windows and free runs in which the model is judged.
@@ -27,14 +27,14 @@ from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
 
 @dataclass(frozen=True, kw_only=True)
 class Recipe:
-    """How the model that is to be calibrated was made of its days."""
+    """Making of the model to be calibrated from its days."""
 
     records: SpindleRecords
     """Signals that it looks at."""
     network: SpindleFitSettings
-    """Of the network's fit."""
+    """Settings of the network's fit."""
     forest: ForestSettings
-    """Of the forest."""
+    """Settings of the forest."""
     whole: SpindleThermalParameters
     """The network of all days, from which those of fewer days start."""
 
@@ -123,7 +123,7 @@ def calibrated(
 ) -> SpindleIntervals | None:
     """Prediction intervals by state and horizon; None with fewer than two training days.
 
-    ``window_s`` [s] is the length of a window, after which a measured temperature is known.
+    ``window_s`` [s] is the length of a window, after which a measured temperature is available.
     """
     if len(days) < 2:
         return None
@@ -143,7 +143,7 @@ def calibrated(
 
 
 def _without_bands(settings: IntervalSettings) -> SpindleIntervals:
-    """How the regimes of the intervals are parted, before they are calibrated."""
+    """Regimes of the intervals, before they are calibrated."""
     return SpindleIntervals(
         trend_s=settings.trend_s, steady_K_h=settings.steady_K_h,
         windows_horizons_s=settings.windows_horizons_s,

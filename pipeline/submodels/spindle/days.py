@@ -1,4 +1,4 @@
-"""A day of a spindle, predicted in windows and as a free run.
+"""Day of a spindle, predicted in windows and as a free run.
 
 In windows the temperature is measured at the start of each, then only speed, load and states are
 known; as a free run it is measured once, at the day's beginning.  The first hour after a start and
@@ -53,9 +53,9 @@ class SpindleLimits(Ranged, section="spindle_limits"):
     coverage_most: Share = 1.0
     """Limits on the share of samples inside the 90 % interval, over all days together [1]."""
     working_day_s: Positive = 3600.0
-    """A day is a working day when this much of it is known [s]."""
+    """Least recorded time of a working day [s]."""
     bridge_s: NotNegative = 600.0
-    """In windows, unknown inputs are held this long [s]."""
+    """Longest gap over which the inputs of a window are held [s]."""
     rest_s: Positive = 3600.0
     """A spindle that turns after this long at rest, or for the first time of a day, starts [s]."""
     pause_s: Positive = 600.0
@@ -64,7 +64,7 @@ class SpindleLimits(Ranged, section="spindle_limits"):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Run:
-    """Predictions of one day in one regime, (T,) each, in steps; NaN where nothing is known."""
+    """Predictions of one day in one regime, (T,) each, in steps; NaN without data."""
 
     index: pd.DatetimeIndex
     """Time of each step, in the plant's zone."""
@@ -76,7 +76,7 @@ class Run:
     regime: Labels
     """Regime of the prediction interval."""
     again: Floats
-    """Of the whole model with other seeds of its training; shape (K, T)."""
+    """Predictions of the whole model with other training seeds; shape (K, T)."""
 
     @property
     def seconds(self) -> Floats:
@@ -111,7 +111,7 @@ def runs_of(
     bridge_s: float,
     intervals: SpindleIntervals,
 ) -> DayRuns | None:
-    """A day in windows and as a free run; None where speed, load and temperature are never known.
+    """A day in windows and as a free run; None without speed, load or temperature.
 
     ``window_s`` and ``bridge_s`` [s] are the length of a window, and how long unknown inputs are
     held in windows; ``intervals`` says how regimes of the prediction interval are parted.

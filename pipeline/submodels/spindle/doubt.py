@@ -1,4 +1,4 @@
-"""What a spindle's fit leaves in doubt: other networks as good, and what the residuals still say.
+"""Doubts of a spindle's fit: equally good networks, and residuals correlated with a source.
 
 An interval is conditional on the network that was chosen.  Where others are as good on hours left
 out, it is widened to hold theirs.  And where what the fit leaves over still answers to a source, it
@@ -34,10 +34,7 @@ def with_doubt(
     records: spindle.SpindleRecords,
     settings: SpindleFitSettings,
 ) -> SpindleFit:
-    """A fit with the intervals of its sources over all that the records bear.
-
-    ``others`` are the networks that hours left out cannot tell from it.
-    """
+    """Fit with the intervals of its sources widened by the residuals and by ``others``."""
     said = residuals_say(fit, pieces, records, settings)
     intervals, left_out = dict(fit.intervals), dict(fit.left_out)
     for name, own in fit.intervals.items():

@@ -60,7 +60,7 @@ class SpindleFitSettings(Ranged, section="spindle_fit"):
     time_constants_s: tuple[Positive, ...] = (300.0, 1500.0, 7200.0)
     """Time constants from which the fit starts; the best end is kept."""
     compute: Compute = "processes"
-    """Where networks and the models of days left out are fitted."""
+    """Place of computation of networks and of the models of held-out days."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -119,9 +119,9 @@ def structure_of(parameters: SpindleThermalParameters) -> Structure:
 
 
 class Problem:
-    """One least-squares problem: which sources, which network, over which stretches.
+    """Least-squares problem of given sources and network over given stretches.
 
-    ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are known.
+    ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are given.
     The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each
     source's heating at its root mean square over the records, so that all are of similar size.
     """
@@ -188,7 +188,7 @@ class Problem:
         return low, high
 
     def start(self, time_constant: float) -> Floats:
-        """Where to start from when the time constant [s] is about this."""
+        """Start of the fit at about this time constant [s]."""
         first = float(np.median([np.nanmin(t) for t in self.measured]))
         guess = {
             "cooling_rate": -np.log(time_constant),
@@ -203,7 +203,7 @@ class Problem:
         return self._inside(x)
 
     def position(self, parameters: SpindleThermalParameters) -> Floats:
-        """Where ``parameters`` lie, or the nearest place inside the bounds."""
+        """Point of ``parameters`` on the scale of the search, moved inside the bounds."""
         x = []
         for name in self.names:
             if name in self.scale:
@@ -226,7 +226,7 @@ class Problem:
         return SpindleThermalParameters(heating=heating, **known)
 
     def by_stretch(self, x: Floats) -> list[Floats]:
-        """Modelled minus measured temperature [K] of each stretch, NaN where it is not known."""
+        """Modelled minus measured temperature [K] of each stretch, NaN where it is missing."""
         parameters = self.parameters(x)
         return [
             temperatures(h, t[0], parameters, p.step, ambient=a, coolant=c)[0] - t
@@ -236,13 +236,13 @@ class Problem:
         ]  # fmt: skip
 
     def residuals(self, x: Floats) -> Floats:
-        """Modelled minus measured temperature [K] where it is known, shape (N,)."""
+        """Modelled minus measured temperature [K] where there is one, shape (N,)."""
         return np.concatenate([r[m] for r, m in zip(self.by_stretch(x), self.masks, strict=True)])
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleFit:
-    """The network found, and its uncertainty.
+    """Fitted network, and its uncertainty.
 
     ``names``, ``values`` and ``half_width`` are in the order of the fit, in the units of
     the fit: the logarithm of rates and of the capacity ratio, a source's heating [K/s] at its root
@@ -266,7 +266,7 @@ class SpindleFit:
 
 
 def excited(pieces: Sequence[StateSegment], sources: Sequence[str]) -> list[str]:
-    """Those of ``sources`` that are ever above 0 in ``pieces``."""
+    """Sources that are ever above 0 in ``pieces``."""
     return [name for name in sources if any((p.frame[name] > 0).any() for p in pieces)]
 
 
@@ -309,13 +309,7 @@ def fit_network(
     settings: SpindleFitSettings,
     structure: Structure,
 ) -> SpindleFit:
-    """The network of a structure, with the sources that ``pieces`` determine.
-
-    Raises
-    ------
-    ValueError
-        When there is no stretch to fit.
-    """
+    """Network with the sources that ``pieces`` determine; ValueError without a stretch."""
     if not pieces:
         raise ValueError(
             f"no stretch of at least {settings.shortest_s:g} s with speed, load and temperature on "
@@ -403,7 +397,7 @@ def is_determined(fit: SpindleFit, name: str) -> bool:
     """Whether the records determine a parameter: its interval is bounded and it is off its bounds.
 
     A rate or ratio is determined when its 95 % interval spans less than a factor of nine, the
-    surround when it is known within 5 K.  Heat sources that are not determined were left out.
+    surround when its interval is within 5 K.  Heat sources that are not determined were left out.
     """
     if name in SOURCES:
         return True

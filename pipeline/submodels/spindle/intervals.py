@@ -1,7 +1,7 @@
-"""90 % prediction intervals of a spindle's temperature: calibrated on training days left out.
+"""90 % prediction intervals of a spindle's temperature, calibrated on held-out training days.
 
-The regimes are what is known when a prediction is made: whether the network's free run warms, cools
-or is steady, and how long ago the temperature was measured.
+The regimes follow from the information at the time of the prediction: whether the network's free
+run warms, cools or is steady, and how long ago the temperature was measured.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from pipeline.twin.spindle import TARGET, SpindleIntervals
 
 @dataclass(frozen=True, kw_only=True)
 class IntervalSettings(Ranged, section="spindle_interval"):
-    """How prediction intervals are calibrated."""
+    """Calibration of prediction intervals."""
 
     folds: Annotated[int, Range(least=2)] = 5
     """Groups of training days that are left out in turn, at most one group a day."""
@@ -48,7 +48,7 @@ def state_words(physics: Floats, step: float, how: SpindleIntervals) -> Labels:
 
 
 def horizon_words(since: Floats, edges: tuple[float, ...]) -> Labels:
-    """How long ago the temperature was measured, (T,); empty where that is not known.
+    """Age of the temperature reading in words, (T,); empty where it is missing.
 
     Examples
     --------

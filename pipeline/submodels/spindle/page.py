@@ -34,7 +34,7 @@ MEANINGS = {
     "ambient": "temperature of the surround",
     "ambient_offset": "surround of the spindle above the measured ambient",
 }
-"""Meaning of the thermal network's parameters, for people."""
+"""Meaning of the thermal network's parameters, in words."""
 BIN_S = 300.0
 """Step over which speed and position hold are drawn as means [s]."""
 
@@ -42,7 +42,7 @@ Seen = Shown[SpindleModelFile]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of the spindle's temperature alone knows."""
+    """Page content of the spindle's temperature."""
     model, verdict = shown.model, shown.verdict
     idle = [] if verdict is None else [c.case for c in verdict.cases
                                        if c.role == "golden" and c.note]  # fmt: skip
@@ -83,7 +83,7 @@ def content(shown: Seen) -> PageContent:
 
 
 def _facts(model: SpindleModelFile) -> Iterator[str]:
-    """What the network is made of, its time constants, whether the forest helps."""
+    """Facts of the network, its time constants, benefit of the forest."""
     nodes = model.fit.nodes
     body = _body_words(model.network)
     yield (

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, kw_only=True)
 class ForestSettings(Ranged, section="residual_forest"):
-    """How the forest is trained (Twin2026: 300 trees, depth 14, leaf 5)."""
+    """Training of the forest (Twin2026: 300 trees, depth 14, leaf 5)."""
 
     trees: Count = 300
     depth: Count = 14
@@ -32,7 +32,7 @@ class ForestSettings(Ranged, section="residual_forest"):
     sample_s: Positive = 60.0
     """Time between the samples taken of a window [s]."""
     seed: Annotated[int, Range(least=0)] = 0
-    """Of the forest."""
+    """Seed of the forest."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,10 +1,10 @@
-"""Which network a spindle's records ask for: chosen on days left out, and on hours where days fail.
+"""Choice of a spindle's network by cross-validation over days, and over hours of rare sources.
 
 Days left out decide on what several days show.  A source that one or two days alone excite cannot
 be credited so: the other days know nothing of it.  Its hours are then held out in turn, each with
 its neighbours of the same day in training, and all sources' hours are spread over the parts
 (iterative stratification, Sechidis, Tsoumakas and Vlahavas 2011).  Only the temperature is held
-out; speed and load stay known, and the fit runs through.
+out; speed and load stay given, and the fit runs through.
 """
 
 from collections.abc import Sequence
@@ -166,10 +166,7 @@ def days_left_out(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeftOut:
-    """Errors of one network on what was left out: ``days`` (D,) and ``hours`` (H,) [K^2].
-
-    ``hours`` is empty where every source is excited on days enough.
-    """
+    """Errors of a network on held-out ``days`` (D,) and, where needed, ``hours`` (H,) [K^2]."""
 
     days: Floats
     hours: Floats
@@ -186,7 +183,7 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """What the choice of a network rests on: ``pieces`` and settings, ``hours``, ``rare`` (S,).
+    """Basis of the choice of a network: ``pieces`` and settings, ``hours``, ``rare`` (S,).
 
     ``noise`` is the variance of the sensor's rounding [K^2]: errors below it are all alike.
     """
@@ -237,8 +234,8 @@ class Choice:
     def _gains_in_hours(self, simple: LeftOut, rich: LeftOut) -> bool:
         """Whether ``rich`` is better in the hours of a rare source, and over all of them too.
 
-        The logarithms of the squared errors are compared: few hours with large errors differ far
-        from normally.  Two are enough where both gain alike: no more may ever have been recorded.
+        The logarithms of squared errors are compared, as a few hours with large errors are far from
+        normal. Two hours are enough where both gain alike: there may be no more.
         """
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
@@ -271,7 +268,7 @@ def choice_of(
 def identify_spindle_network(
     pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
 ) -> tuple[SpindleFit, dict[str, float]]:
-    """The network, and the sink to the coolant, that what was left out asks for.
+    """Network, and sink to the coolant, selected on held-out data.
 
     One node is kept unless another gains on it (:meth:`Choice.gains`): two nodes, with the heat of
     the bearings in the one or the other.  Where the records do not determine all parameters of two
@@ -313,7 +310,6 @@ def identify_spindle_network(
 
 
 def _structures(settings: SpindleFitSettings) -> list[Structure]:
-    """Networks to try: one node, and two with the bearings' heat in the one or the other."""
     two = [Structure(nodes=2, friction_in_body=in_body) for in_body in (False, True)]
     return [*([ONE] if 1 in settings.nodes else []), *(two if 2 in settings.nodes else [])]
 
@@ -343,7 +339,7 @@ def _rivals(
 def _chosen(
     rivals: Sequence[Structure], errors: dict[Structure, LeftOut], choice: Choice
 ) -> Structure:
-    """The network that what was left out asks for; one node where none gains on it."""
+    """Network selected on held-out data; one node where none gains on it."""
     better = [
         one for one in rivals
         if ONE not in rivals or (one != ONE and choice.gains(errors[ONE], errors[one]))

@@ -67,11 +67,11 @@ REMEDY = {
     "windage": "record the spindle near its highest speed, 20 minutes",
     "position_hold": "record the spindle held in position (C axis) for 20 minutes",
 }
-"""What to record so that a heat source becomes determined."""
+"""Record that determines a heat source."""
 AGAIN_DRAWN = 8
 """Forests of trees drawn with replacement that a day is predicted by again [1]."""
 HELD_S = 1200.0
-"""Time that the remedy of a spindle held in position asks for [s]."""
+"""Time of the remedy of a spindle held in position [s]."""
 RATE_REMEDY = "record warm-up and cooling of the spindle over several hours"
 
 
@@ -321,7 +321,6 @@ def _conditions(state: pd.DataFrame, records: SpindleRecords) -> dict[str, Fact]
 
 
 def _parameters(fit: SpindleFit) -> dict[str, Parameter]:
-    """Each fitted parameter with its unit and 95 % interval."""
     units = {"capacity_ratio": "1", "ambient": "CELSIUS", "ambient_offset": "K"}
     found = {}
     for i, name in enumerate(fit.names):

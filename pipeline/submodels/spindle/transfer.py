@@ -47,23 +47,19 @@ METHODS = ("pooled", "own", "golden")
 
 @dataclass(frozen=True, kw_only=True)
 class TransferSettings(Ranged, section="spindle_transfer"):
-    """How parameters are pooled, and over which records that is shown."""
+    """Pooling of parameters, and the record lengths of its trial."""
 
     minutes: tuple[Positive, ...] = (15.0, 30.0, 60.0, 120.0, 240.0, 480.0)
     """Lengths of the sibling's record, from its first start [min]."""
     between_machines: Positive = 0.3
-    """Standard deviation of the logarithm of a rate or coefficient between machines of a type
-    [1]."""
+    """Standard deviation of log rates and coefficients between machines of a type [1]."""
     between_machines_K: Positive = 2.0
     """Standard deviation of the surround's temperature between machines [K]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TransferPoint:
-    """RMSE over free runs of the days judged [K], with a record of ``minutes`` [min].
-
-    ``own`` is None where the record alone gives no network.
-    """
+    """Free-run RMSE [K] after ``minutes`` [min]; ``own`` is None without a network."""
 
     minutes: float
     pooled: float
@@ -78,21 +74,19 @@ class Transfer:
     machine: str
     golden: str
     origin: str
-    """The sibling, the machine that the prior is of, and of which kind the sibling's records
-    are."""
+    """Sibling, machine of the prior, and kind of the sibling's records."""
     days_judged: tuple[str, ...]
     """Days of the sibling that no parameter saw."""
     resolution_K: float
     """Step of the sibling's temperature sensor [K]."""
     points: tuple[TransferPoint, ...]
-    """By rising length of the record."""
+    """Points by rising length of the record."""
     pooled: Mapping[str, float]
     """Parameters from both machines with the longest record, by name, in the model's units."""
     not_transferred: tuple[str, ...]
-    """Heat sources of the sibling that the golden machine does not have: nothing of them is
-    known."""
+    """Heat sources of the sibling that the golden machine does not have."""
     sentence: str
-    """Which parameters lead, where they lead."""
+    """Leading parameters, and the range in which they lead."""
 
 
 def transfer(
@@ -111,12 +105,8 @@ def transfer(
 
     ``pieces`` are the sibling's training days in the order of time, ``judged`` the days that are
     not used, ``own`` the signals that it records, ``resolution_K`` the step of its temperature
-    sensor [K].
-
-    Raises
-    ------
-    ValueError
-        When no day can be judged, or the spindle never starts on the training days.
+    sensor [K]. ValueError when no day can be judged, or the spindle never starts on the training
+    days.
     """
     if not judged:
         raise ValueError(
@@ -146,13 +136,7 @@ def transfer(
 
 
 def first_minutes(pieces: Sequence[StateSegment], minutes: float) -> list[StateSegment]:
-    """The beginning of a record, up to ``minutes`` after the spindle's first start.
-
-    Raises
-    ------
-    ValueError
-        When the spindle never starts.
-    """
+    """Record up to ``minutes`` after the first start; ValueError when the spindle never starts."""
     left = 0
     for number, piece in enumerate(pieces):
         turns = np.flatnonzero(heated(piece.frame))
@@ -246,10 +230,7 @@ def own_network(
     fitting: SpindleFitSettings,
     golden: SpindleThermalParameters,
 ) -> SpindleThermalParameters | None:
-    """The golden machine's network of a short record alone, with every source that it excites.
-
-    None where it excites none.
-    """
+    """Golden network of a short record alone, None where it excites no source."""
     sources = excited(pieces, [name for name in records.sources if name in SOURCES])
     if not sources:
         return None
@@ -260,7 +241,7 @@ def own_network(
 def _rmse(
     pieces: Sequence[StateSegment], records: SpindleRecords, network: SpindleThermalParameters
 ) -> float:
-    """Over free runs of the days judged [K]."""
+    """RMSE of free runs of the test days [K]."""
     error = np.concatenate(
         [
             free_run(piece, records, network)[0] - piece.frame[TARGET].to_numpy(float)
@@ -278,7 +259,7 @@ def _values(network: SpindleThermalParameters) -> dict[str, float]:
 
 
 def leader(points: Sequence[TransferPoint], resolution_K: float) -> str:
-    """Which parameters lead by more than the sensor's resolution, there and at all longer records.
+    """Parameters that lead by more than the sensor's resolution, there and at all longer records.
 
     One record length shows nothing: a lead needs a longer record that confirms it.
     """

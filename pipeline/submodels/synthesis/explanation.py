@@ -1,6 +1,6 @@
 """Diagnosis by the generator: wear and noise that explain recorded windows best.
 
-What is found is a profile of the distance over the wear.  Its width is no confidence interval: how
+The result is a profile of the distance over the wear.  Its width is no confidence interval: how
 far it is off on tools that were held out has to be measured.
 """
 
@@ -23,7 +23,7 @@ AS_GOOD = 0.05
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Explanation:
-    """What the generator says of recorded windows."""
+    """Explanation of recorded windows by the generator."""
 
     windows: tuple[Explained, ...]
     """Each of them."""
@@ -46,7 +46,7 @@ class Explanation:
 
     @property
     def document(self) -> dict[str, Any]:
-        """For JSON."""
+        """Document for JSON."""
         return {
             "wear": self.best, "as_good": list(self.as_good), "unit": self.unit,
             "profile": [
@@ -65,12 +65,7 @@ def explanation(
     """Wear that explains recorded windows best.
 
     ``windows`` (C, L) in the units of the channels; ``given`` are known conditions, without the
-    wear.
-
-    Raises
-    ------
-    ValueError
-        When there is no window, its shape does not fit, or a condition was not learnt.
+    wear. ValueError when there is no window, its shape does not fit, or a condition was not learnt.
     """
     if not windows:
         raise ValueError("there is no window to explain: give one at least")
@@ -89,12 +84,8 @@ def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
     """Windows of a table that has the channels as columns, CSV or Parquet, evenly spread.
 
     The rows are samples at the model's rate, in its units; a unit may stand in brackets behind a
-    name.  Where there is a column ``window``, windows do not reach over its steps.
-
-    Raises
-    ------
-    ValueError
-        When the file is no table, lacks a channel, or is shorter than a window.
+    name. Where there is a column ``window``, windows do not reach over its steps. ValueError when
+    the file is no table, lacks a channel, or is shorter than a window.
     """
     file = served.file
     try:
@@ -127,7 +118,7 @@ def read_windows(path: Path, served: Synthesis, most: int = 2) -> list[Floats]:
 def explained_windows(
     served: Synthesis, windows: WearWindows, settings: LatentSearch | None = None
 ) -> tuple[list[Explanation], pd.DataFrame]:
-    """Each of some recorded windows explained, and a table of what was measured and found.
+    """Explanation of each of some recorded windows, and a table of measured and explained wear.
 
     Windows out of the conditions that were learnt are left out of both.
     """

@@ -1,4 +1,4 @@
-"""Training of the generator on the windows of training tools, and how far a judge follows its wear.
+"""Training of the generator on the windows of training tools, and the wear read from its output.
 
 The judge is a learner that saw recorded windows alone; it takes no part in the training.
 """
@@ -107,12 +107,7 @@ def trained(
     """Generator of windows, trained on all that are given.
 
     ``windows`` are of training tools, with known wear; conditions ``hidden`` are none of the
-    generator's.
-
-    Raises
-    ------
-    ValueError
-        When there are too few windows, or a condition is not known of some.
+    generator's. ValueError when there are too few windows, or a condition is not known of some.
     """
     windows = thinned(windows, settings.windows)
     not_used = {*hidden, *settings.left_out, *(() if settings.by_tool else (TOOL,))}
@@ -146,7 +141,6 @@ def trained(
 
 
 def _latest(earlier: Mapping[int, "TrainedGan"]) -> list["TrainedGan"]:
-    """The last state before the end, where one was looked at."""
     return [earlier[max(earlier)]] if earlier else []
 
 
@@ -186,23 +180,23 @@ def curves(
     return {name: curve_of(asked, some) for name, some in read.items()}
 
 
-def curve_of(asked: Floats, read: Floats) -> WearCurve:
-    """Figures of wear that was read, shape (W, N), over the wear asked for, shape (W,)."""
+def curve_of(requested: Floats, read: Floats) -> WearCurve:
+    """Figures of read wear, shape (W, N), over requested wear, shape (W,)."""
     mean = read.mean(axis=1)
     low, high = np.quantile(read, [0.05, 0.95], axis=1)
-    error = mean - asked
-    still = np.ptp(read) == 0 or np.ptp(asked) == 0
-    slope = 0.0 if np.ptp(asked) == 0 else np.polyfit(asked, mean, 1)[0]
-    rank = 0.0 if still else rank_correlation(np.repeat(asked, read.shape[1]), read.ravel())
-    of_means = 0.0 if still or np.ptp(mean) == 0 else rank_correlation(asked, mean)
-    edges = np.linspace(0, len(asked), THIRDS + 1).round().astype(int)
+    error = mean - requested
+    still = np.ptp(read) == 0 or np.ptp(requested) == 0
+    slope = 0.0 if np.ptp(requested) == 0 else np.polyfit(requested, mean, 1)[0]
+    rank = 0.0 if still else rank_correlation(np.repeat(requested, read.shape[1]), read.ravel())
+    of_means = 0.0 if still or np.ptp(mean) == 0 else rank_correlation(requested, mean)
+    edges = np.linspace(0, len(requested), THIRDS + 1).round().astype(int)
     false = []
     for first, end in pairwise(edges):
         part = slice(max(first - 1, 0), end)
-        if np.ptp(asked[part]) > 0 and np.polyfit(asked[part], mean[part], 1)[0] <= 0:
-            false.append((significant(asked[part][0]), significant(asked[part][-1])))
+        if np.ptp(requested[part]) > 0 and np.polyfit(requested[part], mean[part], 1)[0] <= 0:
+            false.append((significant(requested[part][0]), significant(requested[part][-1])))
     return WearCurve(
-        asked=_list(asked), mean=_list(mean), low=_list(low), high=_list(high),
+        asked=_list(requested), mean=_list(mean), low=_list(low), high=_list(high),
         mae=significant(np.abs(error).mean()), mse=significant((error**2).mean()),
         slope=significant(slope), rank_correlation=significant(rank),
         rank_of_means=significant(of_means), false_intervals=tuple(false),

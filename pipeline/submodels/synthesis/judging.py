@@ -1,4 +1,4 @@
-"""Comparison of generated windows with recorded ones of a tool, row by row, as the judge takes it.
+"""Comparison of generated windows with recorded ones of a tool, as rows of the shared judge.
 
 Each figure is a quantity of its own: the wear that a judge reads from generated windows; the wear
 of recorded windows by learners that saw generated ones only, or both; distances between windows of
@@ -34,7 +34,7 @@ ORDERS = "power at a spindle order"
 RECORDED, NEAREST, MEAN = "recorded", "nearest", "mean"
 """Baselines: the recorded windows themselves, the nearest training windows, the mean wear."""
 SPEED = ("spindle_speed", "speed", "spindle speed")
-"""Names of the condition by which spindle orders are known."""
+"""Names of the condition of the spindle orders."""
 ORDER_COUNT = 12
 """Spindle orders that are compared [1]; those of tooth passing are among them."""
 NEPERS_TO_DB = 10.0 / np.log(10.0)
@@ -58,7 +58,6 @@ class _Pair:
 
     @property
     def scaled(self) -> tuple[Floats, Floats]:
-        """Features on the scale of the training windows."""
         return self.served.scaling(self.real), self.served.scaling(self.fake)
 
     def again(self, figure: Callable[[Floats, Floats, Learner], Floats]) -> dict[str, Floats]:
@@ -69,7 +68,7 @@ class _Pair:
 def compared(
     windows: WearWindows, served: Synthesis, name: str, *, again: bool = False
 ) -> Prediction:
-    """What is compared of a tool.
+    """Comparison of generated and recorded windows of a tool.
 
     ``windows`` are recorded, with known wear; ``name`` of the case seeds the noise; ``again``
     compares what decides of generators of other seeds as well.
@@ -113,7 +112,7 @@ def served_words(windows: WearWindows, name: str) -> Any:
 
 
 def _nearest(served: Synthesis, known: Floats, wear: Floats) -> Any:
-    """For each window the training window whose conditions and wear are nearest."""
+    """Training window of the nearest conditions and wear, for each window."""
     mine = served.reference
     low, high = mine.wear.min(), mine.wear.max()
     width = max(high - low, 1e-12)
@@ -192,7 +191,7 @@ def _distances(pair: _Pair) -> list[pd.DataFrame]:
 
 
 def _neighbour(pair: _Pair) -> Any:
-    """For each window of the case another one next to it in conditions and wear."""
+    """Another window next to it in conditions and wear, for each window of the case."""
     place = np.hstack([pair.beside, _standard(np.asarray(pair.windows.wear, float))[:, None]])
     apart = squared_distances(place, place)
     np.fill_diagonal(apart, np.inf)

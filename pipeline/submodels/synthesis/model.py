@@ -1,4 +1,4 @@
-"""The stored generator of signals, the training windows as features, and learners made of them.
+"""Stored generator of signals, the training windows as features, and learners made of them.
 
 ``model.json`` says what was trained and how far the judge follows the wear; ``generator.json``
 holds the network, and features of training and generated windows.  Learners are fitted anew from
@@ -34,16 +34,16 @@ SYNTHETIC = "synthetic"
 
 @dataclass(frozen=True, kw_only=True)
 class WearCurve:
-    """What a judge reads from generated windows over the wear that was asked for."""
+    """Wear read from generated windows over the requested wear."""
 
     asked: tuple[float, ...]
     mean: tuple[float, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
-    """Wear asked for; mean, 5 % and 95 % quantile of the wear that was read; in the wear's unit."""
+    """Requested wear; mean, 5 % and 95 % quantile of the read wear; in the wear's unit."""
     mae: float
     mse: float
-    """Errors of the mean against what was asked for, in the unit and its square."""
+    """Errors of the mean against the requested wear, in the unit and its square."""
     slope: float
     """Slope of a straight line through the means [1]; 1 for a sound generator."""
     rank_correlation: float
@@ -56,7 +56,7 @@ class WearCurve:
 
 @dataclass(frozen=True, kw_only=True)
 class Look:
-    """How far the first judge followed the generator at a step of its training."""
+    """Agreement of the first wear reader with the generator at a training step."""
 
     step: int
     """Step of the training."""
@@ -84,7 +84,7 @@ class SynthesisModel(Model):
     steps: int
     """Steps of the training."""
     curves: Mapping[str, WearCurve]
-    """By name of the judge."""
+    """Curves by name of the wear reader."""
     judges: tuple[str, ...]
     """Their names, the one whose figures go first before the others."""
     within: float
@@ -94,7 +94,7 @@ class SynthesisModel(Model):
     looks: tuple[Look, ...] = ()
     """Looks of the first judge, from early in the training to its end."""
     faults: tuple[str, ...] = ()
-    """What is wrong with the training: collapse, a loss that vanished."""
+    """Faults of the training: collapse, a loss that vanished."""
     clipped: float = 0.0
     """Share of training samples that are cut to the range of the generator's output [1]."""
     judged: int = 200
@@ -142,11 +142,10 @@ class Reference:
     conditions: Floats
     """Encoded, without the wear and the tool; shape (N, D)."""
     wear: Floats
-    """In the wear's unit; shape (N,)."""
+    """Wear in its unit; shape (N,)."""
     shown: Floats
     like: Floats
-    """A few recorded windows over the wear, and generated ones at their conditions;
-    shape (S, C, L)."""
+    """Recorded windows over the wear, and generated ones at their conditions; (S, C, L)."""
     shown_wear: Floats
     """Wear of both; shape (S,)."""
 
@@ -179,10 +178,7 @@ class Synthesis:
 
     @cached_property
     def judges(self) -> Mapping[str, Judge]:
-        """Wear (N,) from windows (N, C, L) and their conditions, by name of the judge.
-
-        None of them took part in the training of the generator.
-        """
+        """Wear (N,) from windows (N, C, L) and conditions, by independent wear readers."""
         found: dict[str, Judge] = {FOREST: self._by_features}
         if self.networks:
             found[NETWORK] = self._by_networks
@@ -246,7 +242,7 @@ class Synthesis:
         return kept
 
     def inside(self, conditions: Mapping[str, Any]) -> "np.ndarray[Any, Any]":
-        """Which windows lie in the ranges that were learnt, shape (N,)."""
+        """Flags of windows within the training ranges, shape (N,)."""
         many = len(next(iter(conditions.values())))
         found = np.ones(many, bool)
         for one in self.gan.space.continuous:
@@ -280,13 +276,7 @@ def beside(space: ConditionSpace, conditions: Mapping[str, Any]) -> Floats:
 
 
 def reference_of(stored: GeneratorFile) -> Reference:
-    """Features and windows that are stored beside a generator.
-
-    Raises
-    ------
-    ValueError
-        When the file lacks one, or holds another type of number.
-    """
+    """Stored features and windows of a generator; ValueError when they are incomplete."""
     try:
         found = {name: unpacked(one).astype(np.float64) for name, one in stored.reference.items()}
         return Reference(**found)
@@ -297,13 +287,7 @@ def reference_of(stored: GeneratorFile) -> Reference:
 
 
 def load_synthesis(folder: Path) -> Synthesis:
-    """The generator in a folder, with what it is judged by.
-
-    Raises
-    ------
-    StoreError
-        When a file is missing, broken or of another form.
-    """
+    """Generator and its wear readers; StoreError when a file is missing, broken or outdated."""
     from pipeline.nets.dcgan import restore_gan
     from pipeline.nets.wear import restore_judge
 

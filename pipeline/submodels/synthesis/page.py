@@ -1,4 +1,4 @@
-"""Page of the generated signals: what a judge reads from them, what can be learnt from them."""
+"""Page of the generated signals: their wear by the readers, their use in training."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -37,7 +37,7 @@ CHANNELS_SHOWN = 3
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of generated signals alone knows."""
+    """Page content of generated signals."""
     model = shown.model
     judge = model.judges[0] if model is not None and model.judges else ""
     stored = None
@@ -108,7 +108,7 @@ def _augmentation(shown: Seen) -> str:
 
 
 def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
-    """Slope and rank correlation of each judge over recorded windows of tools not learnt from."""
+    """Slope and rank correlation of each wear reader over recorded windows of held-out tools."""
     frame, verdict = shown.predictions, shown.verdict
     if frame is None or verdict is None or "baseline_recorded" not in frame:
         return {}
@@ -124,7 +124,7 @@ def _recorded(shown: Seen) -> dict[str, tuple[float, float]]:
 
 
 def _curve_words(shown: Seen, model: SynthesisModel) -> Iterator[str]:
-    """How each judge reads the wear, and how the first one followed it in training."""
+    """Reading of the wear by each reader, and its course in training."""
     recorded = _recorded(shown)
     for name, one in model.curves.items():
         words = (

@@ -28,9 +28,9 @@ class Generated:
     """Windows at one set of conditions."""
 
     values: Floats
-    """In the units of the channels; shape (N, C, L)."""
+    """Values in the units of the channels; shape (N, C, L)."""
     conditions: Mapping[str, Any]
-    """Conditions that all of them have; the empty word is one that is not known."""
+    """Conditions that all of them have; the empty word is an unspecified one."""
     seed: int
     """Seed of the noise."""
     served: Synthesis
@@ -38,7 +38,7 @@ class Generated:
 
     @property
     def head(self) -> dict[str, Any]:
-        """What the windows are and rest on."""
+        """Description of the windows and their basis."""
         file = self.served.file
         units = {one.name: one.unit for one in self.served.gan.space.continuous}
         return {
@@ -58,11 +58,8 @@ class Generated:
 def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int = 0) -> Generated:
     """Windows at conditions; a condition that had one value in training has it without being given.
 
-    Raises
-    ------
-    ValueError
-        When there is no window to make, or a condition is missing, was not learnt, or lies outside
-        of what was.
+    ValueError when there is no window to make, or a condition is missing, was not learnt, or lies
+    outside of what was.
     """
     if many < 1:
         raise ValueError(f"{many} windows are none: ask for one at least")
@@ -78,13 +75,7 @@ def generated(served: Synthesis, given: Mapping[str, Any], many: int, seed: int 
 
 
 def conditions_of_words(served: Synthesis, words: Mapping[str, str]) -> dict[str, Any]:
-    """Conditions from text: a number for a continuous condition, a word for a discrete one.
-
-    Raises
-    ------
-    ValueError
-        When a number is none, or there is no such condition.
-    """
+    """Conditions from text, numbers or words; ValueError for an invalid or unknown one."""
     space = served.gan.space
     numbers = {one.name: one for one in space.continuous}
     found: dict[str, Any] = {}

@@ -10,7 +10,7 @@ from pipeline.schema.ranges import Count, Positive, Range, Ranged
 
 @dataclass(frozen=True, kw_only=True)
 class SynthesisFitSettings(Ranged, section="synthesis_fit"):
-    """How the generator is trained, and the learners that look at its windows."""
+    """Training of the generator, and of the learners that look at its windows."""
 
     network: GanSettings = field(default_factory=GanSettings)
     """Sizes of generator and discriminator."""

@@ -111,13 +111,7 @@ class SynthesisOfSignals(SubModel[Fitting, Judging, SynthesisModel]):
     def cases(
         self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
     ) -> Cases:
-        """Lives of tools; one is learnt from where all of its recordings are.
-
-        Raises
-        ------
-        ValueError
-            When a pattern fits no file, or the table of conditions cannot be read.
-        """
+        """Lives of tools, for training where all recordings are; ValueError: unreadable file."""
         if records.signals is None:
             raise ValueError("lives of tools stand in the signals: name them in reads")
 
@@ -254,13 +248,7 @@ def _constant(life: Life) -> Callable[[], Life]:
 
 
 def judges_of(folder: Path | None, wear_unit: str) -> tuple[Mapping[str, Any], ...]:
-    """Documents of the networks of a wear model; none where there is no such model.
-
-    Raises
-    ------
-    ValueError
-        When the file is broken.
-    """
+    """Networks of a wear model, none without one; ValueError when the file is broken."""
     path = None if folder is None else folder / "methods.json"
     if path is None or not path.exists():
         return ()

@@ -68,7 +68,7 @@ def _file_of(life: ToolLife, window: int) -> int:
 
 
 def _copied(life: ToolLife, learnt: dict[str, str]) -> list[SourceFile]:
-    """For each training recording of which a window stands in this life, that copy."""
+    """Training recordings of which a window stands in this life, and that copy."""
     seen: dict[str, SourceFile] = {}
     for k, digest in enumerate(life.windows.sha256s()):
         if (source := learnt.get(digest)) is not None:
@@ -112,10 +112,7 @@ PROGRESS = "progress"
 
 
 def windows_of_table(table: "pd.DataFrame", file: WearModel) -> tuple[WearWindows, Ints]:
-    """Windows of a table, one after the other, and the window of each row, shape (T,).
-
-    Rows that are too few for a window of their own belong to the last one.
-    """
+    """Windows of a table, and the window of each row, (T,); the last takes the remainder."""
     wanted = [*file.channels, *file.known.numbers, *file.known.words]
     if missing := [name for name in wanted if name not in table.columns]:
         raise ValueError(f"the input has no column {missing[0]!r}: give {', '.join(wanted)}")

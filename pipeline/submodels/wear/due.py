@@ -1,4 +1,4 @@
-"""When a tool in use is due: its wear now, and the time in the cut that is left of it.
+"""Remaining life of tools in use: their wear now, and the time in the cut until the criterion.
 
 Its wear now is what the signals of its last recording say, with the interval of the model that
 says it.  The time left is told by that, by what was last read under the microscope, and by its use
@@ -30,11 +30,11 @@ MINUTES = "min"
 IN_USE, TYPE, TIME, READ, READ_AT = "in use", "type", "time in cut", "wear read", "read at"
 NOW, NOW_LOW, NOW_HIGH = "wear now", "wear now, low", "wear now, high"
 LIFE, LIFE_LOW, LIFE_HIGH = "life of such a tool", "life, low", "life, high"
-NOT_TOLD = "no time left is told"
-TOLD, HELD = "times left that were told", "of those inside the 90 % interval"
+NO_ESTIMATE = "no time left is told"
+ESTIMATES, HELD = "times left that were told", "of those inside the 90 % interval"
 """Names of the facts of a tool."""
 SIGNALS, READING, USE = "signals", "reading", "use alone"
-"""What a time left rests on."""
+"""Basis of the remaining time."""
 
 
 def left_names(rests_on: str) -> tuple[str, str, str]:
@@ -48,11 +48,11 @@ class Lasting:
     """Life and forces of worn tools, as stored; None with the reason where records do not tell."""
 
     life: LifeLaw | None = None
-    """Until the criterion."""
+    """Life until the criterion."""
     edges: EdgeGrowth | None = None
     """Growth of the edge forces."""
     reasons: tuple[str, ...] = ()
-    """Why one of them is not there; empty where nobody asked for it."""
+    """Reason for a missing one; empty where none was requested."""
 
 
 def fit_lasting(windows: WearWindows, settings: WearLifeSettings) -> Lasting:
@@ -73,7 +73,7 @@ def fit_lasting(windows: WearWindows, settings: WearLifeSettings) -> Lasting:
 
 
 def parameters(lasting: Lasting) -> dict[str, Mapping[str, Parameter]]:
-    """What was identified, by group."""
+    """Identified parameters, by group."""
     found: dict[str, Mapping[str, Parameter]] = {}
     if lasting.life is not None:
         found["life"] = lasting.life.parameters()
@@ -99,16 +99,13 @@ class Estimate:
 def due_facts(
     windows: WearWindows, estimate: Estimate, law: LifeLaw, settings: WearLifeSettings
 ) -> dict[str, Fact]:
-    """What is to be said of one tool: wear now, time left, how often such a time held.
-
-    Of a tool whose type or cuts are not known, only why no time is told.
-    """
+    """Facts of one tool: wear now, time left, share of such times that held, or a reason."""
     try:
         use = uses(windows, settings)[0]
     except ValueError as error:
-        return {NOT_TOLD: Fact(value=str(error))}
+        return {NO_ESTIMATE: Fact(value=str(error))}
     if use.kind not in law.kinds or not np.isfinite([use.v_c, use.rubbing, use.time[-1]]).all():
-        return {NOT_TOLD: Fact(value="no tool of its type was worn, or its cuts are not known")}
+        return {NO_ESTIMATE: Fact(value="no tool of its type was worn, or its cuts are not known")}
     facts = {TYPE: Fact(value=use.kind)} | _held(use, law)
     if use.tool not in settings.in_use:
         return facts
@@ -136,7 +133,6 @@ def _left(rests_on: str, left: TimeLeft) -> dict[str, Fact]:
 
 
 def _later(left: TimeLeft, minutes: float) -> TimeLeft:
-    """What is left some minutes later."""
     ends: Floats = np.maximum(np.array([left.low, left.middle, left.high]) - minutes, 0.0)
     return TimeLeft(low=float(ends[0]), middle=float(ends[1]), high=float(ends[2]))
 
@@ -157,7 +153,10 @@ def _held(use: ToolUse, law: LifeLaw) -> dict[str, Fact]:
     if not told:
         return {}
     inside = sum(one.low <= left <= one.high for one, left in told)
-    return {TOLD: Fact(value=float(len(told)), unit="1"), HELD: Fact(value=float(inside), unit="1")}
+    return {
+        ESTIMATES: Fact(value=float(len(told)), unit="1"),
+        HELD: Fact(value=float(inside), unit="1"),
+    }
 
 
 def _minutes(value: float) -> Fact:
@@ -169,7 +168,7 @@ def _micrometres(value: float) -> Fact:
 
 
 def held(facts: Mapping[str, Mapping[str, Fact]]) -> tuple[int, int]:
-    """How many times left were told of tools, and how many of those held, over all tools."""
-    pairs = [(one[TOLD].value, one[HELD].value) for one in facts.values() if TOLD in one]
+    """Number of predicted times left, and of those that held, over all tools."""
+    pairs = [(one[ESTIMATES].value, one[HELD].value) for one in facts.values() if ESTIMATES in one]
     told, inside = (sum(float(str(one[k])) for one in pairs) for k in (0, 1))
     return int(told), int(inside)

@@ -1,4 +1,4 @@
-"""Tools due on a machine's page: which tool, how worn, how long it still lasts, what to do."""
+"""Tools due on a machine's page: tool, wear, remaining time, action."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ WHAT = {
     "failed": "Change the tool", "unknown": "Have a new tool ready",
     "passed": "Measure the tool’s wear again",
 }  # fmt: skip
-"""What to do with a tool in use, by its status."""
+"""Action for a tool in use, by its status."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class DueTool:
 
     @property
     def rests_on(self) -> str:
-        """What the time left rests on: the more precise of reading and signals, else its use."""
+        """Basis of the remaining time: the more precise of reading and signals, else its use."""
         allowed = (due.READING, due.SIGNALS) if self.by_signals else (due.READING,)
         known = [one for one in allowed if self.number(due.left_names(one)[1]) is not None]
         return min(known, key=lambda one: self._left(one)[2] - self._left(one)[0], default=due.USE)
@@ -67,7 +67,7 @@ class DueTool:
 
     @property
     def todo(self) -> str:
-        """What to do with it, in words."""
+        """Action, in words."""
         within = f"within {_minutes(self.within)} of cutting"
         return {
             "failed": "Change it now.",
@@ -130,7 +130,7 @@ def due_notes(shown: Shown[WearModel]) -> list[str]:
 
 
 def due_actions(shown: Shown[WearModel]) -> list[Action]:
-    """What to do with each tool in use, the one that is due first at the head."""
+    """Action for each tool in use, the one that is due first at the head."""
     return [
         Action(
             what=WHAT[one.status],
@@ -146,7 +146,7 @@ def due_actions(shown: Shown[WearModel]) -> list[Action]:
 
 
 def due_truth(shown: Shown[WearModel]) -> list[Table]:
-    """Time left as told and as it is, for tools in use of a simulated machine."""
+    """Predicted and true remaining time, for tools in use of a simulated machine."""
     truth = (shown.truth or {}).get("wear") or {}
     worn = {one["tool"]: one["worn_after_min"] for one in truth.get("tools", [])}
     rows = [

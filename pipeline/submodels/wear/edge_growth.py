@@ -33,15 +33,15 @@ PLANE = 1.177
 """Median size of a plane normal distribution of standard deviation 1 [1]."""
 ROUNDS = 30
 FEWEST = 3
-"""Tools from which on an interval can be told."""
+"""Least number of tools for an interval."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class EdgeGrowth:
-    """What wear adds to the edge coefficients, as stored."""
+    """Contribution of wear to the edge coefficients, as stored."""
 
     parameters: Mapping[str, Parameter]
-    """By ``NAMES``."""
+    """Parameters by ``NAMES``."""
     tools: int
     recordings: int
     """Tools and recordings that they were fitted on."""
@@ -58,14 +58,14 @@ class MeanForces:
     """Mean forces of M recordings with the tool all in the material."""
 
     force: Floats
-    """On the tool along the feed and to the left of it [N]; shape (M, 2)."""
+    """Force on the tool along the feed and to the left of it [N]; shape (M, 2)."""
     land: Floats
     """Area by which each of ``NAMES`` adds to it [m^2]: design of the edge coefficients times
     the wear; shape (M, 2, 2)."""
     wear: Floats
     """Wear [um]; shape (M,)."""
     tool: np.ndarray
-    """Which one; shape (M,)."""
+    """Tool of each row; shape (M,)."""
     cut: Ints
     """Number of the tool and its cut: one sharp force each; shape (M,)."""
 

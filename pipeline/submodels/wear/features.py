@@ -17,7 +17,7 @@ from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 BANDS = 8
 """Bands of the spectrum between the window's own frequency and half the rate [1]."""
 HARMONICS = 8
-"""Of the spindle's speed, where that is known [1]; a cutter's teeth pass at some of them."""
+"""Number of harmonics of the spindle frequency [1]; a cutter's teeth pass at some of them."""
 FLOOR = 1e-3
 """Least amplitude that a logarithm sees, as a share of the channel's scale [1]."""
 REACH = 4.0
@@ -35,7 +35,7 @@ class KnownConditions:
 
     @staticmethod
     def of(windows: WearWindows, progress: str) -> "KnownConditions":
-        """Those of training windows; the tool's use is none, the guess without sensors has it.
+        """Conditions of training windows, without the tool's use, which only the baseline has.
 
         A condition that is the same in all windows tells nothing and is left out.
         """
@@ -131,7 +131,7 @@ class FeatureScaling:
 
     @staticmethod
     def of(x: Floats) -> "FeatureScaling":
-        """Of training windows, shape (N, F)."""
+        """Scaling by training windows, shape (N, F)."""
         std = x.std(axis=0)
         std = np.where(std > 1e-9, std, 1.0)
         return FeatureScaling(mean=tuple(x.mean(axis=0).tolist()), std=tuple(std.tolist()))

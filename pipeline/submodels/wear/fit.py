@@ -1,17 +1,18 @@
-"""Fit of tool wear: every method on training tools, and who serves by tools left out.
+"""Fit of tool wear: every method on training tools, and the champion by cross-validation.
 
 Whole tools are left out in turn.  A single method serves instead of the median of all only where
 its squared errors are lower significantly over the tools: of few tools the one that happens to be
-best may go astray on the next.  The blend with the guess, which rests on the signals and on the
+best may go astray on the next.  The blend with the baseline, which rests on the signals and on the
 tool's use, serves unless it is worse by more than the standard error of the difference over the
 tools, and only where the signals have a share in it.  The blend's weights for a tool come from the
 predictions of the others, each of which was left out itself.  The interval's half width is
 conformal over tools.
 
-Where wear is a class, worn tools have to be told from others: there the area under the ROC curve
-(Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or the
-blend by more than the bootstrapped standard error of the difference serves in its place, where it
-orders them better than a coin by as much: with few tools left out all areas may lie below a half.
+Where wear is a class, worn tools have to be separated from others: there the area under the ROC
+curve (Hanley and McNeil 1982) decides, and a part that orders the tools better than the median or
+the blend by more than the bootstrapped standard error of the difference serves in its place, where
+it orders them better than a coin by as much: with few tools left out all areas may lie below a
+half.
 """
 
 from collections.abc import Mapping
@@ -50,14 +51,14 @@ from pipeline.submodels.wear.model import (
 )
 
 LEAST_SHARE = 0.05
-"""Weight of the signals in the blend below which it is the guess [1]."""
+"""Weight of the signals in the blend below which it is the baseline [1]."""
 RESAMPLED = 200
 """Draws of tools with replacement, of the standard error of an area under the curve [1]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class WearFit:
-    """What the fit found; see :class:`~pipeline.submodels.wear.model.WearModel`."""
+    """Result of the fit; see :class:`~pipeline.submodels.wear.model.WearModel`."""
 
     scaling: ChannelScaling
     known: KnownConditions
@@ -94,10 +95,10 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     tasks = _tasks(windows, tools, progress, settings)
     steps = len(tasks) * settings.training.steps(min(len(windows), settings.windows))
     done = mapped(_fold, tasks, compute=place(steps if RESNET in settings.methods else 0))
-    told = [_Told.of(task.left, found, per_recording) for task, (found, _) in zip(
+    told = [_Readings.of(task.left, found, per_recording) for task, (found, _) in zip(
         tasks, done, strict=True
     )]  # fmt: skip
-    out = _Told.joined(told)
+    out = _Readings.joined(told)
     weights = _with_blend(out)
     scores = {name: _score(out, one, is_class=windows.is_class) for name, one in out.by.items()}
     champion, alone = _who_serves(out, scores, weights, is_class=windows.is_class)
@@ -133,7 +134,6 @@ def _check_tools(windows: WearWindows, tools: list[str]) -> None:
 def _tasks(
     windows: WearWindows, tools: list[str], progress: str, settings: WearFitSettings
 ) -> list[_Task]:
-    """A task for each fold of tools left out."""
     tasks = []
     # two tools have to be left, one to learn from and one to stop by
     folds = settings.folds if len(tools) > 3 else len(tools)
@@ -149,10 +149,10 @@ def _tasks(
 
 
 def _who_serves(
-    out: "_Told", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
+    out: "_Readings", scores: Mapping[str, MethodScore], weights: Mapping[str, float], *,
     is_class: bool,
 ) -> tuple[str, str]:  # fmt: skip
-    """Champion, and the method that would serve without the guess."""
+    """Champion, and the method that would serve without the baseline."""
     methods = [name for name in METHODS if name in scores]
     best = min(methods, key=lambda name: scores[name].rmse)
     # the best of several is chosen after the fact: each has its share of the level (Bonferroni)
@@ -168,13 +168,13 @@ def _who_serves(
     return (BLEND if shared and not worse(out, out.by[alone], out.by[BLEND]) else alone), alone
 
 
-def _errs_less(out: "_Told", one: Floats, other: Floats) -> bool:
+def _errs_less(out: "_Readings", one: Floats, other: Floats) -> bool:
     """Whether a method's squared error is less by more than the standard error over the tools."""
     gain = _squares(out, other) - _squares(out, one)
     return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
 
 
-def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
+def _orders_better(out: "_Readings", one: Floats, other: Floats) -> bool:
     """Whether a method tells worn tools from others better by more than a standard error."""
     gain = (auc(one, out.wear) or 0.0) - (auc(other, out.wear) or 0.0)
     rows = [np.flatnonzero(out.tool == tool) for tool in np.unique(out.tool)]
@@ -188,10 +188,7 @@ def _orders_better(out: "_Told", one: Floats, other: Floats) -> bool:
 
 
 def _balanced(windows: WearWindows, tools: list[str]) -> list[str]:
-    """Tools so that neighbours, which are left out together, differ in wear: of a class, in turn.
-
-    Every training then has tools of either class as far as there are enough.
-    """
+    """Tools in an order whose neighbours differ in wear, so that folds hold either class."""
     if not windows.is_class:
         return tools
     mean = {tool: float(windows.wear[windows.tool == tool].mean()) for tool in tools}
@@ -247,7 +244,7 @@ def _fitted(windows: WearWindows, progress: str, settings: WearFitSettings) -> F
 
 
 def _spread(windows: WearWindows, most: int) -> Bools:
-    """At most so many windows, evenly spread over each tool; shape (N,)."""
+    """Flags of at most so many windows, evenly spread over each tool; shape (N,)."""
     if len(windows) <= most:
         return np.ones(len(windows), bool)
     every = np.zeros(len(windows), bool)
@@ -263,8 +260,8 @@ def _spread(windows: WearWindows, most: int) -> Bools:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _Told:
-    """Readings of tools left out: wear measured and told by every method, (K,) each."""
+class _Readings:
+    """Readings of held-out tools: measured and predicted wear by every method, (K,) each."""
 
     by: dict[str, Floats]
     wear: Floats
@@ -272,18 +269,18 @@ class _Told:
     use: Floats
 
     @staticmethod
-    def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Told":
+    def of(windows: WearWindows, found: Mapping[str, Floats], per_recording: bool) -> "_Readings":
         readings = Readings.among(windows, per_recording=per_recording)
         known = windows.measured[readings.first]
-        return _Told(
+        return _Readings(
             by={name: readings.mean(one)[known] for name, one in found.items()},
             wear=readings.mean(windows.wear)[known], tool=windows.tool[readings.first][known],
             use=np.asarray(windows.progress, float)[readings.first][known],
         )  # fmt: skip
 
     @staticmethod
-    def joined(parts: "list[_Told]") -> "_Told":
-        return _Told(
+    def joined(parts: "list[_Readings]") -> "_Readings":
+        return _Readings(
             by={
                 name: np.concatenate([one.by[name] for one in parts])
                 for name in parts[0].by
@@ -295,11 +292,8 @@ class _Told:
         )
 
 
-def _with_blend(out: _Told) -> dict[str, float]:
-    """Adds the median and the blend to what was told, each tool's by weights of the others.
-
-    Returns the weights of all tools; none without a guess.
-    """
+def _with_blend(out: _Readings) -> dict[str, float]:
+    """Add median and blend, each tool's by weights of the others; weights of all tools."""
     out.by[MEDIAN] = median(out.by)
     names = (MEDIAN, GUESS)
     if GUESS not in out.by:
@@ -315,13 +309,13 @@ def _with_blend(out: _Told) -> dict[str, float]:
     return {name: float(weight) for name, weight in zip(names, found, strict=True)}
 
 
-def _squares(out: _Told, told: Floats) -> Floats:
+def _squares(out: _Readings, told: Floats) -> Floats:
     """Mean squared error of each tool, in the order of their names."""
     error = told - out.wear
     return np.array([np.mean(error[out.tool == tool] ** 2) for tool in np.unique(out.tool)])
 
 
-def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
+def _score(out: _Readings, told: Floats, *, is_class: bool) -> MethodScore:
     error = told - out.wear
     squares = _squares(out, told)
     sizes = [float(np.mean(np.abs(error[out.tool == tool]))) for tool in np.unique(out.tool)]
@@ -333,22 +327,22 @@ def _score(out: _Told, told: Floats, *, is_class: bool) -> MethodScore:
     )  # fmt: skip
 
 
-def balanced_accuracy(told: Floats, truth: Floats) -> float | None:
-    """Mean share of either class that is told right at 0.5 [1]; None with one class only.
+def balanced_accuracy(probability: Floats, truth: Floats) -> float | None:
+    """Mean share of either class that is classified right at 0.5 [1]; None with one class only.
 
     Examples
     --------
     >>> balanced_accuracy(np.array([0.9, 0.2, 0.6]), np.array([1.0, 1.0, 0.0]))
     0.25
     """
-    right = (told > 0.5) == (truth > 0.5)
+    right = (probability > 0.5) == (truth > 0.5)
     shares = [right[truth > 0.5], right[truth <= 0.5]]
     if not all(len(one) for one in shares):
         return None
     return float(np.mean([one.mean() for one in shares]))
 
 
-def _residuals(out: _Told, name: str) -> Residuals:
+def _residuals(out: _Readings, name: str) -> Residuals:
     return Residuals(
         error=out.wear - out.by[name], regime=np.full(len(out.wear), ""), group=out.tool, t=out.use
     )

@@ -1,4 +1,4 @@
-"""Life of tools from measured wear: how long until the criterion, from tool to tool.
+"""Tool life from measured wear: time until the criterion, from tool to tool.
 
 A flank wears with the length over which its teeth rub in the material, so that lives under
 different cuts are compared by that length: time in the cut times v_c (phi_ex - phi_st) / 2 pi,
@@ -35,14 +35,14 @@ SLOPE_SCATTER, KIND_SCATTER = 1.0, 0.3
 TOOL_SCATTER, WEIGHT = 0.25, 3.0
 """Prior scatter of log life from tool to tool [1], and the tools that it weighs [1]."""
 LEVELS = np.linspace(0.1, 1.0, 19)
-"""Widths of the land against the criterion at which shares of life are known [1]."""
+"""Widths of the land against the criterion of the shares of life [1]."""
 FEWEST = 3
-"""Worn tools from which on a life is told."""
+"""Least number of worn tools for a life."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CutterShape(Ranged, section="wear_life.cutters"):
-    """What a type of tool says beside its name."""
+    """Shape of a tool by its type."""
 
     diameter_mm: Annotated[float, Range(above=0.0, most=500.0, unit="mm")]
     flutes: Annotated[int, Range(least=1, most=50)]
@@ -50,10 +50,10 @@ class CutterShape(Ranged, section="wear_life.cutters"):
 
 @dataclass(frozen=True, kw_only=True)
 class WearLifeSettings(Ranged, section="wear_life"):
-    """When a tool counts as worn, which tools are in use, and where their cuts are described."""
+    """Wear criterion, tools in use, and description of their cuts."""
 
     criterion_um: Positive | None = None
-    """Flank wear VB at which a tool is changed [um]; None where no lives are asked for."""
+    """Flank wear VB at which a tool is changed [um]; None where no lives are needed."""
     reading_error_um: NotNegative = 3.0
     """Standard deviation of a measured VB [um]."""
     in_use: tuple[str, ...] = ()
@@ -61,7 +61,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     kind: str = ""
     """Condition that names a tool's type; empty where there is one only."""
     cutters: Mapping[str, CutterShape] = field(default_factory=dict)
-    """By type."""
+    """Shapes by tool type."""
     speed: str = "spindle_speed"
     feed: str = "feed"
     depth: str = "axial_depth"
@@ -76,7 +76,7 @@ class WearLifeSettings(Ranged, section="wear_life"):
     material: str = ""
     """Material of conf/material/ that the tools cut; the growth of forces holds for it."""
     taylor: Taylor | None = None
-    """What a catalogue says of these tools in this material."""
+    """Catalogue constants of these tools in this material."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +148,7 @@ class ToolUse:
     kind: str
     """Its name and its type."""
     time: Floats
-    """In the cut since new [min]; shape (K,)."""
+    """Time in the cut since new [min]; shape (K,)."""
     read: Floats
     """Measured wear [um], NaN where nobody measured it; shape (K,)."""
     v_c: float
@@ -182,10 +182,7 @@ def uses(windows: WearWindows, settings: WearLifeSettings) -> list[ToolUse]:
 
 @dataclass(frozen=True, kw_only=True)
 class WornTool:
-    """A tool that reached the criterion: time [min] and length of rubbing [m] until then.
-
-    ``catalogue_minutes`` is the life by the catalogue's constants, None without them.
-    """
+    """Tool at the criterion: time [min], rubbing length [m], catalogue life [min] or None."""
 
     tool: str
     kind: str
@@ -294,7 +291,7 @@ class TimeLeft:
 
 
 def _left(centre: float, scale: float, dof: float, spent: float, rubbing: float) -> TimeLeft:
-    """Quantiles of what is left of a length that is known to be more than ``spent`` [m]."""
+    """Quantiles of the remaining length, of a tool that has passed ``spent`` [m]."""
     from scipy.special import stdtr, stdtrit
 
     below = float(stdtr(dof, (np.log(spent) - centre) / scale)) if spent > 0 else 0.0

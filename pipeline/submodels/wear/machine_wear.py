@@ -1,4 +1,4 @@
-"""What the wear sub-model of a machine says of its tools: growth of forces, criterion, wear now."""
+"""Wear of a machine's tools: growth of forces, criterion, wear now."""
 
 import re
 from pathlib import Path

@@ -1,7 +1,7 @@
-"""Methods on features, the guess without sensors, and the blend; all as plain numbers for a file.
+"""Methods on features, the baseline without sensors, and the blend; as plain numbers for a file.
 
 Ridge regression chooses its penalty on tools left out of the training tools; the forest is
-scikit-learn's, kept as arrays of its nodes; the guess is wear over the use of the tool (isotonic
+scikit-learn's, kept as arrays of its nodes; the baseline is wear over the use of the tool (isotonic
 regression), or the share of worn tools by the conditions alone where wear is a class.
 """
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.schema.forest import Trees
 
 PENALTIES = tuple(float(x) for x in np.geomspace(1e-3, 1e3, 13))
-"""Of the ridge regression, as multiples of the mean eigenvalue of the features' products [1]."""
+"""Penalties of the ridge regression over the mean eigenvalue of the features' products [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +45,7 @@ def tool_weights(tool: np.ndarray) -> Floats:
 
 @dataclass(frozen=True, kw_only=True)
 class Ridge:
-    """Linear in scaled features: ``constant`` and F ``slopes``, found with ``penalty``."""
+    """Linear in scaled features: ``constant`` and F ``slopes``, fitted with ``penalty``."""
 
     constant: float
     slopes: Sequence[float]
@@ -70,7 +70,7 @@ def fit_ridge(x: Floats, y: Floats, tool: np.ndarray) -> Ridge:
 
 
 def _ridges(x: Floats, y: Floats, tool: np.ndarray) -> list[Ridge]:
-    """One for each penalty, from one decomposition."""
+    """Ridge regressions for all penalties, from one decomposition."""
     weight = tool_weights(tool)
     share = weight / weight.sum()
     x_mean, y_mean = share @ x, float(share @ y)
@@ -115,7 +115,7 @@ class Curve:
     wear: Sequence[float]
 
     def predict(self, use: Floats) -> Floats:
-        """Wear at a use, shape (N,); NaN where that is not known."""
+        """Wear at a use, shape (N,); NaN without one."""
         known = np.isfinite(use)
         found = np.interp(np.where(known, use, 0.0), self.use, self.wear)
         return np.where(known, found, np.nan)

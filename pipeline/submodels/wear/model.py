@@ -1,4 +1,4 @@
-"""Stored model of tool wear, and the object that predicts from it with every method."""
+"""Stored model of tool wear, and its predictor by every method."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 RESNET, FOREST, RIDGE, MEDIAN = "resnet", "forest", "ridge", "median"
 BLEND, GUESS, MEAN = "blend", "guess", "mean"
 METHODS = (RESNET, FOREST, RIDGE)
-"""Those that look at the signals."""
+"""Methods on the signals."""
 WEAR, WORN = "flank wear", "probability of a worn tool"
 """Quantities: a number, and a class."""
 NAMES = {
@@ -41,12 +41,12 @@ NAMES = {
 
 @dataclass(frozen=True, kw_only=True)
 class WearFitSettings(Ranged, section="wear_fit"):
-    """How methods are fitted and compared."""
+    """Fit and comparison of the methods."""
 
     folds: Annotated[int, Range(least=2, most=50)] = 5
     """Parts of the training tools that are left out in turn, at most one a tool."""
     methods: tuple[str, ...] = METHODS
-    """Those of :data:`METHODS` that are fitted."""
+    """Selection of :data:`METHODS` that are fitted."""
     forest: ForestSettings = field(default_factory=ForestSettings)
     """Size of the forest."""
     network: ResNetSettings = field(default_factory=ResNetSettings)
@@ -73,7 +73,7 @@ class MethodScore:
 
     rmse: float
     mae: float
-    """In the unit of wear."""
+    """MAE in the unit of wear."""
     worst: float
     """RMSE of the tool that it errs on most."""
     balanced_accuracy: float | None = None
@@ -104,12 +104,11 @@ class WearModel(Model):
     """Unit of each condition that is a number."""
     progress: str
     progress_unit: str
-    """Use of the tool that the guess looks at; the name is empty where it is the recording's time
-    or number."""
+    """Use of the tool in the baseline; the name is empty for the recording's time or number."""
     per_recording: bool
     """Whether a recording has one wear, the mean of its windows; else each window has one."""
     champion: str
-    """Method that serves: the blend where the guess has a share in it, unless ``alone`` is
+    """Method that serves: the blend where the baseline has a share in it, unless ``alone`` is
     significantly better on training tools left out."""
     alone: str
     """The one that needs no use of the tool: the median, or a single method that is significantly
@@ -117,7 +116,7 @@ class WearModel(Model):
     scores: Mapping[str, MethodScore]
     """Scores of every method."""
     weights: Mapping[str, float]
-    """Weights of the median and the guess in the blend; empty where there is no guess."""
+    """Weights of the median and the baseline in the blend; empty without a baseline."""
     bands: Mapping[str, Bands]
     """Half widths of the 90 % interval of ``champion`` and ``alone``; none for a class."""
     lasting: Lasting = field(default_factory=Lasting)
@@ -130,7 +129,7 @@ class WearModel(Model):
 
     @property
     def quantity(self) -> str:
-        """What is predicted."""
+        """Predicted quantity."""
         return WORN if self.is_class else WEAR
 
 
@@ -141,7 +140,7 @@ class MethodsFile:
     scaling: FeatureScaling
     """Scaling of the features."""
     ridge: Ridge | None
-    """On features."""
+    """Ridge regression on features."""
     forest: Mapping[str, Any] | None
     """Document of the forest."""
     networks: tuple[Mapping[str, Any], ...]
@@ -204,7 +203,7 @@ class Fitted:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Readings:
-    """K values of wear that are told: one a window, or one a recording."""
+    """K predicted values of wear: one a window, or one a recording."""
 
     of: Ints
     """Reading that each window belongs to; shape (N,)."""
@@ -244,7 +243,7 @@ class Wear:
     def predict_again(
         self, windows: WearWindows, draws: int = DRAWN
     ) -> tuple[Readings, dict[str, Floats], list[dict[str, Floats]]]:
-        """As :meth:`predict`, and by networks and trees that are drawn with replacement."""
+        """Predictions as :meth:`predict`, and by networks and trees drawn with replacement."""
         readings = Readings.among(windows, per_recording=self.file.per_recording)
         each, random = self.fitted.by_members(windows), np.random.default_rng(0)
 
@@ -255,22 +254,19 @@ class Wear:
         again = [found(lambda many: random.integers(0, many, many)) for _ in range(draws)]
         return readings, found(np.arange), again
 
-    def together(self, found: Mapping[str, Floats]) -> dict[str, Floats]:
+    def together(self, estimates: Mapping[str, Floats]) -> dict[str, Floats]:
         """Wear by every method, (K,) each, with their median and the blend."""
-        more = {**found, MEDIAN: median(found)}
+        more = {**estimates, MEDIAN: median(estimates)}
         if self.file.weights:
             more[BLEND] = blended(more, self.file.weights)
         return more
 
-    def served(self, found: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
-        """Method that serves, its wear and the ends of the 90 % interval, (K,) each.
-
-        It is the champion, or the best one that needs no use of the tool where that is not known.
-        """
+    def served(self, estimates: Mapping[str, Floats]) -> tuple[str, Floats, Floats, Floats]:
+        """Method that serves, wear, 90 % interval, (K,) each; without a use one that needs none."""
         name = self.file.champion
-        if not np.isfinite(found[name]).all():
+        if not np.isfinite(estimates[name]).all():
             name = self.file.alone
-        wear, bands = found[name], self.file.bands.get(name)
+        wear, bands = estimates[name], self.file.bands.get(name)
         if bands is None:
             nothing = np.full(len(wear), np.nan)
             return name, wear, nothing, nothing
@@ -278,15 +274,15 @@ class Wear:
         return name, wear, np.maximum(wear - band.lower, 0.0), wear + band.upper
 
 
-def median(found: Mapping[str, Floats]) -> Floats:
+def median(estimates: Mapping[str, Floats]) -> Floats:
     """Median of the methods that look at signals, (K,): no single one that goes astray moves it."""
-    middle: Floats = np.median([found[name] for name in METHODS if name in found], axis=0)
+    middle: Floats = np.median([estimates[name] for name in METHODS if name in estimates], axis=0)
     return middle
 
 
-def blended(found: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
+def blended(estimates: Mapping[str, Floats], weights: Mapping[str, float]) -> Floats:
     """Weighted sum of methods, (K,)."""
-    total: Floats = np.sum([w * found[name] for name, w in weights.items() if w > 0], axis=0)
+    total: Floats = np.sum([w * estimates[name] for name, w in weights.items() if w > 0], axis=0)
     return total
 
 

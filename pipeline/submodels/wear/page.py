@@ -1,4 +1,4 @@
-"""Page of tool wear: tools due, wear over the life of tools held out, methods, where it errs."""
+"""Page of tool wear: tools due, wear over the life of held-out tools, methods, errors."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -27,7 +27,7 @@ Seen = Shown[WearModel]
 
 
 def content(shown: Seen) -> PageContent:
-    """What the page of tool wear alone knows."""
+    """Page content of tool wear."""
     model = shown.model
     quantity = WEAR if model is None else model.quantity
     timed = model is not None and model.progress_unit in ("s", "min", "h")
@@ -74,7 +74,7 @@ def _about(model: WearModel) -> str:
 
 
 def _beaten(model: WearModel) -> str:
-    """That a guess without sensors is better on training tools left out, where it is."""
+    """Note that a baseline without sensors is better on held-out training tools, where it is."""
     simple = [model.scores[name].rmse for name in (GUESS, MEAN) if name in model.scores]
     if not simple or min(simple) > model.scores[model.champion].rmse:
         return ""
@@ -126,7 +126,7 @@ WHERE: tuple[Column[tuple[str, float, float, Any]], ...] = (
 
 
 def _where(shown: Seen, model: WearModel) -> Table | None:
-    """Errors by the wear that was measured, in thirds of what was learnt."""
+    """Errors by measured wear, in thirds of the training range."""
     rows = _rows(shown)
     if rows is None or model.is_class:
         return None

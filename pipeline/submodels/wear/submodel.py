@@ -105,7 +105,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
     ends: ClassVar[Ends] = {(WEAR, ""): ("low", "high")}
 
     def targets(self, settings: Judging, model: WearModel) -> tuple[Target, ...]:
-        """Wear of tools that were held out, beside a guess without sensors."""
+        """Wear of held-out tools, beside a baseline without sensors."""
         limits = settings.wear_limits
         beaten = tuple(name for name in (GUESS, MEAN) if name in model.scores)
         others = tuple(name for name in model.scores if name != model.champion)
@@ -202,7 +202,7 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         return predict
 
     def example(self, folder: Path) -> pd.DataFrame:
-        """One window of a wave about the middle of each channel."""
+        """Example window of a wave about the middle of each channel."""
         file = read_json(folder / "model.json", WearModel)
         wave = np.sin(np.arange(file.length))
         columns: dict[str, Any] = {
@@ -236,7 +236,6 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
 
 
 def _conditions(windows: WearWindows) -> dict[str, Condition]:
-    """Range of each condition over the training windows."""
     found = {}
     for name, values in windows.conditions.items():
         unit = windows.condition_units.get(name)
@@ -249,7 +248,6 @@ def _conditions(windows: WearWindows) -> dict[str, Condition]:
 
 
 def _predicted(case: Case, wear: Wear, life: WearLifeSettings) -> Prediction:
-    """A life by every method."""
     windows: WearWindows = case.load()
     file = wear.file
     mine = windows.channels, windows.units, windows.values.shape[2], windows.wear_unit
@@ -288,7 +286,7 @@ def _seconds(use: Any, unit: str) -> Any:
 
 
 def _facts(windows: WearWindows, frame: pd.DataFrame, file: WearModel) -> dict[str, Fact]:
-    """How many windows, how much of the wear was measured, and beyond what was learnt."""
+    """Number of windows, share with measured wear, and share beyond the training range."""
     facts = {"windows": Fact(value=float(len(windows)), unit="1")}
     if file.is_class:
         share = float(frame["predicted"].mean())

@@ -178,15 +178,15 @@ def _as_in_air(loaded: AxisFollowing, air: AxisFollowing) -> AxisFollowing:
     return with_residual(loaded, air.residual, air.half_width)
 
 
-def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisInCut, ...]:
+def axes_in_cut(following: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisInCut, ...]:
     """Peaks and RMS values of each axis in the material; ``lines`` (M,) of the program's rows."""
-    inside = np.flatnonzero(found.load.cutting)
+    inside = np.flatnonzero(following.load.cutting)
     if not len(inside):
         return ()
     axes = []
-    for letter, one in found.cut.items():
+    for letter, one in following.cut.items():
         error, command = one.error[inside] / MICROMETRE, one.command[inside]
-        air = found.air[letter]
+        air = following.air[letter]
         behind, drawn = int(np.argmax(np.abs(error))), int(np.argmax(np.abs(command)))
         axes.append(AxisInCut(
             axis=letter,
@@ -199,7 +199,7 @@ def axes_in_cut(found: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisIn
             command_air=_figure(np.abs(air.command[inside]).max()),
             command_line=int(lines[one.row[inside[drawn]]]),
             command_unit=one.command_unit,
-            force_N=_figure(np.abs(found.load.force[inside, AXES.index(letter)]).max()),
+            force_N=_figure(np.abs(following.load.force[inside, AXES.index(letter)]).max()),
             half_width_um=(
                 inf if one.half_width is None
                 else _figure(one.half_width[inside].max() / MICROMETRE)

@@ -75,7 +75,7 @@ class CutBasis:
 class AssessedCut:
     """A cut with its results, the arcs of its stations and its stability."""
 
-    found: CutResults
+    results: CutResults
     """Blocks, life, energy, limits, cost."""
     arcs: StationArcs
     """Arcs of its stations."""
@@ -92,7 +92,7 @@ def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:
     used = None
     if basis.energy is not None and basis.drive is not None:
         used = electricity(cut, blocks, basis.energy, basis.drive)
-    found = CutResults(
+    results = CutResults(
         cut=cut, blocks=blocks, life=life, energy=used,
         limits=cut_limits(
             cut, blocks, limit_load=basis.limit_load, drive=basis.drive,
@@ -101,14 +101,14 @@ def assessed(cut: Cut, basis: CutBasis) -> AssessedCut:
         cost=None if basis.rates is None else cost_of(cut, basis.rates, life.wear, used),
         cost_ends=None if basis.rates is None else cost_of(cut, basis.rates, life.interval, used),
     )  # fmt: skip
-    return AssessedCut(found=found, arcs=arcs, stable=stable)
+    return AssessedCut(results=results, arcs=arcs, stable=stable)
 
 
 def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
     """The cut as it stands under ``cut`` in the JSON of ``kerf simulate``."""
     of = assessed(cut, basis)
-    found, stable = of.found, of.stable
-    rows, tools = block_rows(found), by_tool(found)
+    results, stable = of.results, of.stable
+    rows, tools = block_rows(results), by_tool(results)
     return ProgramCut(
         stock=Blank(
             text=basis.stock,
@@ -122,17 +122,17 @@ def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
         dynamics=None if basis.dynamics is None else basis.dynamics.source,
         dynamics_measured=basis.dynamics is not None and basis.dynamics.measured,
         feeds=FEEDS,
-        summary=summary(found),
+        summary=summary(results),
         by_tool=tools,
         worst=_worst(rows),
         warnings=warnings_of(of, basis),
         not_known=not_known(of, basis),
         left_out=cut.path.left_out,
-        basis=_basis(cut, found.blocks, basis),
+        basis=_basis(cut, results.blocks, basis),
         notes=notes(of, basis),
         trace=cut_trace(cut, of.arcs),
         lobes=() if stable is None else stability_lobes(cut, stable),
-        drive=None if basis.drive is None else _drive(found.blocks, rows, basis.drive),
+        drive=None if basis.drive is None else _drive(results.blocks, rows, basis.drive),
         blocks=rows,
         edges=tool_edges(cut, of.arcs, basis.coefficients),
     )
@@ -165,12 +165,12 @@ def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
 
 def warnings_of(of: AssessedCut, basis: CutBasis) -> tuple[CutWarning, ...]:
     """Warnings before the part is cut, grave ones first."""
-    found = of.found
+    results = of.results
     warnings = cut_warnings(
-        found.cut, found.blocks, found.limits, basis.limit_load,
+        results.cut, results.blocks, results.limits, basis.limit_load,
         dynamics=basis.dynamics, drive=basis.drive, stock=basis.stock,
     )  # fmt: skip
-    every = (*setup_warnings(found.cut, basis.table), *warnings, *_worn(by_tool(found)))
+    every = (*setup_warnings(results.cut, basis.table), *warnings, *_worn(by_tool(results)))
     return tuple(sorted(every, key=lambda one: not one.grave))
 
 
@@ -187,10 +187,10 @@ def _worn(tools: Sequence[ToolTotals]) -> list[CutWarning]:
 
 def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     """Quantities that are not known of a cut, with the reason of each."""
-    found, stable = of.found, of.stable
-    cut = found.cut
-    names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(found.blocks.tool).tolist()}
-    unknown = found.life.unknown
+    results, stable = of.results, of.stable
+    cut = results.cut
+    names = {tool: f"T{cut.numbers[tool]}" for tool in np.unique(results.blocks.tool).tolist()}
+    unknown = results.life.unknown
     stiff = [names[tool] for tool in names if cut.tools[tool].stickout is None]
     profiled = [names[tool] for tool in names if not cut.tools[tool].load_known]
     tools = dict(zip(cut.numbers, cut.tools, strict=True))
@@ -198,10 +198,10 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     reasons: list[tuple[str, bool, str]] = [
         ("share of the spindle’s drive", basis.drive is None,
          "the machine’s file has no section spindle_drive"),
-        ("stability", not np.isfinite(found.limits.margin).any(),
-         _why_no_margin(found, basis, stable)),
+        ("stability", not np.isfinite(results.limits.margin).any(),
+         _why_no_margin(results, basis, stable)),
         ("load, torque and power where the spindle stands",
-         bool((found.blocks.spindle_speed <= 0).any()),
+         bool((results.blocks.spindle_speed <= 0).any()),
          "a tool that does not turn cuts no chip"),
         (f"load, deflection, torque and power of {', '.join(profiled)}", bool(profiled),
          "the contact of a thread mill’s profile is not computed, and no limit of them holds for "
@@ -210,7 +210,7 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
         ("contact of the tools’ bodies with the part", bool(unlisted),
          f"not listed: {'; '.join(unlisted)}"),
         ("cost", basis.rates is None, "conf/cost/ is not composed: add it to conf/config.yaml"),
-        ("energy", found.energy is None,
+        ("energy", results.energy is None,
          "the machine’s file lacks section energy or spindle_drive"),
     ]  # fmt: skip
     known = {names[k]: basis.material.tool_life(cut.tools[k]) for k in names}
@@ -223,15 +223,15 @@ def not_known(of: AssessedCut, basis: CutBasis) -> tuple[NotKnown, ...]:
     return tuple(NotKnown(what=what, why=why) for what, missing, why in reasons if missing)
 
 
-def _why_no_margin(found: CutResults, basis: CutBasis, stable: Stability | None) -> str:
-    if not len(found.blocks):
+def _why_no_margin(results: CutResults, basis: CutBasis, stable: Stability | None) -> str:
+    if not len(results.blocks):
         return "nothing is cut"
     if basis.dynamics is None:
         return (
             "the machine’s file has no section dynamics for the tools that cut and no --frf was "
             "given"
         )
-    if not (found.blocks.spindle_speed > 0).any():
+    if not (results.blocks.spindle_speed > 0).any():
         return "the spindle stands in every cut"
     return "no tool that mills has known dynamics"
 
@@ -288,21 +288,21 @@ def _coefficient_words(coefficients: ToolCoefficients) -> str:
 
 def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
     """Notes on the numbers of a cut, for its reader."""
-    found, cut = of.found, of.found.cut
+    results, cut = of.results, of.results.cut
     cautions = dict.fromkeys(
         basis.coefficients[cut.numbers[tool]].caution
-        for tool in np.unique(found.blocks.tool).tolist()
+        for tool in np.unique(results.blocks.tool).tolist()
     )
     worn = dict.fromkeys(
         f"T{cut.numbers[tool]} counts as {given.edge}{f'; {caution}' if caution else ''}."
-        for tool in np.unique(found.blocks.tool).tolist()
+        for tool in np.unique(results.blocks.tool).tolist()
         if (given := basis.coefficients[cut.numbers[tool]]).sharp is not None
         for caution in [given.land.caution if given.land else ""]
     )
     lead = [
         f"T{cut.numbers[tool]} is a face mill without cutting_edge_angle_deg in the tool table: "
         f"its chip is that of the usual {LEAD_ANGLE:g} degrees."
-        for tool in np.unique(found.blocks.tool).tolist()
+        for tool in np.unique(results.blocks.tool).tolist()
         if cut.tools[tool].role == "face_mill" and cut.tools[tool].cutting_edge_angle_deg is None
     ]
     return (
@@ -312,7 +312,7 @@ def notes(of: AssessedCut, basis: CutBasis) -> tuple[str, ...]:
         *lead,
         *(f"Forces: {caution}." for caution in cautions if caution),
         *([f"Blank: {cut.blank.notice}."] if cut.blank.notice else []),
-        *(f"T{cut.numbers[tool]} {why}." for tool, why in found.life.beyond.items()),
+        *(f"T{cut.numbers[tool]} {why}." for tool, why in results.life.beyond.items()),
     )
 
 

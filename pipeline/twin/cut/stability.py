@@ -111,10 +111,10 @@ def linearised(law: ForceLaw, thickness: float) -> ForceLaw:
     return ForceLaw(K_tc=tangential, K_rc=radial, K_ac=law.K_ac * slope, K_te=law.K_te)
 
 
-def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
+def stability_lobes(cut: Cut, result: Stability) -> tuple[Lobes, ...]:
     """Lobes of the least stable engagement of each tool, and its blocks with that engagement."""
-    table, stations = found.table, found.stations
-    known = np.array([one is not None for one in found.dynamics])
+    table, stations = result.table, result.stations
+    known = np.array([one is not None for one in result.dynamics])
     kept = np.flatnonzero(known[stations.tool])  # the stations that the table has
     spindle = _clipped(cut, table)[table.block]
     node = np.searchsorted(60 * table.nodes, spindle * (1 - NEAR))
@@ -136,7 +136,7 @@ def stability_lobes(cut: Cut, found: Stability) -> tuple[Lobes, ...]:
                 exit_deg=round(float(np.degrees(stations.exit[kept[worst]])), 1),
                 speeds_rpm=tuple(np.round(nodes, 1).tolist()),
                 depth_limit_mm=tuple(figure(v, 4) for v in (limit * 1e3).tolist()),
-                points=_points(cut, found, same[np.argsort(margins[same])], margins),
+                points=_points(cut, result, same[np.argsort(margins[same])], margins),
             )
         )
     return tuple(lobes)

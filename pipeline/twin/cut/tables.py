@@ -45,33 +45,33 @@ def figure(value: float, digits: int = 6) -> float | None:
     return float(f"{value:.{digits}g}") if np.isfinite(value) else None
 
 
-def by_tool(found: CutResults) -> tuple[ToolTotals, ...]:
+def by_tool(results: CutResults) -> tuple[ToolTotals, ...]:
     """Each tool that cuts, in the order of the program."""
-    cut = found.cut
+    cut = results.cut
     number = cut.plan.path.moves.tool
-    order = dict.fromkeys(cut.numbers[tool] for tool in found.blocks.tool.tolist())
-    return tuple(tool_totals(found, tool, number == tool) for tool in order)
+    order = dict.fromkeys(cut.numbers[tool] for tool in results.blocks.tool.tolist())
+    return tuple(tool_totals(results, tool, number == tool) for tool in order)
 
 
-def tool_totals(found: CutResults, tool: int, rows: Bools) -> ToolTotals:
+def tool_totals(results: CutResults, tool: int, rows: Bools) -> ToolTotals:
     """Totals of the ``rows`` (M,) of one tool, by its number."""
-    cut, blocks = found.cut, found.blocks
+    cut, blocks = results.cut, results.blocks
     index = cut.numbers.index(tool)
     mine = (blocks.tool == index) & rows[blocks.row]
-    return ToolTotals(tool=tool, name=cut.tools[index].name, **_totals(found, mine, rows))
+    return ToolTotals(tool=tool, name=cut.tools[index].name, **_totals(results, mine, rows))
 
 
-def summary(found: CutResults) -> PartTotals:
+def summary(results: CutResults) -> PartTotals:
     """The part as a whole; rows without a tool that cuts count too."""
-    every = np.ones(len(found.blocks), dtype=bool)
-    rows = np.ones(found.cut.engagement.blocks, dtype=bool)
-    worst = int(np.argmax(found.blocks.peak)) if len(found.blocks) else 0
-    line = int(found.blocks.line[worst]) if len(found.blocks) else None
+    every = np.ones(len(results.blocks), dtype=bool)
+    rows = np.ones(results.cut.engagement.blocks, dtype=bool)
+    worst = int(np.argmax(results.blocks.peak)) if len(results.blocks) else 0
+    line = int(results.blocks.line[worst]) if len(results.blocks) else None
     return PartTotals(
         peak_line=line,
-        blank_cm3=figure(found.cut.blank.volume * CM3),
-        left_cm3=figure(found.cut.left.volume * CM3),
-        **_totals(found, every, rows),
+        blank_cm3=figure(results.cut.blank.volume * CM3),
+        left_cm3=figure(results.cut.left.volume * CM3),
+        **_totals(results, every, rows),
     )
 
 
@@ -159,16 +159,16 @@ def _cost(found: CutResults, cost: PartCost, rows: Bools) -> CutCost:
     )  # fmt: skip
 
 
-def block_rows(found: CutResults) -> tuple[CutBlock, ...]:
+def block_rows(results: CutResults) -> tuple[CutBlock, ...]:
     """Every block that cuts, in the order of the program."""
-    b, limits, cut = found.blocks, found.limits, found.cut
-    figures = _quantities(found) | {
+    b, limits, cut = results.blocks, results.limits, results.cut
+    figures = _quantities(results) | {
         "used": limits.used,
         "speed_rpm": b.spindle_speed,
         "reached_feed_mm_min": b.feed,
         "entry_deg": np.degrees(b.entry),
         "exit_deg": np.degrees(b.exit),
-        "cost": np.full(len(b), np.nan) if found.cost is None else found.cost.block[b.row],
+        "cost": np.full(len(b), np.nan) if results.cost is None else results.cost.block[b.row],
     }
     columns: dict[str, list[Any]] = {
         "line": b.line.tolist(),

@@ -82,7 +82,7 @@ class ToolWear:
     """Wear data of the machine."""
     rule: WearRule = "known"
     """Rule for tools whose wear is not given."""
-    asked: bool = False
+    requested: bool = False
     """Whether the rule was requested; else it is the default, and a criterion holds for the
     material alone that the growth was fitted on."""
     given: Mapping[int, float] = field(default_factory=dict)
@@ -142,7 +142,7 @@ def _worn(
         return replace(one, edge="sharp: the growth of edge forces was fitted on end mills")
     same = growth.material in material
     value, source = _wear_of(number, tool, wear)
-    held = wear.rule == "criterion" and number not in wear.given and not wear.asked
+    held = wear.rule == "criterion" and number not in wear.given and not wear.requested
     cautions = [] if same else [
         f"the growth of edge forces was fitted in {growth.material or 'a material not named'}, "
         f"not in {material[0]}"

@@ -35,7 +35,7 @@ def strokes_at(speeds, seed, *, trained=True):
 def axis_of(recordings):
     found = identified_axis("X", recordings, DrivePrior(), SETTINGS)
     axis = stored_axis("X", found, recordings)
-    again = partial(axis_again, found={"X": found}, prior=DrivePrior(), settings=SETTINGS)
+    again = partial(axis_again, axes={"X": found}, prior=DrivePrior(), settings=SETTINGS)
     return with_intervals({"X": axis}, recordings, again, SETTINGS)["X"]
 
 

@@ -51,7 +51,7 @@ def test_of_a_tool_that_was_used_up_it_is_counted_how_often_the_range_held(law: 
     found = windows("mill01", 2, ["T24"])
     facts = due_facts(found, Estimate(wear=220.0, low=200.0, high=240.0), law, SETTINGS)
     assert due.IN_USE not in facts
-    told, inside = facts[due.TOLD].value, facts[due.HELD].value
+    told, inside = facts[due.ESTIMATES].value, facts[due.HELD].value
     assert isinstance(told, float) and isinstance(inside, float) and 0 < inside <= told
     assert due.held({"T24": facts, "T26": {}}) == (int(told), int(inside))
 
@@ -64,9 +64,9 @@ def test_of_an_unknown_type_nothing_is_told(law: LifeLaw) -> None:
     })  # fmt: skip
     estimate = Estimate(wear=1.0, low=0.0, high=2.0)
     known = due_facts(strange, estimate, law, replace(SETTINGS, cutters=shape))
-    assert "no tool of its type was worn" in str(known[due.NOT_TOLD].value) and len(known) == 1
+    assert "no tool of its type was worn" in str(known[due.NO_ESTIMATE].value) and len(known) == 1
     unknown = due_facts(strange, estimate, law, SETTINGS)
-    assert "wear_life.cutters has no 'NEW'" in str(unknown[due.NOT_TOLD].value)
+    assert "wear_life.cutters has no 'NEW'" in str(unknown[due.NO_ESTIMATE].value)
 
 
 def test_what_records_do_not_tell_is_a_reason_and_no_error() -> None:

@@ -112,7 +112,7 @@ def test_how_often_ranges_held_is_told_of_tools_that_were_not_learnt_from(
     one = shown(built, lasting)
     assert one.verdict is not None
     facts = one.verdict.cases[-1].facts
-    told, inside = (int(str(facts[n].value).removesuffix(".0")) for n in (due.TOLD, due.HELD))
+    told, inside = (int(str(facts[n].value).removesuffix(".0")) for n in (due.ESTIMATES, due.HELD))
     assert f"{inside} of {told} ranges held" in section(one).text[0]
     learnt = tuple(replace(c, role="training") for c in one.verdict.cases)
     none = section(replace(one, verdict=replace(one.verdict, cases=learnt)))

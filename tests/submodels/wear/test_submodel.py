@@ -226,15 +226,15 @@ def test_worn_or_not_is_a_probability(tmp_path: Path) -> None:
     assert facts["mean probability of a worn tool"].value > 0.5  # type: ignore[operator]
 
 
-def told_of(worn: list[int], **by: list[float]) -> fit._Told:
+def told_of(worn: list[int], **by: list[float]) -> fit._Readings:
     """Two readings of each tool, left out; every method says the same of both."""
     twice = {name: np.repeat(np.array(one), 2) for name, one in by.items()}
     tool = np.repeat([f"e{k}" for k in range(len(worn))], 2)
-    return fit._Told(by=twice, wear=np.repeat(np.array(worn, float), 2), tool=tool,
+    return fit._Readings(by=twice, wear=np.repeat(np.array(worn, float), 2), tool=tool,
                      use=np.zeros(2 * len(worn)))  # fmt: skip
 
 
-def who_serves(out: fit._Told, *, is_class: bool = True) -> tuple[str, dict[str, float]]:
+def who_serves(out: fit._Readings, *, is_class: bool = True) -> tuple[str, dict[str, float]]:
     weights = fit._with_blend(out)
     scores = {name: fit._score(out, one, is_class=is_class) for name, one in out.by.items()}
     return fit._who_serves(out, scores, weights, is_class=is_class)[0], weights

@@ -1,4 +1,4 @@
-"""No-load power and specific cutting force from the load that a machine's control shows.
+"""No-load power and specific cutting force from the spindle load of a control's display.
 
 Logs of speed, load and executed line (MTConnect, even times) are compared with the engagement that
 the program's path has in its blank.  Powers are at the tool [W], speeds [rev/s], removal rates

@@ -57,7 +57,7 @@ class LoadLogFile:
 
     @property
     def sha256(self) -> str:
-        """Of the raw file."""
+        """SHA-256 of the raw file."""
         return str(self.entry.get("sha256") or "")
 
 
@@ -73,10 +73,7 @@ class SpindleLoadResult:
 def identify_spindle_load(
     logs: Sequence[LoadLogFile], records: SpindleLoadRecords, widest: float
 ) -> SpindleLoadResult:
-    """No-load power and specific cutting force from logs.
-
-    A 95 % interval whose half is beyond the share ``widest`` of the value leaves it undetermined.
-    """
+    """No-load power and specific force from logs; undetermined beyond the share ``widest``."""
     used: list[str] = []
     parts: list[Levels] = []
     left_out: dict[str, str] = {}
@@ -114,12 +111,8 @@ def load_logs(
 ) -> list[LoadLogFile]:
     """Logs that the records name: no-load logs, then those of cuts.
 
-    ``files`` are the entries of the manifest by raw file.
-
-    Raises
-    ------
-    ValueError
-        When a pattern fits none of the files, or a log fits two patterns.
+    ``files`` are the entries of the manifest by raw file. ValueError when a pattern fits none of
+    the files, or a log fits two patterns.
     """
     patterns: list[tuple[str, str, LoadCut | None]] = [
         ("no_load", pattern, None) for pattern in records.no_load
@@ -154,13 +147,7 @@ class _Reader:
     first: dict[str, str] = field(default_factory=dict)
 
     def levels(self, file: LoadLogFile) -> tuple[Levels, str]:
-        """Levels of a log, and a note on the part of it that is not used.
-
-        Raises
-        ------
-        ValueError
-            When nothing of it can be used.
-        """
+        """Levels of a log, and a note on the unused part; ValueError where no part can be used."""
         output, records = file.entry.get("output"), self.records
         first = self.first.setdefault(file.sha256 or file.name, file.name)
         if first != file.name:
@@ -228,7 +215,6 @@ def _identified(
 
 
 def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
-    """Each level of cutting, for the report."""
     cuts = levels.where(levels.removal > 0.0)
     power = cuts.power - idle.power(cuts.speed)
     rows = zip(cuts.speed, cuts.removal, power, cuts.deviation, cuts.samples, strict=True)
@@ -306,7 +292,6 @@ def _fitted(
     name: str, fit: Regression, index: int, *, unit: str, widest: float, method: str,
     scale: float = 1.0, scale_error: float = 0.0,
 ) -> Estimate:  # fmt: skip
-    """One parameter of a regression."""
     value, half = float(fit.values[index]), float(fit.half_width[index])
     what = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
     return _estimate(
@@ -319,7 +304,6 @@ def _estimate(
     name: str, value: float, half: float, *, unit: str, widest: float, method: str,
     missing: str = "",
 ) -> Estimate:  # fmt: skip
-    """Value and interval, or why it is undetermined."""
     finite = bool(np.isfinite(half) and np.isfinite(value))
     wide = f"the 95 % interval, {digits(value - half):g} to {digits(value + half):g}"
     return Estimate(

@@ -40,7 +40,7 @@ class Levels:
     """Width of chip times cutting speed, over all teeth in cut [m^2/s]; an edge force K_te takes
     the power K_te times this; shape (L,)."""
     samples: Ints
-    """How many readings each holds; shape (L,)."""
+    """Number of readings of each; shape (L,)."""
 
     def __len__(self) -> int:
         return len(self.speed)
@@ -234,13 +234,7 @@ class LoadScale:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LoadLog:
-    """Log of a spindle's speed and load, with the cut of each of its T rows.
-
-    Raises
-    ------
-    ValueError
-        When columns do not match.
-    """
+    """Log of a spindle's speed and load, with the cut of each of its T rows."""
 
     times: Floats
     """Rising [s]; shape (T,)."""
@@ -249,8 +243,7 @@ class LoadLog:
     load: Floats
     """Load [%]; NaN where it is missing; shape (T,)."""
     cut: NDArray[np.int64] | None = None
-    """Number of the cut of each row, negative for none; without it the spindle ran without load;
-    shape (T,)."""
+    """Cut of each row, negative for none; None for a spindle without load; shape (T,)."""
     removal: Floats | None = None
     edge: Floats | None = None
     """Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air; shape (T,)."""
@@ -266,10 +259,7 @@ class LoadLog:
 
 
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
-    """Levels of a log: rows at which speed and cut have been the same for ``settle_s``.
-
-    ``settle_s`` [s] is longer than the control averages its load.
-    """
+    """Levels of a log: constant speed and cut for ``settle_s`` [s], the load's averaging time."""
     steady = settled(log.times, log.speed, settle_s=settle_s)
     if log.cut is None:
         label, removal, edge = runs(steady), np.zeros(1), np.zeros(1)

@@ -26,7 +26,7 @@ class NoLoad:
     """No-load power of a spindle."""
 
     fit: Regression
-    """Of p0, p1, p2 in [W], [W s], [W s^2] with n in rev/s: as many as the speeds determine."""
+    """Regression for p0, p1, p2 [W], [W s], [W s^2], n in rev/s, as far as determined."""
     lowest: float
     highest: float
     """Speeds between which it holds [rev/s]."""
@@ -47,13 +47,7 @@ class NoLoad:
 
 
 def no_load(levels: Levels) -> NoLoad:
-    """No-load power from levels without a cut; one term less than there are speeds.
-
-    Raises
-    ------
-    ValueError
-        When there are fewer than two speeds.
-    """
+    """No-load power by levels without a cut; ValueError when there are fewer than two speeds."""
     idle = levels.where((levels.removal == 0.0) & (levels.edge == 0.0))
     if len(idle) < 2:
         raise ValueError(
@@ -94,7 +88,7 @@ class SpecificForce:
     [N/m^2 = J/m^3], summed over levels, each for the same time; and half of its 95 % interval: by
     how much cuts of the same kind differ is counted where there is more than one level."""
     fit: Regression
-    """Of K_tc [N/m^2], then of K_te [N/m] where the cuts were to determine it."""
+    """Regression for K_tc [N/m^2], then K_te [N/m] where the cuts were to determine it."""
     cuts: int
     """Number of levels."""
 
@@ -102,12 +96,8 @@ class SpecificForce:
 def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     """Specific cutting force from levels with a cut at speeds of the no-load record.
 
-    The no-load power's own uncertainty is counted, common to cuts at the same speed.
-
-    Raises
-    ------
-    ValueError
-        When no cut is at a speed of the no-load record.
+    The no-load power's own uncertainty is counted, common to cuts at the same speed. ValueError
+    when no cut is at a speed of the no-load record.
     """
     cuts = _cuts(levels, idle)
     power, covariance = _above_no_load(cuts, idle)

@@ -38,7 +38,7 @@ class Stretch:
 
     begin: float
     end: float
-    """Along the path of the line [m]."""
+    """Begin and end along the path of the line [m]."""
     area: float
     """Volume removed per path length [m^2]."""
     edge: float
@@ -56,18 +56,14 @@ class Lines:
     cuts: NDArray[np.bool_] = field(repr=False)
     """Whether anything is in the material in a line; shape (L,)."""
     stretches: Mapping[int, tuple[Stretch, ...]] = field(repr=False)
-    """Stretches of each line that are as long as the tool's radius; shorter ones are entries and
-    exits."""
+    """Stretches of each line no shorter than the tool's radius; others are entries and exits."""
 
 
 def program_lines(raw: Path, cut: LoadCut, setup: Setup) -> Lines:
     """Lines of the program of ``cut``.
 
-    Raises
-    ------
-    ValueError
-        When the program is not there or cannot be followed, executes lines more than once, or its
-        cut cannot be computed.
+    ValueError when the program is not there or cannot be followed, executes lines more than once,
+    or its cut cannot be computed.
     """
     path = raw / cut.program
     if not path.is_file():

@@ -35,7 +35,7 @@ class Readings:
     period: float
     """Sampling interval, about that of the log's polls [s]."""
     times: Floats
-    """Since the log's start [s]; shape (T,)."""
+    """Time since the log's start [s]; shape (T,)."""
     line: Ints
     """Line of the program, -1 where missing; shape (T,)."""
     speed: Floats
@@ -49,12 +49,8 @@ class Readings:
 def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings:
     """Readings of a log.
 
-    ``cuts`` says whether line and feed are needed; ``name`` is the log's, for messages.
-
-    Raises
-    ------
-    ValueError
-        When the log lacks an item that is needed, or holds too little.
+    ``cuts`` says whether line and feed are needed; ``name`` is the log's, for messages. ValueError
+    when the log lacks an item that is needed, or holds too little.
     """
     log = LogItems.read(path)
     if not len(log):
@@ -160,12 +156,8 @@ def cut_log(log: Readings, lines: Lines, *, settle_s: float, name: str, program:
     wholly in air, the reading is one without load, as of :func:`free_log`.
 
     ``settle_s`` [s] is how long speed and air must have been the same where a level without a cut
-    begins; ``name`` and ``program`` are for messages.
-
-    Raises
-    ------
-    ValueError
-        When the log is not of this program.
+    begins; ``name`` and ``program`` are for messages. ValueError when the log is not of this
+    program.
     """
     line_runs = _line_runs(log, lines)
     _check_program(log, lines, line_runs, name, program)

@@ -19,23 +19,16 @@ class LoadItems:
     line: str
     """Line of the program's text that is executed, counting from 1."""
     speed: str
-    """Of the spindle [rev/min]."""
+    """Data item of the spindle speed [rev/min]."""
     load: str
-    """Of the spindle [%]."""
+    """Data item of the spindle load [%]."""
     feed: str
     """Actual speed along the path [mm/s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
-    """Logs of one program that cut a blank.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range, the blank is none, or a tool is no flat or bull-nose end
-        mill.
-    """
+    """Logs of one program that cut a blank with flat or bull-nose end mills."""
 
     log: str
     """Pattern of their names below the machine's folder."""
@@ -46,9 +39,9 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
     :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
     below the machine's folder."""
     tools: Mapping[int, Tool]
-    """Those that cut, by their number in the program."""
+    """Cutting tools by their number in the program."""
     resolution_mm: Annotated[float, Range(least=0.01, most=10.0, unit="mm")] = 0.5
-    """Of the blank [mm]."""
+    """Resolution of the blank [mm]."""
 
     def __post_init__(self) -> None:
         stock_of(self.stock)
@@ -64,16 +57,10 @@ class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
-    """Logs from which no-load power and specific cutting force are identified.
-
-    Raises
-    ------
-    ValueError
-        When no log is named, or a value is out of its range.
-    """
+    """Logs from which no-load power and specific cutting force are identified, at least one."""
 
     items: LoadItems
-    """What the logs call line, speed, load and feed."""
+    """Names of line, speed, load and feed in the logs."""
     drive: SpindleDrive
     """Rated power, base speed and efficiency that turn load into power; levels below its least
     speed do not count."""
@@ -87,10 +74,9 @@ class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
     """Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
     share: rated power, efficiency and meter together [1]."""
     settle_s: Annotated[float, Range(least=0.1, most=60.0, unit="s")] = 1.5
-    """How long speed and cut must have been the same before a reading counts: five times the lag of
-    the meter [s]."""
+    """Time of constant speed and cut before a reading counts, five lags of the meter [s]."""
     setup: Setup = field(default_factory=Setup)
-    """Of the control, for the programs."""
+    """Set-up of the control, for the programs."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

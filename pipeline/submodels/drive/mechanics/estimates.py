@@ -1,7 +1,7 @@
 """Named parameters of a feed drive with 95 % intervals, from a vector of the inverse dynamics.
 
 Motion shows two Coulomb levels, F_c+ + F_g and F_c- - F_g, of three unknowns (gravity split).  What
-is known of the axis decides (``coulomb`` in conf/machine/): with equal Coulomb friction in both
+is declared of the axis decides (``coulomb`` in conf/machine/): with equal Coulomb friction in both
 directions the difference of the levels is twice the constant force; without a constant force each
 level is Coulomb friction.  "auto" takes the first where the levels differ by more than ``GRAVITY``
 of their mean, or one is negative, which friction alone does not explain, and the second otherwise.
@@ -43,25 +43,25 @@ class GravitySplit:
     """Relative difference of Coulomb friction that remains possible [1]."""
 
 
-def gravity_split(found: Dynamics, coulomb: Coulomb) -> GravitySplit:
-    """Split of the Coulomb levels of ``found``."""
-    positive, negative = (found.value(f"coulomb_level_{one}") for one in DIRECTIONS)
-    if not all(found.is_fitted(f"coulomb_level_{one}") for one in DIRECTIONS):
+def gravity_split(fit: Dynamics, coulomb: Coulomb) -> GravitySplit:
+    """Split of the Coulomb levels of ``fit``."""
+    positive, negative = (fit.value(f"coulomb_level_{one}") for one in DIRECTIONS)
+    if not all(fit.is_fitted(f"coulomb_level_{one}") for one in DIRECTIONS):
         return GravitySplit(equal=False, reason="only one direction was recorded")
     if coulomb == "equal":
         return GravitySplit(equal=True, reason=GIVEN, unequal_share=ALIKE)
     mean = 0.5 * (positive + negative)
     impossible = min(positive, negative) < 0
     if impossible or (coulomb == "auto" and abs(positive - negative) > GRAVITY * mean):
-        up, down = (found.value(f"viscous_{one}") for one in DIRECTIONS)
+        up, down = (fit.value(f"viscous_{one}") for one in DIRECTIONS)
         share = abs(up - down) / (up + down) if up + down > 0 else 0.0
         return GravitySplit(equal=True, reason=SHOWN, unequal_share=max(share, ALIKE))
     return GravitySplit(equal=False, reason=UNEQUAL)
 
 
-def coulomb_and_offset(found: Dynamics, split: GravitySplit) -> tuple[float, float, float]:
+def coulomb_and_offset(fit: Dynamics, split: GravitySplit) -> tuple[float, float, float]:
     """F_c+, F_c- and F_g [N]."""
-    positive, negative = (found.value(f"coulomb_level_{one}") for one in DIRECTIONS)
+    positive, negative = (fit.value(f"coulomb_level_{one}") for one in DIRECTIONS)
     if split.equal:
         mean = 0.5 * (positive + negative)
         return mean, mean, 0.5 * (positive - negative)
@@ -126,13 +126,12 @@ class Estimates:
     values: Floats
     low: Floats
     high: Floats
-    """With the 95 % interval [SI, force in the fit's unit]; no result where not determined;
-    shape (D,)."""
+    """Values, 95 % intervals [SI, force in the fit's unit]; NaN if undetermined; shape (D,)."""
     determined: Bools
     """Whether the recordings determine it; shape (D,)."""
     how: tuple[str, ...]
     remedy: tuple[str, ...]
-    """Where each value comes from, and what to record where it is not determined."""
+    """Source of each value, and the record that would determine it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -148,7 +147,7 @@ class AxisFit(Estimates):
     relative_error_percent: float = np.nan
     """Error of what is modelled, over what was measured on those rows [%]."""
     bandwidth_Hz: float = np.nan
-    """Below which model and recording were compared [Hz]; nan where they were taken as they are."""
+    """Bandwidth of the comparison of model and recording [Hz]; nan for unfiltered ones."""
     condition: float = np.nan
     rank: int = 0
     """Condition number and rank of the Jacobian with columns scaled to length one."""
@@ -183,26 +182,26 @@ def units(force_unit: str, names: Sequence[str], command_unit: str) -> tuple[str
     return tuple(of_kind.get(_kind(name), force_unit) for name in names)
 
 
-def physical(found: Dynamics, split: GravitySplit) -> Floats:
+def physical(fit: Dynamics, split: GravitySplit) -> Floats:
     """Values of the D parameters; a direction that was not recorded has those of the other."""
-    *coulomb, offset = coulomb_and_offset(found, split)
+    *coulomb, offset = coulomb_and_offset(fit, split)
     # Coulomb and static friction, Stribeck velocity and viscous friction of both directions
     table = np.empty((4, 2))
     for k, direction in enumerate(DIRECTIONS):
         amplitude, velocity = 0.0, DEFAULT_VELOCITY
-        if found.is_fitted(f"stribeck_amplitude_{direction}"):
-            amplitude = found.value(f"stribeck_amplitude_{direction}")
-            velocity = float(np.exp(found.value(f"log_velocity_{direction}")))
-        viscous = found.value(f"viscous_{direction}")
+        if fit.is_fitted(f"stribeck_amplitude_{direction}"):
+            amplitude = fit.value(f"stribeck_amplitude_{direction}")
+            velocity = float(np.exp(fit.value(f"log_velocity_{direction}")))
+        viscous = fit.value(f"viscous_{direction}")
         table[:, k] = coulomb[k], coulomb[k] + amplitude, velocity, viscous
     for k, direction in enumerate(DIRECTIONS):
-        if not found.is_fitted(f"coulomb_level_{direction}"):
+        if not fit.is_fitted(f"coulomb_level_{direction}"):
             table[:, k] = table[:, 1 - k]
-    return np.array([found.value("mass"), *table.ravel(), offset])
+    return np.array([fit.value("mass"), *table.ravel(), offset])
 
 
 def estimates(
-    found: Dynamics,
+    fit: Dynamics,
     half_width: Floats,
     correlation: Floats,
     others: Sequence[Dynamics],
@@ -217,8 +216,8 @@ def estimates(
     ``others``, fits at other bandwidths, differ by widens the intervals. Beyond ``widest``, a
     relative half width [1], nothing is determined; ``how`` says where fitted values come from.
     """
-    values = physical(found, split)
-    slopes = _slopes(lambda one: physical(one, split), found)
+    values = physical(fit, split)
+    slopes = _slopes(lambda one: physical(one, split), fit)
     spread = np.outer(half_width, half_width) * correlation
     variance = np.einsum("is,st,it->i", slopes, np.where(np.isfinite(spread), spread, 0), slopes)
     blind = (slopes != 0) @ ~np.isfinite(half_width)
@@ -234,9 +233,9 @@ def estimates(
     scale = np.abs(values)
     scale[-1] = max(scale[-1], abs(coulomb))  # an offset may well be 0
     determined: Bools = (half <= widest * scale) & (scale > 0)
-    determined &= np.array([_components_fitted(found, name, split) for name in NAMES])
+    determined &= np.array([_components_fitted(fit, name, split) for name in NAMES])
     possible = (values > 0) | (np.array(NAMES) == "offset")
-    possible[0] &= not found.at_bound("mass")
+    possible[0] &= not fit.at_bound("mass")
     determined &= possible
     low, high = values - half, values + half
     for k in (5, 6):  # fitted on a logarithmic scale
@@ -254,15 +253,7 @@ def estimates(
 
 
 def with_misfit(estimated: Estimates, error_percent: float) -> Estimates:
-    """Nothing is determined by a model that leaves most of the force over.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        Of the drive.
-    error_percent : float
-        RMS of what the model leaves over, of the measured force [%].
-    """
+    """Estimates of a drive, none determined where the RMS residual of the force [%] is large."""
     if not error_percent > MISFIT_PERCENT:
         return estimated
     return _undetermined(estimated, UNEXPLAINED.format(error_percent), estimated.remedy)
@@ -271,17 +262,11 @@ def with_misfit(estimated: Estimates, error_percent: float) -> Estimates:
 def with_signs(
     estimated: Estimates, acceleration: Floats, speed: Floats, force: Floats
 ) -> Estimates:
-    """Nothing is determined where the force opposes the motion that it makes.
+    """Estimates of a drive, none determined where the force opposes the motion that it makes.
 
     A motor's force rises with the acceleration and with the direction of the motion, since friction
-    takes energy; a constant force has no part in a correlation.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        Of the drive.
-    acceleration, speed, force : ndarray, shape (N,)
-        Of the rows.
+    takes energy; a constant force has no part in a correlation.  ``acceleration``, ``speed``,
+    ``force`` (N,) are those of the rows.
     """
     found = {"acceleration": _correlation(acceleration, force),
              "speed": _correlation(np.sign(speed), force)}  # fmt: skip
@@ -304,7 +289,7 @@ def _undetermined(estimated: Estimates, how: str, remedy: tuple[str, ...]) -> Es
 def with_load(
     estimated: Estimates, constant: Factor | None, factor: Factor | None, widest: float
 ) -> Estimates:
-    """With a force constant by a load, whose uncertainty every force shares, or a load factor.
+    """Estimates with a load's force constant, whose uncertainty all forces share, or load factor.
 
     ``constant`` is the force constant by the load [N/A]; ``factor`` is that of the channel of the
     load, where the force constant was known.

@@ -107,10 +107,9 @@ class FeedDriveFit(AxisFit):
 
     command_unit: str
     force_unit: str
-    """Units of the motor's command and of forces, the command's where the force constant is not
-    listed."""
+    """Units of the command and of forces, the command's where the force constant is not listed."""
     feed_drive: FeedDriveParameters
-    """With all parameters, for the twin."""
+    """Drive with all parameters, for the twin."""
     points: tuple[friction.FrictionPoint, ...] = ()
     """Friction at constant speed."""
     delay: float = 0.0
@@ -120,13 +119,7 @@ class FeedDriveFit(AxisFit):
 def identify_feed_drive(
     recordings: Sequence[Recording], axis: str, prior: DrivePrior, settings: DriveFitSettings
 ) -> FeedDriveFit:
-    """Feed drive of ``axis`` from its training recordings.
-
-    Raises
-    ------
-    ValueError
-        When no training recording shows the axis moving, or their commands have different units.
-    """
+    """Feed drive of ``axis``; ValueError when no training recording moves it, or units differ."""
     # one filter for motion and force, the command delayed like the motion
     training = _training(recordings, axis)
     record = training[0].axes[axis]
@@ -209,7 +202,6 @@ def _chosen(
 
 
 def _training(recordings: Sequence[Recording], axis: str) -> list[Recording]:
-    """Training recordings of one unit of force."""
     training = [one for one in recordings if one.trained and axis in one.axes]
     if not training:
         raise ValueError(
@@ -248,15 +240,7 @@ def _compared(
 
 
 def feed_drive_of(estimated: Estimates, force_constant: float) -> FeedDriveParameters:
-    """The drive for the twin; static friction is never below Coulomb friction.
-
-    Parameters
-    ----------
-    estimated : Estimates
-        As identified.
-    force_constant : float
-        Force for one unit of the command [N/A].
-    """
+    """Drive for the twin, by the force constant [N/A]; static is at least Coulomb friction."""
     value = dict(zip(estimated.names, np.maximum(estimated.values, 0).tolist(), strict=True))
     directions = {
         direction: DirectionFriction(
@@ -283,7 +267,6 @@ def _percent(residuals: Floats, force: Floats) -> float:
 
 
 def _rank(rows: Regressors, found: Dynamics) -> int:
-    """Rank of the Jacobian of the fitted parameters."""
     slopes = jacobian(rows, found.values)[:, found.fitted]
     length = np.linalg.norm(slopes, axis=0)
     singular = np.linalg.svd(slopes / np.where(length > 0, length, 1.0), compute_uv=False)

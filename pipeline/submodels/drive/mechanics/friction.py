@@ -31,7 +31,7 @@ NORMAL = 1.96
 
 @dataclass(frozen=True, kw_only=True)
 class Segment:
-    """One stretch of constant speed."""
+    """Stretch of constant speed."""
 
     recording: str
     """Its name."""
@@ -140,19 +140,7 @@ class CurveFit:
 
 
 def curve_force(speed: Floats, values: Floats) -> Floats:
-    """Force against motion at ``speed`` > 0 [N].
-
-    Parameters
-    ----------
-    speed : ndarray, shape (N,)
-        [m/s].
-    values : ndarray, shape (4,) or (P, 4)
-        As in :class:`CurveFit`, of one direction.
-
-    Returns
-    -------
-    ndarray, shape (N,) or (P, N)
-    """
+    """Force against motion [N], (N,) or (P, N), at speeds > 0 [m/s] by values of a CurveFit."""
     level, amplitude, log_velocity, viscous = (values[..., k, None] for k in range(PARAMETERS))
     force: Floats = (
         level + amplitude * np.exp(-((speed / np.exp(log_velocity)) ** 2)) + viscous * speed

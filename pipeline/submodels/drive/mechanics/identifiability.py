@@ -75,18 +75,12 @@ def determined_dynamics(
     """Optimum in the parameters that the rows determine.
 
     A direction whose v_s or F_s - F_c is too uncertain is fitted without either, and so is one
-    where no stroke was slower than v_s: there the start of motion bends the curve, not friction.
-    A direction of one constant speed is fitted without viscous friction; its Coulomb level is the
+    where no stroke was slower than v_s: there the start of motion bends the curve, not friction. A
+    direction of one constant speed is fitted without viscous friction; its Coulomb level is the
     force at this speed.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    steady : sequence of float
-        Velocities that were held constant [m/s].
-    widest : float
-        Relative half width of the 95 % interval beyond which nothing is determined [1].
+    ``steady`` are constant velocities [m/s]; ``widest`` is the greatest relative half width of a 95
+    % interval of a determined parameter [1].
     """
     slowest, single = _steady(rows, steady)
     fitted = all_observable(rows)
@@ -101,10 +95,10 @@ def determined_dynamics(
     return found, uncertainty
 
 
-def weights_by_position(rows: Regressors, found: Dynamics) -> Floats | None:
+def weights_by_position(rows: Regressors, fit: Dynamics) -> Floats | None:
     """Weights of rows that share a disturbance by position; None where there is none."""
-    seen = position_disturbance(rows, found.residuals, found.value("mass"))
-    return None if seen is None else disturbance_weights(rows, found.residuals, seen)
+    seen = position_disturbance(rows, fit.residuals, fit.value("mass"))
+    return None if seen is None else disturbance_weights(rows, fit.residuals, seen)
 
 
 def _steady(rows: Regressors, steady: Sequence[float]) -> tuple[dict[str, float], list[str]]:
@@ -156,7 +150,7 @@ def at_other_bandwidths(
     axis: str,
     bandwidth: float | None,
     delay: float,
-    found: Dynamics,
+    fit: Dynamics,
 ) -> list[Dynamics]:
     """The same parameters fitted through narrower and wider filters, where enough rows are left."""
     if bandwidth is None:
@@ -168,26 +162,24 @@ def at_other_bandwidths(
             rows = _enough(regressors(motions), axis)
         except ValueError:
             continue  # too narrow a filter leaves nothing between two stops
-        if rows.names == found.names[: len(rows.names)]:
-            one = least_squares_dynamics(rows, found.fitted)
-            others.append(
-                least_squares_dynamics(rows, found.fitted, weights_by_position(rows, one))
-            )
+        if rows.names == fit.names[: len(rows.names)]:
+            one = least_squares_dynamics(rows, fit.fitted)
+            others.append(least_squares_dynamics(rows, fit.fitted, weights_by_position(rows, one)))
     return others
 
 
 def replaced(
-    rows: Regressors, found: Dynamics, uncertainty: Uncertainty, better: Instrumental
+    rows: Regressors, fit: Dynamics, uncertainty: Uncertainty, better: Instrumental
 ) -> tuple[Dynamics, Uncertainty]:
     """The optimum with the instrumental estimates in place of those of least squares."""
-    values, half = found.values.copy(), np.zeros(len(found.values))
+    values, half = fit.values.copy(), np.zeros(len(fit.values))
     values[better.index] = better.values
-    half[found.fitted] = uncertainty.half_width
+    half[fit.fitted] = uncertainty.half_width
     half[better.index] = better.half_width
     residuals = rows.force - modelled_force(rows, values)
     return (
-        replace(found, values=values, residuals=residuals),
-        replace(uncertainty, half_width=half[found.fitted]),
+        replace(fit, values=values, residuals=residuals),
+        replace(uncertainty, half_width=half[fit.fitted]),
     )
 
 
@@ -195,19 +187,17 @@ ROWS = 30
 """Least number of rows of a recording for a load factor [1]."""
 
 
-def load_factor(found: Dynamics, uncertainty: Uncertainty) -> Factor | None:
+def load_factor(fit: Dynamics, uncertainty: Uncertainty) -> Factor | None:
     """Factor c of the load in training recordings; None where none has a load."""
-    if "load" not in found.names or not found.is_fitted("load"):
+    if "load" not in fit.names or not fit.is_fitted("load"):
         return None
-    at = int(np.count_nonzero(found.fitted[: found.names.index("load")]))
-    return Factor(value=found.value("load"), half_width=float(uncertainty.half_width[at]))
+    at = int(np.count_nonzero(fit.fitted[: fit.names.index("load")]))
+    return Factor(value=fit.value("load"), half_width=float(uncertainty.half_width[at]))
 
 
-def force_constant_by_load(
-    found: Dynamics, uncertainty: Uncertainty, widest: float
-) -> Factor | None:
+def force_constant_by_load(fit: Dynamics, uncertainty: Uncertainty, widest: float) -> Factor | None:
     """K = 1 / c [N/A] of a fit in the command's unit; None where the load does not determine it."""
-    factor = load_factor(found, uncertainty)
+    factor = load_factor(fit, uncertainty)
     if factor is None or not factor.is_determined(widest) or factor.value < 0:
         return None
     k = 1 / factor.value
@@ -234,18 +224,11 @@ def held_out_load_factor(
     bandwidth: float | None,
     delay: float = 0.0,
 ) -> Factor | None:
-    """Factor c of the load of a recording that the drive was not identified from.
+    """Factor c of the load of a held-out recording; None without a varying load in motion.
 
     Only the factor and the zero of the load channel are fitted: the motor's force is that of the
-    identified drive plus c F_d plus the zero.
-
-    ``bandwidth`` is that of the parallel filter [Hz], ``delay`` that of the motion behind the
-    command [s].
-
-    Returns
-    -------
-    Factor or None
-        None where the recording has no load that varies while the axis moves.
+    identified drive plus c F_d plus the zero.  ``bandwidth`` is that of the parallel filter [Hz],
+    ``delay`` that of the motion behind the command [s].
     """
     if recording.axes[axis].load is None:
         return None

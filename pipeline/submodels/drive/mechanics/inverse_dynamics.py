@@ -63,7 +63,7 @@ class Regressors:
     stretch: Ints
     """Number of the stretch without a gap between rows; shape (N,)."""
     period: float
-    """From row to row within a stretch [s]."""
+    """Row period within a stretch [s]."""
 
     def stribeck_columns(self, log_velocity: Floats) -> Floats:
         """Columns of F_s - F_c at ln v_s of both directions; shape (N, 2)."""
@@ -209,7 +209,7 @@ class Dynamics:
     names: tuple[str, ...]
     """Names of the D parameters."""
     values: Floats
-    """In SI; 0 of those that were not fitted; shape (D,)."""
+    """Values in SI; 0 of those that were not fitted; shape (D,)."""
     fitted: Bools
     """Whether each was fitted; shape (D,)."""
     weights: Floats
@@ -217,7 +217,7 @@ class Dynamics:
     residuals: Floats
     """Measured less modelled force [N]; shape (N,)."""
     evaluations: int
-    """How often the model was evaluated on all rows."""
+    """Number of evaluations of the model on all rows."""
     limits: tuple[Floats, Floats] | None = None
     """Least and greatest value of each parameter that was searched, shape (D,) each."""
 
@@ -298,14 +298,8 @@ def least_squares_dynamics(
 ) -> Dynamics:
     """Bounded least squares with Huber's weights, from several starts.
 
-    Parameters
-    ----------
-    rows : Regressors
-        The table.
-    fitted : ndarray of bool, shape (D,)
-        Parameters that are fitted; others are 0.
-    shares : ndarray, shape (N,), optional
-        Weights of the rows, before Huber's.
+    ``fitted`` (D,): parameters that are fitted, others are 0; ``shares`` (N,): weights of the rows,
+    before Huber's.
     """
     weights = np.ones(len(rows.force)) if shares is None else shares
     tried = [_search(rows, fitted, weights, one) for one in profile_starts(rows, fitted, weights)]
@@ -327,7 +321,6 @@ def huber_weights(residuals: Floats) -> Floats:
 
 
 def _search(rows: Regressors, fitted: Bools, weights: Floats, start: Floats) -> Dynamics:
-    """Bounded search over the parameters that are fitted."""
     from scipy.optimize import least_squares
 
     low, high = bounds(rows)

@@ -60,23 +60,11 @@ def low_passed(values: Floats, period: float, cut: float | None) -> Floats:
 
 
 def gaussian(places: Ints, samples: int, period: float, bandwidth: float) -> Any:
-    """Gaussian filter of -3 dB at ``bandwidth``, evaluated at some samples only.
+    """Gaussian filter of -3 dB at ``bandwidth`` [Hz], at some samples only; sparse, (N, T).
 
     Its standard deviation is sqrt(ln 2) / (2 pi bandwidth); it ends ``REACH`` / bandwidth away.
-
-    Parameters
-    ----------
-    places : ndarray of int, shape (N,)
-        Samples to evaluate, at least its reach from both ends.
-    samples : int
-        T of the signals that it is applied to.
-    period, bandwidth : float
-        Of the samples [s], of the filter [Hz].
-
-    Returns
-    -------
-    scipy.sparse.csr_array, shape (N, T)
-        Matrix that signals of shape (T,) or (T, C) are multiplied by.
+    ``places`` (N,) are at least this reach from both ends of the signals' T ``samples``, which have
+    the ``period`` [s] and the shape (T,) or (T, C).
     """
     from scipy.sparse import csr_array
 
@@ -125,12 +113,12 @@ guides and screws have 10 to 50 micrometres (Armstrong-Helouvry, Dupont and Canu
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Motion:
-    """One axis in one recording, ready for regression; N samples."""
+    """Axis in a recording, ready for regression; N samples."""
 
     recording: str
     """Its name."""
     period: float
-    """From sample to sample [s]."""
+    """Sampling period [s]."""
     bandwidth: float | None
     """Bandwidth of the parallel filter still to be applied [Hz]; None for none."""
     time: Floats
@@ -143,7 +131,7 @@ class Motion:
     force: Floats
     """Force of the motor: command times force constant; shape (N,)."""
     load: Floats | None
-    """Against positive motion [N]; shape (N,)."""
+    """Load against positive motion [N]; shape (N,)."""
     instruments: tuple[Floats, Floats] | None
     """Velocity and acceleration of the reference, free of the noise of measurement; shape (N,)."""
     known: Bools
@@ -158,16 +146,8 @@ def motion(
 ) -> Motion:
     """Speed, acceleration and force of ``axis``.
 
-    Parameters
-    ----------
-    recording : Recording
-        That shows the axis.
-    axis : str
-        Its letter.
-    bandwidth : float or None
-        Of the parallel filter [Hz]; None for records that are taken as they are.
-    delay : float
-        How long the motion is behind the command [s].
+    ``bandwidth`` is that of the parallel filter [Hz], None for records that are taken as they are;
+    ``delay`` is that of the motion behind the command [s].
     """
     record, period = recording.axes[axis], recording.period
     cut = None if bandwidth is None else min(WIDER * bandwidth, 0.8 * 0.5 / period)

@@ -82,7 +82,7 @@ def recursive_inertia(
 ) -> RecursiveTrace:
     """Inertia, damping and load torque at every sample of a record.
 
-    Of a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
+    For a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def recursive_inertia(
     period : float
         T [s].
     settings : RecursiveSettings
-        Of the estimator.
+        Memory and thresholds of the estimator.
     """
     w = np.ascontiguousarray(speed, dtype=np.float64)
     m = np.ascontiguousarray(torque, dtype=np.float64)
@@ -132,18 +132,18 @@ SHOWN = 200
 
 
 def mass_trace(
-    recordings: Sequence[Recording], axis: str, found: FeedDriveFit
+    recordings: Sequence[Recording], axis: str, fit: FeedDriveFit
 ) -> RecursiveMass | None:
     """Recursive mass in the recording of the strongest acceleration, with friction subtracted.
 
     None where the fit determines no mass, the sampling is too slow, or no recording shows one.
     """
-    if not (found.determined[0] and np.isfinite(found.bandwidth_Hz)):
+    if not (fit.determined[0] and np.isfinite(fit.bandwidth_Hz)):
         return None
     shown = [one for one in recordings if axis in one.axes]
-    moved = [motion(one, axis, found.bandwidth_Hz, found.delay) for one in shown]
+    moved = [motion(one, axis, fit.bandwidth_Hz, fit.delay) for one in shown]
     best = max(moved, key=lambda one: float(np.mean(one.acceleration[one.known] ** 2)))
-    drive = found.feed_drive
+    drive = fit.feed_drive
     force = best.force - friction_force(best.velocity, drive.friction) - drive.offset
     middle = 0.5 * (force + np.append(force[1:], force[-1]))  # the mean until the next sample
     clear = best.known & best.moving
@@ -163,7 +163,7 @@ def mass_trace(
         defined[np.linspace(0, len(defined) - 1, min(SHOWN, len(defined))).astype(int)]
     )
     return RecursiveMass(
-        recording=best.recording, unit=found.units[0],
+        recording=best.recording, unit=fit.units[0],
         time_s=tuple(round(t, 4) for t in best.time[chosen].tolist()),
         value=tuple(map(significant, trace.inertia[chosen].tolist())),
         half_width=tuple(map(significant, (1.96 * trace.deviation[chosen]).tolist())),

@@ -26,18 +26,18 @@ from pipeline.submodels.statistics import (
 )
 
 
-def dynamics_uncertainty(rows: Regressors, found: Dynamics) -> Uncertainty:
+def dynamics_uncertainty(rows: Regressors, fit: Dynamics) -> Uncertainty:
     """Uncertainty of the parameters that were fitted, in their order."""
-    weights = np.sqrt(found.weights)
-    slopes = jacobian(rows, found.values)[:, found.fitted] * weights[:, None]
-    residuals = found.residuals * weights
-    blocks = block_numbers(residuals, rows.stretch, int(found.fitted.sum()))
+    weights = np.sqrt(fit.weights)
+    slopes = jacobian(rows, fit.values)[:, fit.fitted] * weights[:, None]
+    residuals = fit.residuals * weights
+    blocks = block_numbers(residuals, rows.stretch, int(fit.fitted.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
     # clusters underestimate the variance in a direction that only few blocks excite
     least = np.maximum(
         uncertainty.half_width, textbook_half_width(slopes, float(np.std(residuals)))
     )
-    added, quantile = _by_position(rows, found, slopes * weights[:, None])
+    added, quantile = _by_position(rows, fit, slopes * weights[:, None])
     covariance = uncertainty.covariance + added
     widened = np.hypot(least, quantile * np.sqrt(np.diag(added)))
     deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-200))
@@ -139,7 +139,7 @@ def _persistence(centred: Floats) -> float:
     return len(centred) / 2
 
 
-def scores_covariance(rows: Regressors, slopes: Floats, found: PositionDisturbance) -> Floats:
+def scores_covariance(rows: Regressors, slopes: Floats, disturbance: PositionDisturbance) -> Floats:
     """Covariance of the sums of ``slopes`` times the disturbance; shape (D, D).
 
     Disturbances at two positions are correlated by exp(-distance / length); a row that the filter
@@ -147,34 +147,38 @@ def scores_covariance(rows: Regressors, slopes: Floats, found: PositionDisturban
 
     ``slopes``, shape (N, D), are the weighted derivatives of the modelled force.
     """
-    averaged = np.abs(rows.velocity) * rows.period / found.length
+    averaged = np.abs(rows.velocity) * rows.period / disturbance.length
     averaged_slopes = slopes / np.sqrt(1 + averaged**2)[:, None]
     total = np.zeros((slopes.shape[1], slopes.shape[1]))
     for direction in (rows.velocity > 0, rows.velocity < 0):
         if not direction.any():
             continue
         place = rows.position[direction]
-        width = max(found.length / 2, float(np.ptp(place)) / CELLS, 1e-9)
+        width = max(disturbance.length / 2, float(np.ptp(place)) / CELLS, 1e-9)
         cells, member = np.unique(np.floor(place / width), return_inverse=True)
         sums = np.zeros((len(cells), slopes.shape[1]))
         np.add.at(sums, member, averaged_slopes[direction])
         away = np.abs(cells[:, None] - cells) * width
-        total += sums.T @ np.exp(-away / found.length) @ sums
-    covariance: Floats = found.variance * total
+        total += sums.T @ np.exp(-away / disturbance.length) @ sums
+    covariance: Floats = disturbance.variance * total
     return covariance
 
 
-def disturbance_weights(rows: Regressors, residuals: Floats, found: PositionDisturbance) -> Floats:
+def disturbance_weights(
+    rows: Regressors, residuals: Floats, disturbance: PositionDisturbance
+) -> Floats:
     """Weights by which rows of one stroke at one position count as one observation; (N,).
 
     n rows that share a disturbance of variance P and have independent noise of variance R are worth
     n / (1 + n P / R) rows; weights are 1 for rows that share nothing.
     """
-    own = max(float(np.median(residuals**2)) / 0.455, 1e-3 * found.variance)
-    cell = np.stack([rows.stroke, np.floor(rows.position / found.length).astype(np.int64)])
-    averaged = np.abs(rows.velocity) * rows.period / found.length
+    own = max(float(np.median(residuals**2)) / 0.455, 1e-3 * disturbance.variance)
+    cell = np.stack([rows.stroke, np.floor(rows.position / disturbance.length).astype(np.int64)])
+    averaged = np.abs(rows.velocity) * rows.period / disturbance.length
     _, member, count = np.unique(cell, axis=1, return_inverse=True, return_counts=True)
-    weights: Floats = 1 / (1 + count[member.ravel()] * found.variance / own / (1 + averaged**2))
+    weights: Floats = 1 / (
+        1 + count[member.ravel()] * disturbance.variance / own / (1 + averaged**2)
+    )
     return weights / weights.max()
 
 
@@ -190,31 +194,28 @@ class Instrumental:
     """Their indices in the vector of parameters; shape (L,)."""
     values: Floats
     half_width: Floats
-    """With half of the 95 % interval; shape (L,)."""
+    """Values and half of their 95 % intervals; shape (L,)."""
 
 
-def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
-    """Parameters with the commanded motion as instruments, v_s as in ``found``.
-
-    None without a reference, or where it is hardly correlated with the motion.
-    """
+def instrumental(rows: Regressors, fit: Dynamics) -> Instrumental | None:
+    """Parameters with the reference as instruments; None without one of enough correlation."""
     if rows.instruments is None:
         return None
-    linear = np.flatnonzero(found.fitted & ~np.isin(found.names, LOGS))
+    linear = np.flatnonzero(fit.fitted & ~np.isin(fit.names, LOGS))
     k = len(rows.names)
-    stribeck = rows.stribeck_columns(found.values[k + 2 :])
+    stribeck = rows.stribeck_columns(fit.values[k + 2 :])
     motion = np.hstack([rows.linear, stribeck])[:, linear]
     known = np.hstack([rows.instruments, stribeck])[:, linear]
     lengths = np.linalg.norm(motion, axis=0), np.linalg.norm(known, axis=0)
     if min(lengths[0].min(), lengths[1].min()) == 0:
         return None
     motion, known = motion / lengths[0], known / lengths[1]
-    cross = known.T @ (found.weights[:, None] * motion)
+    cross = known.T @ (fit.weights[:, None] * motion)
     if np.linalg.svd(cross, compute_uv=False)[-1] < WEAKEST:
         return None
     inverse = np.linalg.inv(cross)
-    scaled = inverse @ (known.T @ (found.weights * rows.force))
-    residuals = found.weights * (rows.force - motion @ scaled)
+    scaled = inverse @ (known.T @ (fit.weights * rows.force))
+    residuals = fit.weights * (rows.force - motion @ scaled)
     blocks = block_numbers(residuals, rows.stretch, len(linear))
     sums = np.zeros((int(blocks.max()) + 1, len(linear)))
     np.add.at(sums, blocks, known * residuals[:, None])
@@ -231,39 +232,31 @@ def instrumental(rows: Regressors, found: Dynamics) -> Instrumental | None:
 
 
 def is_better(
-    by_instruments: Instrumental, found: Dynamics, half_width: Floats, widest: float
+    by_instruments: Instrumental, fit: Dynamics, half_width: Floats, widest: float
 ) -> bool:
     """Whether least squares is biased and instruments are precise, by the mass, which noise biases.
 
-    Parameters
-    ----------
-    by_instruments : Instrumental
-        Of the same rows.
-    found : Dynamics
-        By least squares.
-    half_width : ndarray, shape (S,)
-        Of the parameters that were fitted.
-    widest : float
-        Half an interval that is wider, as a share, is no determination [1].
+    ``fit`` is the least-squares optimum, ``half_width`` (S,) that of its fitted parameters,
+    ``widest`` the greatest relative half width of a determined parameter [1].
     """
-    place = found.names.index("mass")
+    place = fit.names.index("mass")
     if place not in by_instruments.index:
         return False
     at = int(np.flatnonzero(by_instruments.index == place)[0])
     value, half = float(by_instruments.values[at]), float(by_instruments.half_width[at])
-    least = float(half_width[int(np.count_nonzero(found.fitted[:place]))])
-    return value > 0 and half <= widest * value and abs(value - found.values[place]) > least + half
+    least = float(half_width[int(np.count_nonzero(fit.fitted[:place]))])
+    return value > 0 and half <= widest * value and abs(value - fit.values[place]) > least + half
 
 
-def biased_half_width(by_instruments: Instrumental, found: Dynamics, half_width: Floats) -> Floats:
+def biased_half_width(by_instruments: Instrumental, fit: Dynamics, half_width: Floats) -> Floats:
     """Half widths that reach to the instrumental estimate, for unfiltered records; (S,).
 
     Without a filter the noise of speed and acceleration biases least squares by an unknown amount;
     the distance to the unbiased estimate, and its own half width, bound it.
     """
-    half = np.zeros(len(found.values))
-    half[found.fitted] = half_width
+    half = np.zeros(len(fit.values))
+    half[fit.fitted] = half_width
     at = by_instruments.index
-    away = np.abs(by_instruments.values - found.values[at]) + by_instruments.half_width
+    away = np.abs(by_instruments.values - fit.values[at]) + by_instruments.half_width
     half[at] = np.maximum(half[at], away)
-    return half[found.fitted]
+    return half[fit.fitted]

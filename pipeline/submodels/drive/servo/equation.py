@@ -199,19 +199,13 @@ def servo_records(
 
 
 def servo_periods(constants: AxisConstants, period: float) -> tuple[float, float]:
-    """Least and greatest sampling period of the servo, with a recorder's ``period`` [s].
-
-    Where the list does not name it, it is only bounded by the recorder's.
-    """
+    """Bounds of the servo period [s]: as listed, else limited by the recorder's ``period``."""
     listed = constants.servo_period
     return (0.0, period) if listed is None else (listed, listed)
 
 
 def servo_bandwidth(records: Sequence[ServoRecord]) -> float:
-    """Bandwidth of the comparison [Hz], from that of the position loop.
-
-    At constant feed e = v / (S_pp P_p), which gives the position loop's gain.
-    """
+    """Bandwidth of the comparison [Hz], from the loop gain by e = v / (S_pp P_p)."""
     top, bottom, slow, rate = 0.0, 0.0, np.inf, np.inf
     for one in records:
         v = np.gradient(one.position, one.period)
@@ -268,7 +262,7 @@ class ServoEquation:
     period: float
     """Longest sampling period of the recordings [s]."""
     stretch: Ints = field(repr=False)
-    """Which stretch of a recording each row is from; shape (N,)."""
+    """Stretch of the recording of each row; shape (N,)."""
     difference: Difference = "central"
     """Difference of the reference, by which it is fed forward."""
 
@@ -372,12 +366,8 @@ def servo_equation(
     """Columns of all ``records`` below ``bandwidth`` [Hz], fed forward by a ``difference``.
 
     Stretches at the current limit are cut out: there the command is not that of the loops.
-
-    Raises
-    ------
-    ValueError
-        When no stretch is long enough for the filter, the command stands still, or a sample is no
-        number.
+    ValueError when no stretch is long enough for the filter, the command stands still, or a sample
+    is no number.
     """
     parts: list[Floats] = []
     period = max(record.period for record in records)

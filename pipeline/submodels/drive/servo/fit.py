@@ -90,13 +90,7 @@ class ServoFit(AxisFit):
 def identify_servo(
     recordings: Sequence[Recording], axis: str, settings: DriveFitSettings
 ) -> ServoFit:
-    """Servo of ``axis`` from recordings of its commanded and measured position.
-
-    Returns
-    -------
-    ServoFit
-        Without a servo, and with the reason, where the recordings cannot give one.
-    """
+    """Servo of ``axis`` from its commanded and measured position, or the reason for none."""
     records, constants, unit, others = servo_records(recordings, axis)
     nominal = Nominal.of(constants)
     if not records:
@@ -236,7 +230,7 @@ def _estimates(
 def _with_rounding(
     estimated: Estimates, nominal: Nominal, constants: AxisConstants, period: float
 ) -> Estimates:
-    """With the contribution of a sampled integral to S_vp.
+    """Estimates with the contribution of a sampled integral to S_vp.
 
     Sum and integral of the velocity error differ by half a sample of it, which acts like a part
     S_vi V_i T / 2 of the proportional gain, of a servo's period T between its bounds.
@@ -252,7 +246,7 @@ def _with_rounding(
 def _with_none_seen(
     estimated: Estimates, equation: ServoEquation, slower: ServoEquation, best: ServoOptimum
 ) -> Estimates:
-    """With 0 for a feed-forward that was not fitted, where the records would have shown it."""
+    """Estimates with 0 for a feed-forward that was not fitted, where the records would show it."""
     low, high, how = estimated.low.copy(), estimated.high.copy(), list(estimated.how)
     determined = estimated.determined.copy()
     for k in (FV, FA):

@@ -61,7 +61,7 @@ class LoopGain:
 
     @property
     def parameter(self) -> Parameter:
-        """As it is stored."""
+        """Parameter as stored."""
         return Parameter.estimated(
             self.value, self.low, self.high, "1/s", determined=self.determined,
             method=METHOD if self.determined else DECAYS if self.decays else OPEN,

@@ -1,4 +1,4 @@
-"""Friction before it slides, from the command of a closed loop: stiffness, and how it lets go.
+"""Presliding friction from the command of a closed loop: stiffness, and relaxation.
 
 The identified servo and mechanics follow the recorded reference with springs of many stiffnesses;
 the one whose command comes nearest to the recorded one is taken, on a parabola through the sums of
@@ -6,7 +6,7 @@ squares over its logarithm.  What a wrong stiffness does to the command happens 
 of each reversal; what other errors do is the same for all stiffnesses and does not count.  The
 interval comes from leaving out one stretch of the records after the other (jackknife).
 
-With that stiffness the time in which a standing axis loses its friction is found in the same way:
+With that stiffness the time in which a standing axis loses its friction is identified likewise:
 it shows where an axis stands after it has moved, and the command falls while nothing else happens.
 """
 
@@ -71,7 +71,7 @@ class PreslidingFit:
     stiffness: Estimate
     """Stiffness [N/m]."""
     time: Estimate | None = None
-    """In which friction lets go of a standing axis, to 1/e [s]."""
+    """Time in which friction lets go of a standing axis, to 1/e [s]."""
 
     def parameters(self, force_unit: str) -> dict[str, Parameter]:
         """Both as they are stored."""

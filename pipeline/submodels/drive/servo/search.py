@@ -1,4 +1,4 @@
-"""Search for the servo that explains the command best, and the uncertainty of its parameters.
+"""Search for the servo parameters with the least error of the command, and their uncertainty.
 
 Least squares from several starts and a genetic algorithm minimise the same error, the RMSE of the
 command in :class:`ServoEquation`.  Optional terms are added one after the other while they improve
@@ -43,7 +43,7 @@ class ServoOptimum:
     """Optimum of a search."""
 
     values: Floats
-    """In the order of ``TERMS``; shape (D,)."""
+    """Values in the order of ``TERMS``; shape (D,)."""
     fitted: Bools
     """The others are as they were given; shape (D,)."""
     error: float
@@ -56,15 +56,7 @@ def closed_forms(equation: ServoEquation, share: float, values: Floats) -> Float
     """Start of a search: gains by linear least squares for lags of 0 and f_v = ``share``.
 
     A = (S_vp V_p S_pp P_p) e + (S_vp V_p)(f_v r' - v) + ... is linear in the products of the gains.
-
-    Parameters
-    ----------
-    equation : ServoEquation
-        Of the recordings.
-    share : float
-        f_v [1].
-    values : ndarray, shape (D,)
-        Of all other parameters; where S_vi is 0 there is no integral part.
+    ``values`` (D,) are those of all other parameters; where S_vi is 0 there is no integral part.
     """
     e, v_ref, swept, r, _, v, x, A = equation.undelayed(equation.triangle).T
     columns = [e, share * v_ref - v]
@@ -98,18 +90,10 @@ def starts(equation: ServoEquation, values: Floats, fitted: Bools) -> Iterator[F
 def least_squares_servo(
     equation: ServoEquation, values: Floats, fitted: Bools, begin: Floats | None = None
 ) -> ServoOptimum:
-    """Bounded least squares of the ``fitted`` parameters; the others stay as in ``values``.
+    """Bounded least squares of the ``fitted`` parameters, (D,); the others stay as in ``values``.
 
-    Parameters
-    ----------
-    equation : ServoEquation
-        Of the recordings.
-    values : ndarray, shape (D,)
-        Of parameters that are not fitted, and about the start.
-    fitted : ndarray of bool, shape (D,)
-        Which are fitted.
-    begin : ndarray, shape (D,), optional
-        The only start, in place of the closed forms.
+    ``values`` (D,) are also near the start; ``begin`` (D,) is the only start, in place of the
+    closed forms.
     """
     from scipy.optimize import least_squares
 
@@ -219,7 +203,7 @@ def _with(
 
 
 def servo_uncertainty(
-    equation: ServoEquation, slower: ServoEquation, found: ServoOptimum
+    equation: ServoEquation, slower: ServoEquation, optimum: ServoOptimum
 ) -> Uncertainty:
     """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
 
@@ -229,15 +213,15 @@ def servo_uncertainty(
     that the equation leaves out move the optimum from the one to the other.
     """
     # parameters at a bound count too: a lag of 0 has an interval like any other
-    inside = found.fitted
-    slopes = equation.jacobian(found.values, inside)
-    residuals = equation.columns @ equation.factors(found.values)
+    inside = optimum.fitted
+    slopes = equation.jacobian(optimum.values, inside)
+    residuals = equation.columns @ equation.factors(optimum.values)
     blocks = block_numbers(residuals, equation.stretch, int(inside.sum()))
     uncertainty = uncertainty_of(slopes, residuals, blocks)
-    again = least_squares_servo(slower, found.values, found.fitted)
+    again = least_squares_servo(slower, optimum.values, optimum.fitted)
     half = np.full(len(TERMS), np.inf)
-    half[inside] = uncertainty.half_width + np.abs(again.values - found.values)[inside]
-    half[inside] += CLOCK * np.abs(found.values[inside])
+    half[inside] = uncertainty.half_width + np.abs(again.values - optimum.values)[inside]
+    half[inside] += CLOCK * np.abs(optimum.values[inside])
     return replace(uncertainty, half_width=half)
 
 
