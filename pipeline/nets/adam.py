@@ -25,7 +25,8 @@ class Adam:
 
     ``rate`` may change before any step; ``betas``: shares of the mean gradient and of its mean
     square kept by a step [1]; ``l2``: penalty on the squares of each weight [1]; ``decay``: share
-    of the weights, times the rate, taken off by a step: AdamW (Loshchilov and Hutter 2019).
+    of the weights, times the rate, taken off by a step: AdamW (Loshchilov and Hutter 2019).  The
+    rest of the graph gets no gradient.
     """
 
     def __init__(

@@ -105,7 +105,11 @@ class Block(nn.Module):
         return nn.functional.leaky_relu(x, SLOPE)
 
     def _twice(self, x: Tensor) -> Tensor:
-        """Convolution over each sample twice, as two convolutions over the samples themselves."""
+        """Convolution over each sample twice, as two convolutions over the samples themselves.
+
+        Even and odd results see the same samples under other sums of weights: fewer products, and
+        the longer signal is never written.
+        """
         weight = self.conv.weight @ self.folded  # (2, C', C, width)
         weight = weight.transpose(0, 1).flatten(0, 1)
         both = nn.functional.conv1d(x, weight, padding=weight.shape[2] // 2)
@@ -191,7 +195,10 @@ class Discriminator(nn.Module):
 
 
 def dropped(x: Tensor, share: float) -> Tensor:
-    """``x`` with that share of its values 0, to 1/256, and the others raised in turn."""
+    """``x`` with that share of its values 0, to 1/256, and the others raised in turn.
+
+    One random byte a value: torch's own dropout takes ten times as long.
+    """
     many = x.numel()
     drawn = torch.empty(-(-many // 8), dtype=torch.int64, device=x.device).random_(-(2**63), None)
     kept = drawn.view(torch.uint8)[:many] >= round(256 * share)

@@ -123,7 +123,10 @@ class FilteredNetwork(nn.Module, ABC):
 
 
 def ridge_solution(gram: Tensor, moment: Tensor, ridge: float) -> Tensor:
-    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M)."""
+    """Solutions b of (G + ridge 1) b = m, shape (..., M, H) as m, G of shape (..., M, M).
+
+    The ridge bounds the condition, so that normal equations lose no more than the ridge hides.
+    """
     diagonal = ridge * torch.eye(gram.shape[-1], dtype=gram.dtype)
     return torch.cholesky_solve(moment, torch.linalg.cholesky(gram + diagonal))
 

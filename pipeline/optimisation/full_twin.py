@@ -205,7 +205,11 @@ def full_twin(
 def _f_z_cap(
     cut: Cut, certain_f_z: Floats, reached: Floats, verified: Verified, rows: NDArray[np.intp]
 ) -> Floats:
-    """Feeds for each tooth that bring passing teeth down to the load of the table [m]."""
+    """Feeds for each tooth that bring passing teeth down to the load of the table [m].
+
+    The table's load at the certain feed stands for the limit; where teeth that pass one by one make
+    more of the feed that is reached, the excess over the table's slope has to go.
+    """
     bound = np.isfinite(certain_f_z)  # elsewhere no feed reaches the limit
     allowed = cut.table.peaks(np.where(bound, certain_f_z, reached))
     here = cut.table.peaks(reached)

@@ -103,7 +103,12 @@ def _mostly(rows: Bools, passes: Rows, length: Floats) -> Bools:
 
 
 def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
-    """Blocks that lead in or out: the short ends of a cut, partly in air."""
+    """Blocks that lead in or out: the short ends of a cut, partly in air.
+
+    An end is short up to :data:`LEAD` diameters and half of its cut.  A cut that is no longer than
+    that altogether is a loop or a pass of its own between two moves in air; beside a rapid or a
+    plunge it is a lead too.
+    """
     row, length = blocks.row, moves.length[blocks.row] * 1e-3
     longest = LEAD * np.array([tool.diameter for tool in cut.tools])[blocks.tool]
     in_air = length_in_air(cut, blocks)[row] > cut.engagement.resolution
@@ -129,7 +134,12 @@ def _drilling_stations(cut: Cut) -> Rows:
 
 
 def _holes(cut: Cut) -> tuple[Bools, Bools]:
-    """Rows (M,) of drills in holes that their full diameter does not reach, and in deep ones."""
+    """Rows of drills in holes that their full diameter does not reach, and in deep ones; (M,) each.
+
+    A hole is all that drills cut at one place in the plane, with whatever codes and however often:
+    it is as deep as from where the first of them met the material down to where the drill's full
+    diameter ends at its lowest.
+    """
     shallow, deep = np.zeros((2, cut.engagement.blocks), dtype=np.bool_)
     stations = _drilling_stations(cut)
     if not len(stations):

@@ -1,9 +1,10 @@
 """Operations named in comments and tool names, in English, German, French, Italian and Spanish.
 
 The operation that allows least counts: FINISH FACE MILL is finishing.  A name that directly follows
-LEAVE, NEAR, BEFORE, AFTER or WITHOUT does not count, one that directly follows FOR only where
-nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is roughing.  A TAP DRILL is a drill, and BORE
-and COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
+LEAVE, NEAR, BEFORE, AFTER or WITHOUT does not count, one that directly follows FOR, or the others
+and a size, only where nothing else is named: ROUGH, LEAVE 0.25 FOR FINISH is roughing.  Farther
+from them it counts: AFTER FLIP FINISH is finishing.  A TAP DRILL is a drill, and BORE and
+COUNTERBORE are holes beside ROUGH, POCKET or CONTOUR.
 """
 
 import re

@@ -425,7 +425,10 @@ class _Course:
         return answer, (*methods, final)
 
     def _nominal(self, problem: Problem) -> tuple[Method, ...]:
-        """The same methods at nominal values, not put through the whole twin; the answer's last."""
+        """The same methods where every value is as stated; the answer's last.
+
+        It is not put through the whole twin.  A front's knee is not searched again.
+        """
         if self.certain is None or self.interrupted:
             return ()
         nominal = with_load(problem, self.certain.nominal)
@@ -458,7 +461,10 @@ class _Course:
         return [self._written(problem, one) for one in (*found[:1], direct, *found[1:])]
 
     def _written(self, problem: Problem, method: Method) -> Method:
-        """Method with the objectives of its rounded F and S, which keep what it kept."""
+        """Method with the objectives of its F and S rounded as words are.
+
+        Its limits are not checked again: F is rounded down, S by less than a word shows.
+        """
         if method.decision is None:
             return method
         decision = written_feeds(problem, method.decision)

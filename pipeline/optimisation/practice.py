@@ -301,7 +301,10 @@ class _Rows:
         return out
 
     def _beyond(self, ranges: tuple[OperationRange, ...]) -> Iterator[NotRaised]:
-        """Rows that cut deeper or wider than the range of their feed, or deeper than the flutes."""
+        """Rows that cut deeper or wider than the range of their feed, or deeper than the flutes.
+
+        What takes no more for each tooth than programmed is not held to the depth of a range.
+        """
         tools = dict(zip(self.cut.numbers, self.cut.tools, strict=True))
         for one in ranges:
             tool, known = tools[one.tool], one.range
@@ -325,7 +328,10 @@ class _Rows:
                 yield NotRaised("length of the flutes", why, rows)
 
     def _bent(self) -> tuple[list[NotRaised], Floats]:
-        """Rows whose tip bends too much for more, and the greatest f_z by the bending [m]; (M,)."""
+        """Rows whose tip bends too much for more, and the greatest f_z by the bending [m]; (M,).
+
+        A given limit of the deflection stands for it.
+        """
         cuts = self.cuts & np.isinf(row_limits(self.cut, self.limits, "deflection_um"))
         cuts &= np.array([*(tool.load_known for tool in self.cut.tools), False])[self.cut.tool]
         most, held = np.maximum(BENDING, TEETH * self.reached_f_z), []
@@ -376,7 +382,11 @@ class _Rows:
     def _kept(
         self, ranges: tuple[OperationRange, ...]
     ) -> tuple[tuple[tuple[str, Bools], ...], tuple[tuple[str, Bools], ...]]:
-        """Rows that keep their F, and their S, by reason."""
+        """Rows that keep their F, and their S, by reason.
+
+        S is kept as long as the tool is in the spindle: between two of its cuts there may be no
+        time for another speed.
+        """
         both = [(f"keep {text}", self._named(text)) for text in self.settings.keep]
         both += [(f"T{n} cannot keep its limits", self.moves.tool == n) for n in self.given_up]
         feed, speed = [*both], [*both]

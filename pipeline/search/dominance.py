@@ -15,7 +15,11 @@ Ranks = NDArray[np.intp]
 
 
 def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools:
-    """Domination of (..., O) objectives with excess (...) over limits; leading axes broadcast."""
+    """Whether individuals dominate others; the leading axes broadcast.
+
+    Objectives ``one`` and ``other`` (..., O), none NaN; ``mine`` and ``theirs`` (...) by how much
+    each passes its limits, 0 inside all of them.
+    """
     shape = np.broadcast_shapes(one.shape, other.shape)[:-1]
     nowhere_worse, somewhere_better = np.ones(shape, dtype=bool), np.zeros(shape, dtype=bool)
     # one objective at a time: the widest array has no axis of objectives
@@ -29,6 +33,9 @@ def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools
 
 def ranks(objectives: Floats, violation: Floats) -> Ranks:
     """Front of each individual, 0 for those that none dominates; shape (P,).
+
+    Front k + 1 is what none dominates once fronts 0 to k are taken away.  Those of one front keep
+    all limits, or pass them by the same.
 
     Objectives (P, O), none NaN; ``violation`` (P,) is 0 inside all limits.
     """
@@ -78,7 +85,12 @@ def crowded_tournament(
 ) -> Ranks:
     """Winners of ``draws`` pairs: who dominates, else who has the greater distance; shape (draws,).
 
-    The rank of the front itself is not compared, as in Deb's own program.
+    Everyone meets another as often as others do, but for one.  The front itself is not compared, as
+    in Deb's own program: what stands alone on a worse front, and is not dominated by whom it meets,
+    keeps its chance, and a front that begins in a corner still spreads.
+
+    Objectives and violation as in :func:`ranks`; ``distance`` (P,) is the crowding distance of
+    each.
     """
     rounds = -(-2 * draws // len(distance))
     drawn = np.concatenate([rng.permutation(len(distance)) for _ in range(rounds)])[: 2 * draws]

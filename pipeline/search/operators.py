@@ -25,7 +25,7 @@ def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) 
     """Places in proportion to fitness (P,), from one spin of a wheel of evenly spaced pointers.
 
     Each individual is drawn its expectation draws f_i / sum f times, rounded up or down (Baker
-    1987).
+    1987); the order is shuffled.
     """
     edges = fitness.cumsum()
     pointers = (np.arange(draws) + rng.random()) * (edges[-1] / draws)

@@ -241,9 +241,10 @@ def bounded(
 ) -> Floats:
     """Correction with which the command keeps its bounds; the same object where it does.
 
-    So that it ends where the reference ends, the correction is taken back before the end, first
-    from ``reach`` samples before it.  Positions (T,) in [m], period in [s]; the correction is zero
-    at both ends, and a bound is no less than the reference itself reaches.
+    Where it does not, the command is as near to the requested one as the bounds let it be.  So that
+    it ends where the reference ends, the correction is taken back before the end, first from
+    ``reach`` samples before it.  Positions (T,) in [m], period in [s]; the correction is zero at
+    both ends, and a bound is no less than the reference itself reaches.
     """
     from pipeline.machine.control.bounded import follow_within
 

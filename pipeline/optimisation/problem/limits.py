@@ -189,7 +189,10 @@ def _chip_factor(cut: Cut, blocks: CutBlocks) -> Floats:
 def _chip_bounds(
     cut: Cut, blocks: CutBlocks, limits: CutLimit, factor: Floats, *, by_tool: bool
 ) -> tuple[Floats, Floats]:
-    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each."""
+    """Least and greatest f_z by the thickest chip and by the tools' makers [m]; shape (M,) each.
+
+    A row that is engaged over less than a cell of the blank is too thin for its thickness to count.
+    """
     made = [(tool.feed_per_tooth_mm if by_tool else None) or (0.0, np.inf) for tool in cut.tools]
     shares = np.array([1 + limits.margins.chip, 1 - limits.margins.chip])
     least, most = (np.array(made) * MM * shares).T[:, cut.tool]
@@ -294,7 +297,10 @@ def not_computed(cut: Cut) -> Bools:
 
 
 def _descends_in_air(cut: Cut) -> Bools:
-    """Rows (M,) that go down as steeply as a plunge and cut nothing."""
+    """Rows that go down as steeply as a plunge and cut nothing; shape (M,).
+
+    F of these is at most as programmed: a floor may lie a little higher than it should.
+    """
     moves = cut.plan.path.moves
     fall = moves.start[:, 2] - moves.end[:, 2]
     descends: Bools = (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)

@@ -2,8 +2,10 @@
 
 The texts are the same, byte for byte, but for numbers of F and S words and such words added at the
 end of a line's words, only where F is a feed and S a speed.  Both programs, interpreted with the
-same set-up, make the same moves to the last bit, by the same lines, with the switch for ``/``
-either way.  A changed word in a line that is never executed is a difference.
+same set-up, make the same moves to the last bit: positions, arcs, planes, feed modes, tools,
+frames, spindle direction, M codes, dwells, path modes; by the same lines, with the switch for ``/``
+either way.  A changed word in a line that is never executed is a difference.  The hash is one of
+the equal content, so that either program alone gives it again.
 
 Not proved: a program that reads the F or S in force may keep it in a variable that outlives the
 run, or branch on it.

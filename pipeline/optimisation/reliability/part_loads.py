@@ -322,7 +322,10 @@ def responses(cut: Cut, candidates: Critical, f_z: Floats, draws: Draws) -> Resp
 
 
 def station_loads(cut: Cut, station: int, drawn: ToolDraws, *, mean: bool = False) -> Floats:
-    """Peak, or mean, of a station's load in D draws of its tool [N]; shape (D,)."""
+    """Peak, or mean, of a station's load at the feed of the plan in D draws of its tool [N].
+
+    Load of the table, and its change in each draw; shape (D,).
+    """
     f_z = cut.feed_per_tooth[[cut.engagement.block[station]]]
     expected, values = np.zeros(1), np.zeros((1, len(drawn.depth)))
     _fill(cut, station, f_z, drawn, expected, values, mean=mean)
@@ -362,7 +365,11 @@ def _fill(
 
 
 def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tuple[Floats, Floats]:
-    """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes."""
+    """Heights in the material of a tool that stands deeper by ``depth`` [m]; no arc changes.
+
+    What lies on the tool's tip stays there, for the material below is as much as before; on its way
+    down a tool's end stays in the material at any depth, and over a hole its ring stays as wide.
+    """
     there = upper > lower
     least = SKIN if slope < 0 else 0.0
     raised = np.where(there, np.maximum(upper + depth, least), upper)

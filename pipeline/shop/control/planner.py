@@ -127,7 +127,11 @@ def _limit_to_look_ahead(
 
 
 def _critical(blocks: Blocks, corner: Floats, a: float) -> Ints:
-    """Ends, and corners whose own speed binds a plan of constant acceleration: indices."""
+    """Indices of the ends and of corners whose own speed binds a plan of constant acceleration.
+
+    Between them a plan with limited jerk is nowhere faster than that one, so that it keeps to the
+    corners in between.
+    """
     limit = [0.0, *(corner**2).tolist(), 0.0]
     reach = (2 * a * blocks.length).tolist()
     plan = limit[:]

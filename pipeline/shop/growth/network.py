@@ -41,9 +41,10 @@ class Path(IntEnum):
 
 @dataclass(kw_only=True)
 class Network:
-    """Heat network: nodes with heat capacities [J/K], paths between them, the jacket's flow.
+    """Nodes by name with their heat capacities [J/K]; paths between them; the jacket's flow.
 
     ``edges`` are pairs of nodes with conductance [W/K] and dependence; -1 stands for the air.
+    ``flow`` are nodes that the liquid passes one after another, back to the first.
     """
 
     names: list[str] = field(default_factory=list)
@@ -225,7 +226,11 @@ def _jacket(net: Network, parameters: ShopParameters) -> None:
 
 
 def thermal_growth(growth: Growth) -> dict[str, float]:
-    """Growth of the nose for each kelvin of a node, by its name [m/K]."""
+    """Growth of the nose for each kelvin of a node, by its name [m/K].
+
+    Shaft before its locating bearings, housing from there to its flange, head, column, stand; and
+    inner rings of the locating bearings that widen more than the outer ones.
+    """
     body, e, dx = growth.body, growth.expansion, cell_length(growth)
     located = (body.front + body.middle) / 2
     strain = {f"shaft_{k:02d}": e.steel * _overlap(k * dx, dx, 0.0, located) for k in range(CELLS)}

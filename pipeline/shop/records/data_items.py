@@ -17,7 +17,11 @@ NAMESPACE = "urn:mtconnect.org:MTConnectDevices:2.0"
 
 @dataclass(frozen=True)
 class DataItem:
-    """Data item; ``native = value * factor``, written with ``decimals`` digits."""
+    """One data item; ``native = value * factor``, written with ``decimals`` digits after the point.
+
+    ``native_units`` are those of ``units`` unless they are given.  ``supplied`` is False for items
+    that the device model promises and the machine never sends.
+    """
 
     name: str
     component: str

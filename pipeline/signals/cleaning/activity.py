@@ -311,7 +311,10 @@ def _words(state: pd.DataFrame, name: str) -> np.ndarray:
 def _warm_up(
     kind: Ints, time: Ints, operation: Ints, turning: Bools, settings: CleanSettings
 ) -> None:
-    """Mark turning without load, from a cold start to the first cut, as warm_up; in place."""
+    """Mark turning without load, from a cold start to the first cut, as warm_up; in place.
+
+    Where no cut is seen, the first run of the spindle alone counts.
+    """
     cut, known_off = _CUT, settings.cold_after_s * NS
     starts = np.flatnonzero(np.r_[True, np.diff(operation) > 0])
     for n, first in enumerate(starts):

@@ -68,7 +68,11 @@ def _speeds(speed: Series, time: Ints, turning_rpm: float) -> tuple[Bools, Bools
 
 
 def _moves(angle: Series) -> Bools:
-    """Rows at which the angle moved to one other than zero, shape (T,); a jump to zero is none."""
+    """Rows at which the angle moved to one other than zero, shape (T,).
+
+    A jump to zero without the steps between is the control clearing its display, and after data was
+    lost the first value is no motion.
+    """
     value = angle.value.astype(float)
     before = np.r_[np.nan, value[:-1]]
     changed = np.abs(value - before) > ANGLE_STEP

@@ -307,7 +307,10 @@ _HOUR = 3600 * 10**9
 
 
 def _second_hour(wall: Ints, twice: Bools) -> tuple[Bools, Bools]:
-    """Repeated wall-clock times [ns] of the second hour, and those that are decided."""
+    """Which of the repeated wall-clock times [ns] are of the second hour, and which are decided.
+
+    The second hour begins where the clock goes back; in hourly records it stands still.
+    """
     second, known = np.zeros(len(wall), bool), np.zeros(len(wall), bool)
     hourly = len(wall) > 1 and np.median(np.diff(wall)) == _HOUR
     rows = np.flatnonzero(twice)

@@ -312,7 +312,10 @@ def _start(facts: Any) -> int | None:
 def _side_by_side(
     values: dict[str, Array], starts: dict[str, int | None], layout: TableLayout, rate: float | None
 ) -> dict[str, Array]:
-    """Channels from the earliest start to the latest end, with nothing where one has no sample."""
+    """Channels from the earliest start to the latest end, with nothing where one has no sample.
+
+    A start between two samples of the earliest channel counts as at the nearer one.
+    """
     rate = layout.rate or rate
     known = {label: at for label, at in starts.items() if at is not None}
     first, last = (f(known, key=known.__getitem__, default="") for f in (min, max))

@@ -139,7 +139,12 @@ def document_of(cut: Cut, basis: CutBasis) -> ProgramCut:
 
 
 def _worst(rows: Sequence[CutBlock]) -> tuple[WorstBlock, ...]:
-    """Blocks of the greatest utilisation (or load), one for each run of similar blocks."""
+    """The worst blocks, the greatest utilisation first, each for all that are alike.
+
+    Alike are blocks one after the other that have the same tool and limit, all within or all beyond
+    it, and other such runs with nearly the same utilisation and load.  Where no limit is known the
+    load decides.
+    """
 
     def utilisation(row: CutBlock) -> tuple[float, float]:
         return (row.used or 0.0, row.peak_load_N or 0.0)
