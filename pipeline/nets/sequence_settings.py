@@ -141,8 +141,7 @@ class WindowTraining(Ranged, section="window_training"):
     """Share of the recordings that are kept for early stopping, whole, at least one; with 0 all are
     learnt from, and the state with the least training error is kept."""
     precision: str = "float32"
-    """Precision of a training: ``float32``, or ``bfloat16`` where the processor has such products.
-    """
+    """Precision of a training: ``float32``, or ``bfloat16`` where the processor has it."""
     seed: Whole = 0
     """Seed of initial weights, order of windows, choice of validation recordings."""
     validation_seed: Whole | None = None

@@ -140,7 +140,10 @@ def tune(
 
 
 def thinned(windows: Windows, most: int) -> Windows:
-    """Some windows of each recording, spread evenly in their order, ``most`` in all."""
+    """Some windows of each recording, spread evenly in their order, ``most`` in all.
+
+    At least one of each stays, so that the choice of recordings by a seed stays the same.
+    """
     if len(windows.y) <= most:
         return windows
     rows = []

@@ -44,7 +44,11 @@ def spots_only(tool: Tool) -> bool:
 
 
 def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlocks) -> Bools:
-    """Fill in the operations (M,) of rows in the material; rows thin across alone (M,)."""
+    """Fill in the operations of rows in the material; rows that are thin across alone.
+
+    ``code`` (M,) is filled in; returned are the rows (M,) that count as finishing by their radial
+    depth, with a greater axial one.
+    """
     row = blocks.row
     slender = np.zeros(len(code), dtype=np.bool_)
     if not len(row):

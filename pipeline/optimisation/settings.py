@@ -116,8 +116,7 @@ class Part(Ranged, section="parts"):
     material: str
     """Names in conf/tool/ and conf/material/."""
     name: str = ""
-    """Name of the files that are written for it; the program's own without its ending by default.
-    """
+    """Name of the files that are written for it; the program's own by default."""
     objective: Objective = "time"
     """Objective: ``time``, ``cost``, ``energy``, ``wear``, or ``pareto`` for the knee of their
     front."""

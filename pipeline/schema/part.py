@@ -41,8 +41,7 @@ class Totals:
     cost: float | None = None
     cost_low: float | None = None
     cost_high: float | None = None
-    """Cost in the currency of the document; at the ends of the tools' lives, None without a spread.
-    """
+    """Cost in the currency of the document, and its ends by the tools' lives, None without."""
     energy_kWh: float | None = None
     """Energy [kWh]."""
     tool_life_share: float | None = None

@@ -4,7 +4,7 @@ Columns: ``case``, ``group``, ``role``, ``quantity``, ``unit``, ``regime``, ``t`
 case began, or degrees of the spindle), ``measured``, ``predicted``, ``low`` and ``high`` (90 %
 prediction interval), ``scored`` (whether the row counts) and ``baseline_<name>`` for each baseline.
 Null is not measured or not predicted.  ``again_<k>``, not stored, is the prediction of the same
-training with other seeds.
+training with other seeds, for the spread of the judge's figures.
 """
 
 from collections.abc import Mapping

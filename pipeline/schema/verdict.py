@@ -9,8 +9,7 @@ from pipeline.schema.model import LeftOut, Origin
 Role = Literal["training", "held_out", "golden", "sealed"]
 """Use of a case: fitted on; not fitted on; frozen to judge by; scored at promotion only."""
 Status = Literal["passed", "failed", "not decided", "not judged"]
-"""Status; not decided: nearer to a limit or a guess than trainings differ or the sensor resolves.
-"""
+"""Status; not decided: nearer to a limit than trainings differ or the sensor resolves."""
 UsedStatus = Literal[Status, "not identified"]
 """Status of a sub-model that figures rest on; one that no record identified has no verdict."""
 MOST_PERCENT = 1000.0
@@ -72,8 +71,7 @@ class Score(Figures):
     status: Status = "not judged"
     """Whether all limits are kept; "not judged" for training cases and without limits."""
     reasons: tuple[str, ...] = ()
-    """Limits that are passed or not decided, with value and limit; or the reason of no judgement.
-    """
+    """Limits that are passed or not decided, with values; or the reason of no judgement."""
     inside_ratio: float | None = None
     """Half width over RMSE inside of the learnt conditions [1]; None where that is not parted."""
     unknown_interval: str = ""

@@ -42,8 +42,7 @@ SOFT = 0.85
 GIVES_WAY = 0.5
 """Share of the greatest F by all limits that the least change may reach [1]."""
 LEAST_FEED = 0.1
-"""Share of a program's least F from which its range starts where none is given, or one from 0 on.
-"""
+"""Share of a program's least F from which its range starts without a given one [1]."""
 
 
 def bounds_of(

@@ -59,8 +59,7 @@ TAIL = 0.9
 Z_95 = 1.6448536269514722
 """Standard deviations below which 95 % of a normal distribution lies."""
 TAIL_ALONE = 1.6
-"""Error of a level of the tail alone over that of the whole: of Sobol draws of parts 1.4 to 2 [1].
-"""
+"""Error of a level of the tail alone over that of the whole [1]: 1.4 to 2 for Sobol draws."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,8 +71,7 @@ class ChanceConstrainedFeeds:
     """Greatest one with and without uncertainty [m]; 0 where no feed meets the limit, inf in rows
     that cut nothing or never reach it; shape (M,)."""
     level: float
-    """Quantile level at which each row's load keeps within the limit [1]; 0.5 for nominal values.
-    """
+    """Level of the quantile that keeps each row's load within the limit [1]; 0.5 if nominal."""
     share: float
     """Share of held-out draws in which any row passes the limit [1]."""
 

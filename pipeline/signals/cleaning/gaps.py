@@ -61,7 +61,10 @@ class ReportingInterval:
 
 
 def counted_intervals(time: Ints, longest_s: float) -> Ints:
-    """Counts (N_BINS,) of intervals between ascending times [ns] up to ``longest_s``."""
+    """Counts (N_BINS,) of intervals between ascending times [ns] up to ``longest_s``.
+
+    Intervals of zero are several values at one time; longer ones are a machine that is off.
+    """
     interval = np.diff(time) / NS
     interval = interval[(interval > 0) & (interval <= longest_s)]
     place = np.floor((np.log2(interval) - _LOWEST) * BINS_PER_OCTAVE).astype(int)

@@ -7,7 +7,7 @@ its place in the file from 1.  Commands (``* key: value``) are kept without rows
   ``duration`` in ``attributes``.  A number that is a date from 1990 to 2099 in s, ms, us or ns
   since 1970 is that date, with ``{"time": "unix_s"}`` and so on; a smaller one is milliseconds of
   the adapter's own counter, kept as time since 1970 with ``{"time": "milliseconds"}``; an empty
-  time is that of the line before, with ``{"time": "of the line before"}``.
+  time is that of the line before, with ``{"time": "of the line before"}``.  Old times are kept.
 - Values: UNAVAILABLE is null in both columns; an item that the Devices document declares a SAMPLE
   must be a number; events are numbers where they look so unless their type is a name (PROGRAM);
   without a document see :mod:`pipeline.signals.shdr.record_forms`.
