@@ -189,7 +189,7 @@ class Sensors(Ranged, section="Sensors"):
     record to record; ends of the converter."""
     hum: Annotated[float, Range(least=0, most=50, unit="N")] = 0.8
     mains: Annotated[float, Range(least=15, most=70, unit="Hz")] = 50.0
-    """Frequency and amplitude of the mains hum in the forces."""
+    """Amplitude and frequency of the mains hum in the forces."""
     bits: Annotated[int, Range(least=8, most=24)] = 16
     """Resolution of the converter."""
     columns: tuple[str, ...] = ("Fx", "Fy", "Fz", "Ax", "Ay", "Az", "AE_env")
