@@ -11,7 +11,7 @@ import typer
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, steps_bar
 from pipeline.app.lines import aligned, many
-from pipeline.app.output import check_outputs, outputs, step
+from pipeline.app.output import outputs, step
 
 if TYPE_CHECKING:
     from pipeline.app.fleet import FileResult
@@ -42,12 +42,12 @@ def ingest(
     from pipeline.signals.store import strangers_said
 
     with one_sentence(), announced(), outputs() as to:
-        check_outputs(None, json, inputs=files)
+        to.ready(json, *files)
         with step(f"read {len(files)} files") as found, steps_bar("reading", len(files)) as advance:
             results = ingest_files(files, machine, out, advance)
             kept, read = sum(r.kept for r in results), sum(r.read for r in results)
             found.add(f"{kept} of {read} records kept")
-        to.json([asdict(r) | {"path": str(r.path)} for r in results], json)
+        to.json([asdict(r) | {"path": typer.format_filename(r.path)} for r in results], json)
         for line in _ingested(results, out):
             to.say(line)
     for r in results:
@@ -105,14 +105,15 @@ def fleet(
     ] = None,
 ) -> None:
     """Make NAME the fleet that `dvc repro` builds, and collect its recordings."""
-    from pipeline.app.fleet import collect, use_fleet
+    from pipeline.app.fleet import collect, fleet_named, use_fleet
 
     with one_sentence():
-        chosen = use_fleet(name)
+        chosen = fleet_named(name)
+        copied = [] if recordings is None else list(collect(chosen, recordings))
+        use_fleet(name)
         typer.echo(f"fleet {chosen.name}: {', '.join(chosen.machines)}")
-        if recordings is not None:
-            for machine, new, files in collect(chosen, recordings):
-                typer.echo(f"{machine}: {files} files, {new} new")
+        for machine, new, files in copied:
+            typer.echo(f"{machine}: {files} files, {new} new")
 
 
 @app.command(rich_help_panel=kerf.RECORDS)
@@ -139,6 +140,7 @@ def golden(
         return again or (sys.stdin.isatty() and typer.confirm(question, err=True))
 
     with one_sentence(), outputs() as to:
+        to.ready(json)
         frozen = freeze_set(
             machine, first=first, last=last, files=files or (), sealed=sealed, again=asked
         )
@@ -165,6 +167,7 @@ def promote(
     from pipeline.champions import promote as promote_bundle
 
     with one_sentence(), outputs() as written:
+        written.ready(json)
         champion = promote_bundle(machine, why=why, to=to, anyway=anyway)
         written.json({"machine": machine} | asdict(champion), json)
         written.say(f"{machine}: version {champion.version} is champion; commit champions.json")
@@ -239,7 +242,7 @@ def wear(
     from pipeline.app.wear import document, said, wear_of_files
 
     with one_sentence(), outputs() as to:
-        check_outputs(None, json, inputs=files)
+        to.ready(json, *files)
         told = wear_of_files(files, machine, model, conditions or (), anyway=anyway)
         to.json(document(told), json)
         for line in said(told):

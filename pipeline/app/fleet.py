@@ -178,8 +178,8 @@ def _bring_devices(
     return notes
 
 
-def use_fleet(name: str) -> Fleet:
-    """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build."""
+def fleet_named(name: str) -> Fleet:
+    """The fleet in ``conf/fleet/<name>.yaml``."""
     folder = CONF / "fleet"
     known = sorted(p.stem for p in folder.glob("*.yaml") if p.stem != "active")
     if name not in known:
@@ -192,34 +192,44 @@ def use_fleet(name: str) -> Fleet:
         said = " ".join(str(error).split()).removeprefix("params.yaml, ")
         raise ValueError(f"{folder}/{name}.yaml is no fleet: {said}") from error
     _composed(f"fleet={name}")  # refuses machines that are not known
+    return chosen
+
+
+def use_fleet(name: str) -> Fleet:
+    """Make ``conf/fleet/<name>.yaml`` the active one, with the lock of its last build."""
+    chosen, folder = fleet_named(name), CONF / "fleet"
     for some in ("truth", "programs", "parts", "trials"):  # empty where no machine has any
         (DATA / some).mkdir(parents=True, exist_ok=True)
     # a plain file: in other revisions DVC would read a link's target by its name
-    active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml", written)
-    with suppress(OSError, ParametersError):  # an active fleet that is none has no lock either
-        _change_lock(str(read_yaml(active.read_text()).get("name")), chosen.name)
+    active, text = folder / "active.yaml", _whole(folder / f"{name}.yaml")
+    before = ""
+    with suppress(OSError, ParametersError):  # one that cannot be read
+        before = str(read_yaml(active.read_text()).get("name") or "")
     if active.is_symlink() or not active.exists() or active.read_text() != text:
         with replacing(active, follow=False) as part:
             part.write_text(text)
+    if before != chosen.name:
+        _change_lock(before or "unknown", chosen.name)
     return chosen
 
 
 def _change_lock(now: str, chosen: str) -> None:
     """Put dvc.lock of the fleet ``now`` by, and that of the one ``chosen`` in its place."""
     for source, target in ((LOCK, _kept_lock(now)), (_kept_lock(chosen), LOCK)):
-        if now != chosen and source.exists():
+        if source.exists():
             target.parent.mkdir(parents=True, exist_ok=True)
             source.replace(target)
 
 
 def _kept_lock(fleet: str) -> Path:
-    return LOCKS / f"{fleet}.lock"
+    return LOCKS / f"{Path(fleet).name}.lock"
 
 
-def _whole(path: Path, written: dict[str, Any]) -> str:
+def _whole(path: Path) -> str:
     """Text of a fleet's file, with the lists that it leaves out, as dvc.yaml names each of them."""
     from pipeline.submodels.contract import submodels
 
+    written = yaml.safe_load(path.read_text())
     lists = {one: () for one in submodels()} | dict(written.get("submodels") or {})
     empty: dict[str, Any] = {"simulated": [], "drives_under": {}, "optimised": [], "trials": []}
     whole = {**empty, **written, "submodels": {one: list(some) for one, some in lists.items()}}

@@ -19,6 +19,8 @@ from pipeline.schema.files import NotWrittenError, replacing
 LOG = logging.getLogger("pipeline")
 LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 """Log levels by the number of times that ``-v`` is given."""
+OWN = ("champions.json", "params.yaml", "dvc.yaml", "dvc.lock")
+"""Files of a project that no output replaces."""
 STANDARD = Path("-")
 """Name of standard output where a file is named."""
 
@@ -41,10 +43,21 @@ class Outputs:
         self.taken = self.folder / f"standard output{suffix}"
         return self.taken
 
-    def json(self, document: Any, path: Path | None) -> None:
-        """Write a document as JSON where it was requested."""
+    @staticmethod
+    def ready(path: Path | None, *read: Path) -> None:
+        """Refuse a file of JSON that is none by its name, cannot be written or is read."""
+        if path is None or path == STANDARD:
+            return
+        check_outputs(None, path, inputs=read)
+        if path.suffix != ".json" and (path.is_file() or not path.exists()):  # not /dev/null
+            raise ValueError(
+                f"--json {path} is no name of JSON: name a .json file, or - for standard output"
+            )
+
+    def json(self, document: Any, path: Path | None, *read: Path) -> None:
+        """Write a document as JSON where it was requested, over none of the files ``read``."""
+        self.ready(path, *read)
         if (file := self.file(path)) is not None:
-            check_outputs(None, file)
             with replacing(file) as part:
                 text = json.dumps(document, indent=1, ensure_ascii=False)
                 part.write_text(f"{text}\n", encoding="utf-8")
@@ -122,6 +135,8 @@ def check_outputs(program: Path | None, *outputs: Path | None, inputs: Sequence[
             raise ValueError(f"{path} is a folder: name a file in it")
         if not path.parent.is_dir():
             raise ValueError(f"{path.parent} does not exist: make that folder first")
+        if any(_same(path, Path(own)) for own in OWN):
+            raise ValueError(f"{path} is the project's own: name another file to write")
         if any(_same(path, read) for read in inputs):
             raise ValueError(f"{path} is read: name another file to write")
         if Path("conf").resolve() in path.resolve().parents:

@@ -62,6 +62,12 @@ def interpret(
     if out is None and at is None:
         with one_sentence():
             raise ValueError("--out is missing: name a CSV for the moves, or a line with --at")
+    if json is not None and at is None:
+        with one_sentence():
+            raise ValueError("--json is given without --at: --out holds the moves as CSV")
+    if out is not None and out == json:
+        with one_sentence():
+            raise ValueError(f"{out} is named for two outputs: name a file for each")
     if at is not None:
         _restart(program, machine, dialect, at, json)
     if out is None:
@@ -97,7 +103,7 @@ def _restart(
     with _working() as to:
         setup = setup_beside(machine_setup(machine, dialect), program)
         found = restart_at(program_at(program), setup, line)
-        to.json(asdict(found), json)
+        to.json(asdict(found), json, program)
         for text in restart_lines(found):
             to.say(text)
 
@@ -179,7 +185,7 @@ def preflight(
     with _working() as to:
         clearance = Clearance(stock, tool_table, resolution, work_offset)
         found = preflight_program(program, machine, dialect, clearance=clearance)
-        to.json({"program": program.name, "machine": machine} | asdict(found), json)
+        to.json({"program": program.name, "machine": machine} | asdict(found), json, program)
         if not found.violations:
             to.say(f"{program.name} stays inside of what {machine} lists")
         for line in (*preflight_lines(found, program, machine), *clearance_lines(found)):
@@ -246,7 +252,8 @@ def check(
             warnings += machine_lines(after, moves)
         if proof.same and moves is not None and tool_table is not None:
             warnings += range_lines(after, moves, tool_table, material)
-        to.json(asdict(proof) | {"warnings": [*reach, *warnings]}, json)
+        document = asdict(proof) | {"warnings": [*reach, *warnings]}
+        to.json(document, json, before, after)
         for line in (*reach, *check_lines(proof, before, after), *warnings):
             to.say(line)
     if not proof.same:

@@ -45,6 +45,9 @@ def new_project(folder: Path) -> str:
         _set_up_dvc(folder)
         # `kerf status` reads them
         compose(folder / "conf", folder / "params.yaml", folder / SETTINGS)
+    ignored = (folder / ".gitignore").read_text().splitlines()
+    if missing := [line for line in IGNORED if line.startswith("!") and line not in ignored]:
+        write_text("\n".join([*ignored, *missing]) + "\n", folder / ".gitignore")
     write_text(_of_project((source / "dvc.yaml").read_text(encoding="utf-8")), folder / "dvc.yaml")
     write_text(f"{version('kerf-twin')} {_code_hash()}\n", folder / CODE)
     return "brought up" if known else "made"

@@ -43,11 +43,10 @@ from pipeline.optimisation.problem.limits import inverse, row_limits, stiffness
 from pipeline.optimisation.text.words import FeedText, ProgramWords
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
-from pipeline.schema.si import MINUTE
+from pipeline.schema.si import MINUTE, MM, UM
 from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
 from pipeline.twin.cut.loads import Cut
 
-MM, UM = 1e-3, 1e-6
 BENDING, TEETH = 50 * UM, 3.0
 """Deflection of the tip up to which its load may rise: [m], and over the feed for each tooth."""
 NARROWEST = 0.01

@@ -33,10 +33,10 @@ from pipeline.optimisation.problem.arrays import (
 )
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL, CutLimit
+from pipeline.schema.si import MM, UM
 from pipeline.twin.cut.blocks import STEEP, CutBlocks
 from pipeline.twin.cut.loads import Cut
 
-MM, UM = 1e-3, 1e-6
 SOFT = 0.85
 """Share of the greatest feed per tooth that the least one of a range may reach [1]."""
 GIVES_WAY = 0.5

@@ -57,7 +57,8 @@ def _used(name: str, verdict: Verdict | None, settings: ReliabilitySettings) -> 
         missed = ("no verdict.json stands beside its model: run dvc repro to its end",)
     return UsedModel(
         submodel=name, figures=FIGURES[name], status=status,
-        reason=missed[0] if missed else "", missed=len(missed), recordings=len(errors),
+        reason=missed[0] if missed else "", missed=len(missed),
+        recordings=len({group for group, _ in _judged(name, verdict)}),
         error_percent=float(f"{100 * rms(errors):.4g}") if errors else None,
         spread_percent=float(f"{100 * judged_spread(status, errors, least, settings)[0]:.4g}"),
     )  # fmt: skip
@@ -73,14 +74,20 @@ def _without(name: str, settings: ReliabilitySettings) -> UsedModel:
 
 def judged_errors(name: str, verdict: Verdict | None) -> list[float]:
     """Relative errors of a sub-model on held-out recordings [1]: peak loads, else RMSE over RMS."""
+    return [error for _, error in _judged(name, verdict)]
+
+
+def _judged(name: str, verdict: Verdict | None) -> list[tuple[str, float]]:
+    """Held-out recordings, one for each axis or channel that was judged, with the error [1]."""
     figure = "peak_percent" if name == "cutting" else "relative_percent"
     errors = [
-        getattr(score, figure) for score in (() if verdict is None else verdict.scores)
+        (score.group, getattr(score, figure))
+        for score in (() if verdict is None else verdict.scores)
         if score.quantity.startswith(QUANTITY[name]) and score.group != "all"
         and score.role != "training" and not score.alone
         and (not score.regime if name == "cutting" else score.limits)
     ]  # fmt: skip
-    return [round(one, 2) / 100 for one in errors if one is not None]
+    return [(group, round(one, 2) / 100) for group, one in errors if one is not None]
 
 
 def judged_spread(

@@ -243,7 +243,7 @@ def _text(buf: Any, start: int, shape: int) -> Any:
 @compiled
 def _holds_time(buf: Any, start: int, stop: int) -> Any:
     """Whether an ISO time may begin inside a text: the next line's, where a line lost its end."""
-    for i in range(start, stop - 17):
+    for i in range(start, stop - 14):  # "-MM-DDThh:mm:ss" is the shortest form
         if buf[i] == 45 and buf[i + 3] == 45 and buf[i + 6] == 84 and buf[i + 9] == 58:
             return True
     return False
