@@ -348,6 +348,25 @@ def test_another_fleet_is_made_active(project: Path) -> None:
     assert (active(project), lock.read_text()) == (first, "of the first fleet")
 
 
+def test_no_lock_is_lost_where_the_active_fleet_cannot_be_read(project: Path) -> None:
+    kept = project / "data/locks/recorded.lock"
+    kept.parent.mkdir()
+    kept.write_text("of recorded")
+    (project / "dvc.lock").write_text("of a fleet")
+    (project / "conf/fleet/active.yaml").write_text("<<<<<<< name: [demo\n")
+    assert kerf(project, "fleet", "recorded").exit_code == 0
+    assert (project / "dvc.lock").read_text() == "of recorded"
+    assert kept.with_name("unknown.lock").read_text() == "of a fleet"
+    assert kerf(project, "fleet", "simulated").exit_code == 0
+    assert kept.read_text() == "of recorded"
+
+
+def test_no_fleet_is_changed_where_its_recordings_are_missing(project: Path) -> None:
+    first = active(project)
+    said = refused(project, "fleet", "recorded", "--recordings", "nowhere")
+    assert "does not exist" in said and active(project) == first
+
+
 @pytest.mark.parametrize("name", ["active", "nowhere", "../fleet/recorded"])
 def test_a_fleet_that_is_none_is_refused(name: str, project: Path) -> None:
     said = refused(project, "fleet", name)

@@ -284,7 +284,24 @@ def test_a_program_is_never_written_over(project: Path) -> None:
         assert "the program itself" in refused(
             project, words[0], "part.nc", *words[1:], "../project/part.nc"
         )
+    one, two = ["part.nc"], ["part.nc", "part.nc"]
+    for words in (["preflight", *one, "--machine", "hurco"], ["check", *two],
+                  ["interpret", *one, "--at", "3"]):  # fmt: skip
+        assert "part.nc is read" in refused(project, *words, "--json", "part.nc")
     assert (project / "part.nc").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["agent.log", "champions.json", "dvc.lock"])
+def test_json_replaces_no_record_and_no_file_of_the_project(name: str, project: Path) -> None:
+    (project / name).write_text("kept")
+    said = refused(project, "preflight", "part.nc", "--machine", "hurco", "--json", name)
+    assert name in said and ("name a .json file" in said or "the project's own" in said)
+    assert (project / name).read_text() == "kept"
+
+
+def test_json_of_what_was_not_requested_is_refused(project: Path) -> None:
+    words = ("interpret", "part.nc", "--out", "m.csv", "--json", "m.json")
+    assert "--json is given without --at" in refused(project, *words)
 
 
 def test_outputs_are_checked_before_anything_is_planned(project: Path) -> None:

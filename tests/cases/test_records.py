@@ -243,6 +243,14 @@ def test_a_line_of_a_log_that_lost_its_end_keeps_nothing(tmp_path: Path, cut: st
     assert reasons == ["the line breaks off, and the next one follows without a break"]
 
 
+def test_a_word_does_not_take_in_the_next_line_whose_time_has_whole_seconds(tmp_path: Path) -> None:
+    devices(tmp_path, position("M1"))
+    lost = "2026-06-11T00:00:01Z|note|STOPPED2026-06-11T00:00:02Z|Yact|3\n"
+    values, reasons = logged(tmp_path, f"2026-06-11T00:00:00Z|M1:Xact|1\n{lost}")
+    assert values == {"Xact": [1.0]}
+    assert reasons == ["the line breaks off, and the next one follows without a break"]
+
+
 AGENT = """<Agent id="a" name="Agent" uuid="ua"><DataItems>
 <DataItem id="a_av" name="agent_avail" category="EVENT" type="AVAILABILITY"/></DataItems></Agent>"""
 

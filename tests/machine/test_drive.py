@@ -128,3 +128,70 @@ def test_inputs_out_of_range_are_refused(change: dict[str, object], said: str) -
     known = {"reference": np.zeros(10), "period": T, "table": rows(2)}
     with pytest.raises(ValueError, match=said):
         simulate(**{**known, **change})
+
+
+def plain(
+    reference: NDArray[np.float64],
+    load: NDArray[np.float64],
+    row: NDArray[np.float64],
+    *,
+    held: int = 1,
+    spring: tuple[float, float] | None = None,
+) -> NDArray[np.float64]:
+    """Position and command of one axis from rest, (2, T), by the equations as they are written."""
+    loop, p, i, ahead, further, limit, mass, k, offset, factor = row[:10]
+    sides = {True: row[10:14], False: row[14:18]}
+    seen_share, held_share = (-np.expm1(-T / lag) if lag > 0 else 1.0 for lag in row[19:21])
+    x, v, z, v_ref, seen, summed = float(reference[0]), 0.0, 0.0, 0.0, 0.0, offset / k
+    last, rate, step, traces = x, 0.0, T / held, []
+    for x_ref, push in zip(reference, load, strict=True):
+        new = (x_ref - last) / T
+        change, last, rate = (new - rate) / T, x_ref, new
+        v_ref += held_share * (loop * (x_ref - x) + ahead * rate - v_ref)
+        seen += seen_share * (v - seen)
+        demand = p * (v_ref - seen) + summed + further * change
+        command = np.clip(demand, -limit, limit)
+        if (demand - command) * (v_ref - seen) <= 0:
+            summed += T * i * (v_ref - seen)
+        traces.append((x, command))
+        force = k * command - offset - factor * push
+        for _ in range(held):
+            coulomb, static, stribeck, viscous = sides[bool(v > 0)]
+            curve = coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2))
+            if spring is not None:
+                z = (z + step * v) / (1 + step * (spring[0] * abs(v) / curve + spring[1]))
+                after = (v + step / mass * (force - spring[0] * z)) / (1 + step * viscous / mass)
+            else:
+                free = v + step / mass * (force - viscous * v / 2)
+                low, high, _, slow = sides[bool(free > 0)]
+                level = (
+                    high
+                    if v * free <= 0
+                    else low + (high - low) * np.exp(-((v / sides[bool(v > 0)][2]) ** 2))
+                )
+                slip = max(abs(free) - step / mass * level, 0.0) / (1 + step / mass * slow / 2)
+                after = np.sign(free) * slip
+            x, v = x + step * (v + after) / 2, after
+    return np.array(traces).T
+
+
+@pytest.mark.parametrize("held", [1, 3])
+def test_traces_are_those_of_the_equations_in_plain_python(held: int) -> None:
+    """Unequal lags, friction by direction, limit, feed-forward: each has its place in the row."""
+    for reference in references(3).T:
+        load, table = loads(1)[:, 0], rows(1)
+        traces = simulate(reference, T, table, load=load, substeps=held)
+        position, command = plain(reference, load, table[0], held=held)
+        np.testing.assert_allclose(traces.position[0], position, atol=1e-9)
+        np.testing.assert_allclose(traces.command[0], command, atol=1e-6)
+
+
+def test_presliding_is_that_of_the_equations_in_both_directions() -> None:
+    spring, table = (2e7, 3.0), rows(1)
+    for sign in (1.0, -1.0):
+        reference = sign * 2e-5 * np.sin(8 * T * np.arange(STEPS))
+        load = 40 * np.sin(11 * T * np.arange(STEPS))
+        traces = simulate(reference, T, table, load=load, substeps=4, spring=spring)
+        position, command = plain(reference, load, table[0], held=4, spring=spring)
+        np.testing.assert_allclose(traces.position[0], position, atol=1e-10)
+        np.testing.assert_allclose(traces.command[0], command, atol=1e-6)
