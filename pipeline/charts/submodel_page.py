@@ -118,8 +118,8 @@ class Counting:
     regime: str = ""
     """Regime of the scores."""
     whole: bool = False
-    """Whether all groups together count, not the worst one; the worst one decides where it alone
-    is beyond its limit."""
+    """Whether all groups together count, not the worst one; the worst one decides where it is
+    beyond its own limit."""
     instead: str = ""
     """Regime that tells where no record was left to judge by."""
 
@@ -143,12 +143,12 @@ class Counting:
         )  # fmt: skip
 
     def together(self, verdict: Verdict | None) -> bool:
-        """Whether all groups together decide, not the worst one that fails while they pass."""
-        limit = self.limit(verdict)
-        beyond = {s.group == "all" for s in self.scores(verdict)
-                  if limit and (self.size(s) or 0.0) > limit
-                  and (s.group == "all" or self.error in s.limits)}  # fmt: skip
-        return self.whole and beyond != {False}
+        """Whether all groups together decide, not a worse one that is beyond its own limit."""
+        scores = self.scores(verdict)
+        total = max((self.size(s) or 0.0 for s in scores if s.group == "all"), default=0.0)
+        worse = any((self.size(s) or 0.0) > max(s.limits.get(self.error, np.inf), total)
+                    for s in scores if s.group != "all")  # fmt: skip
+        return self.whole and not worse
 
     def worst(self, verdict: Verdict | None, *, alike: bool = False) -> Score | None:
         """The score that decides: over all groups, or the worst of a group.

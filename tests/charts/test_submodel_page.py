@@ -79,9 +79,10 @@ def test_all_blocks_come_of_the_three_files():
     assert SUBJECT.needs in without.sections[0].text[0]
 
 
-def test_the_worst_group_decides_where_it_alone_is_beyond_the_limit():
+@pytest.mark.parametrize("together", [2.0, 2.8])
+def test_the_worst_group_decides_where_it_is_beyond_its_limit(together):
     failed = tuple(replace(s, limits={"rmse": 2.5}) for s in SCORES)
-    total = replace(TOTAL, rmse=2.0, limits={})
+    total = replace(TOTAL, rmse=together, limits={})
     verdict = replace(VERDICT, status="failed", scores=(*failed, total))
     content = PageContent(counts=[replace(COUNTS[0], whole=True)])
     found = page(content, verdict=verdict)
