@@ -1,7 +1,7 @@
 """Assessment on a page: scores by group with n and interval, methods, conditions, provenance."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
@@ -15,7 +15,16 @@ from pipeline.charts.numbers import between, day_words, joined, number, powers, 
 from pipeline.charts.numbers import unit_words as unit_of
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
+from pipeline.charts.tables import (
+    MOST_ROWS,
+    Cell,
+    Column,
+    Table,
+    code,
+    lettered,
+    marks_note,
+    tabulated,
+)
 from pipeline.schema.model import LeftOut, Model
 from pipeline.schema.verdict import (
     Fact,
@@ -110,6 +119,7 @@ def scores_table(
     limited = list(dict.fromkeys(name for s in shown for name in s.limits))
     errors = [name for name in HEADS if name in ("mae", "rmse", "max") or name in limited]
     unit = list({unit_words(s.unit) for s in shown})
+    marks = lettered(s.unknown_interval for s in shown)
     columns: list[Column[Score]] = [
         Column(case[:1].upper() + case[1:], lambda s: case_words(s.group)),
         Column("used", lambda s: ROLES[s.role]),
@@ -121,25 +131,31 @@ def scores_table(
     if len(unit) > 1:
         columns.append(Column("unit", lambda s: unit_words(s.unit) or "–"))
     if any(s.coverage_90 is not None for s in shown):
+        width = partial(_width, marks=marks)
         columns += [Column("inside 90 % interval", _inside, "%"),
-                    Column("its half width over RMSE", _width, "")]  # fmt: skip
+                    Column("its half width over RMSE", width, "")]  # fmt: skip
     columns += _baseline_columns(shown, limited or ["rmse"], titles or {}, guess)
+    each = {(s.quantity, s.regime) for s in shown if s.limits and s.group != "all"}
     if any(s.status != "not judged" for s in shown):
-        columns.append(Column("verdict", _verdict))
-    if any(s.reasons or s.unknown_interval for s in shown):
+        columns.append(Column("verdict", partial(_verdict, each=each)))
+    if any(s.reasons for s in shown):
         columns.append(Column("why", _why))
-    return tabulated(caption, shown, columns, made, most=MOST_ROWS, note=_limits(shown),
+    note = f"{_limits(shown, case)} {marks_note(marks)}".strip()
+    return tabulated(caption, shown, columns, made, most=MOST_ROWS, note=note,
                      folded=folded or len(shown) > MANY)  # fmt: skip
 
 
-def _verdict(s: Score) -> str | Cell:
+def _verdict(s: Score, each: Collection[tuple[str, str]]) -> str | Cell:
+    """Verdict; with what all together were held against where limits hold for each."""
     status = {"passed": "passed", "failed": "failed"}.get(s.status, "unknown")
-    return "–" if s.status == "not judged" else Cell(text=s.status, status=status)
+    beside = s.group == "all" and not s.limits and (s.quantity, s.regime) in each
+    held = "baselines" if s.coverage_limits is None else "baselines, interval"
+    text = f"{s.status} ({held})" if beside and s.status == "passed" else s.status
+    return "–" if s.status == "not judged" else Cell(text=text, status=status)
 
 
 def _why(s: Score) -> str:
-    reasons = [one.removeprefix(f"{s.group}: ") for one in s.reasons]
-    return "; ".join(one for one in (*reasons, s.unknown_interval) if one) or "–"
+    return "; ".join(one.removeprefix(f"{s.group}: ") for one in s.reasons) or "–"
 
 
 def _baseline_columns(
@@ -169,8 +185,8 @@ def _error_column(name: str, unit: str) -> Column[Score]:
     return Column(HEADS[name], lambda s: error_words(s, name), unit)
 
 
-def _limits(scores: Sequence[Score]) -> str:
-    """Limits of each quantity, those that are alike together."""
+def _limits(scores: Sequence[Score], case: str) -> str:
+    """Limits of each quantity, those that are alike together, and of each ``case`` or of all."""
     found: dict[str, list[str]] = {}
     for s in scores:
         said = [
@@ -178,6 +194,8 @@ def _limits(scores: Sequence[Score]) -> str:
             f"{'%' if name.endswith('percent') else unit_words(s.unit)}".rstrip()
             for name, limit in s.limits.items()
         ]
+        if said and s.group != "all":
+            said = [f"{', '.join(said)} of each {case}"]
         if s.coverage_limits is not None:
             low, high = (f"{100 * end:g}" for end in s.coverage_limits)
             said.append(f"{low} to {high} % inside the 90 % interval")
@@ -188,13 +206,17 @@ def _limits(scores: Sequence[Score]) -> str:
 
 
 def _inside(s: Score) -> str:
+    if s.unknown_interval:
+        return "–"
     shares = [None if share is None else 100 * share
               for share in (s.coverage_90, s.spread.get("coverage_90"))]  # fmt: skip
     return _spread(shares[0], shares[1])
 
 
-def _width(s: Score) -> str:
-    return "not known" if s.unknown_interval else _spread(s.half_width_over_rmse)
+def _width(s: Score, marks: Mapping[str, str]) -> str:
+    if s.unknown_interval:
+        return f"not known {marks.get(s.unknown_interval, s.unknown_interval)}"
+    return _spread(s.half_width_over_rmse)
 
 
 # ---- errors at a glance
@@ -365,10 +387,11 @@ def cases_table(verdict: Verdict, made: Sequence[Source], facts: Sequence[str]) 
         columns += [_fact_column(name, cases, of) for of, names in parts for name in names]
     else:
         columns += [Column(of, partial(_facts, of=of, names=names)) for of, names in parts]
-    if any(c.note for c in cases):
-        columns.append(Column("what to know", lambda c: c.note or "–"))
+    marks = lettered(c.note for c in cases[:MOST_ROWS])
+    if marks:
+        columns.append(Column("note", lambda c: marks.get(c.note, c.note) or "–"))
     return tabulated(f"Records, their conditions and facts ({len(cases)})", cases, columns, made,
-                     most=MOST_ROWS, folded=len(cases) > 12)  # fmt: skip
+                     most=MOST_ROWS, folded=len(cases) > 12, note=marks_note(marks))  # fmt: skip
 
 
 def _fact_column(name: str, cases: Sequence[JudgedCase], of: str) -> Column[JudgedCase]:

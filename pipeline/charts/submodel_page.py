@@ -118,7 +118,8 @@ class Counting:
     regime: str = ""
     """Regime of the scores."""
     whole: bool = False
-    """Whether all groups together count, not the worst one."""
+    """Whether all groups together count, not the worst one; the worst one decides where it is
+    beyond its own limit."""
     instead: str = ""
     """Regime that tells where no record was left to judge by."""
 
@@ -141,10 +142,22 @@ class Counting:
             self.regime, self.instead or self.regime
         )  # fmt: skip
 
-    def worst(self, verdict: Verdict | None) -> Score | None:
-        """The score that counts: over all groups, or the worst of a group."""
+    def together(self, verdict: Verdict | None) -> bool:
+        """Whether all groups together decide, not a worse one that is beyond its own limit."""
+        scores = self.scores(verdict)
+        total = max((self.size(s) or 0.0 for s in scores if s.group == "all"), default=0.0)
+        worse = any((self.size(s) or 0.0) > max(s.limits.get(self.error, np.inf), total)
+                    for s in scores if s.group != "all")  # fmt: skip
+        return self.whole and not worse
+
+    def worst(self, verdict: Verdict | None, *, alike: bool = False) -> Score | None:
+        """The score that decides: over all groups, or the worst of a group.
+
+        ``alike`` is the declared one of the two, which reports are compared by.
+        """
+        whole = self.whole if alike else self.together(verdict)
         known = [s for s in self.scores(verdict)
-                 if (s.group == "all") == self.whole and self.size(s) is not None]  # fmt: skip
+                 if (s.group == "all") == whole and self.size(s) is not None]  # fmt: skip
         return max(known, key=lambda s: self.size(s) or 0.0, default=None)
 
     def size(self, errors: Errors) -> float | None:
@@ -357,7 +370,7 @@ class _Frame:
         status: Literal["passed", "failed"] = "failed" if v.status == "failed" else "passed"
         why = self._errors()
         if status == "failed":
-            why = self._errors(beyond=True) or _reasons(v)
+            why = self._failure(v)
         some = ""
         many = len(self.groups)
         if status == "passed" and 0 < many < FEW:
@@ -373,6 +386,15 @@ class _Frame:
             f"{f': {why}' if why else ''}.{self.content.cause if status == 'failed' else ''}",
             todo=f"{self.content.todo.get(status, default).rstrip('.')}.{some}",
         )
+
+    def _failure(self, v: Verdict) -> str:
+        """The errors that count and pass their limits, and the number of other reasons."""
+        said = self._errors(beyond=True)
+        if not said:
+            return _reasons(v)
+        own = {reason for one in self.counts for s in one.scores(v) for reason in s.reasons}
+        others = sum(reason not in own for reason in v.missed)
+        return said + (f"; and {counted(others, 'more reason')}" if others else "")
 
     def _not_judged(self, v: Verdict | None) -> PartVerdict:
         why = "there is no verdict.json" if v is None else "; ".join(v.reasons)
@@ -392,7 +414,8 @@ class _Frame:
         golden = v.golden
         if v.judged_role != "golden":
             return f"{many} held out of its fit"
-        if golden is None or not golden.first:
+        by_day = all(day_words(group) != group for group in self.groups)
+        if golden is None or not golden.first or not by_day:
             return f"{many} of its golden set"
         span = f"{day_words(golden.first)} to {day_words(golden.last, year=True)}"
         return f"{many} of its golden set ({span})"
@@ -404,8 +427,9 @@ class _Frame:
             worst, limit = one.worst(self.files.verdict), one.limit(self.files.verdict)
             if worst is None or (beyond and not (limit and (one.size(worst) or 0.0) > limit)):
                 continue
-            where = "" if one.whole else "up to "
-            place = f" in {judged.case_words(worst.group)}" if beyond and not one.whole else ""
+            whole = one.together(self.files.verdict)
+            where = "" if whole else "up to "
+            place = f" in {judged.case_words(worst.group)}" if beyond and not whole else ""
             held = f" (limit {sized(limit, one.error, worst.unit)})" if limit else ""
             name = one.name if one.name[1:2].isupper() else f"{one.name[:1].lower()}{one.name[1:]}"
             said.append(f"{name} {where}{one.shown(worst, worst.unit)}{place}{held}")
@@ -419,7 +443,7 @@ class _Frame:
             if worst is None:
                 continue
             axis_of = worst.quantity.removeprefix(one.quantity).strip()
-            aside = ["over all judged records" if one.whole else
+            aside = ["over all judged records" if one.together(self.files.verdict) else
                      f"worst of {counted(len(self.groups), self.content.case)}"
                      + (f", {axis_of}" if axis_of else "")]  # fmt: skip
             if limit:
@@ -485,7 +509,7 @@ class _Frame:
             return {}
         found = {}
         for one in self.content.counts:
-            worst = one.worst(self.files.verdict)
+            worst = one.worst(self.files.verdict, alike=True)
             unit = "%" if one.error.endswith("percent") else worst.unit if worst else ""
             value = None if worst is None else one.size(worst)
             found[one.key] = Compared(name=one.name, unit="" if unit == "1" else unit, value=value)

@@ -1,8 +1,9 @@
 """Tables of the pages: heads, units, cells in words, and their sources."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from string import ascii_lowercase
 from typing import Generic, TypeVar
 
 from pipeline.charts.numbers import number
@@ -102,6 +103,21 @@ def tabulated(
 def code(text: str) -> Cell:
     """A cell of machine text: a file, a hash, a parameter's key."""
     return Cell(text=text, code=True)
+
+
+def lettered(words: Iterable[str]) -> dict[str, str]:
+    """A mark of each of some sentences, which stand once below a table.
+
+    >>> lettered(["too few", "", "too short", "too few"])
+    {'too few': '(a)', 'too short': '(b)'}
+    """
+    each = dict.fromkeys(one for one in words if one)
+    return {one: f"({mark})" for one, mark in zip(each, ascii_lowercase, strict=False)}
+
+
+def marks_note(marks: Mapping[str, str]) -> str:
+    """The sentences behind their marks."""
+    return " ".join(f"{mark} {one.rstrip('.')}." for one, mark in marks.items())
 
 
 def cells(*values: str | Cell) -> list[Cell]:

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from pipeline.charts.numbers import NARROW, NOT_KNOWN, joined, number, percent
+from pipeline.charts.numbers import NARROW, NOT_KNOWN, counted, joined, number, percent
 from pipeline.charts.sections import Section
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Cell, Head, Table, sources
@@ -54,11 +54,17 @@ def _gain(programs: dict[str, Any]) -> Iterator[str]:
     ]
     moved = [one for one in in_cuts if one["before"]["rms_um"]["mean"] >= MOVES_UM]
     shares = [_mean(one["share_left"]) for one in moved]
+    still = len(in_cuts) - len(moved)
+    beside = (
+        f", but for {counted(still, 'axis', 'axes')} below {MOVES_UM:g} µm as planned"
+        if still else ""
+    )  # fmt: skip
     if shares:
         yield (
             f"Driven on the simulated shop floor, the corrected commands leave "
             f"{_share(min(shares))} to {_share(max(shares))} of the axes’ following error in cuts "
-            "(RMS at the loop’s sensor). They were made from the models alone, before the motion; "
+            f"(RMS at the loop’s sensor{beside}). They were made from the models alone, "
+            "before the motion; "
             "kerf simulate PROGRAM --machine M --compensate FILE makes them for a program of yours."
         )
 

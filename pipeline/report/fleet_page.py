@@ -17,12 +17,16 @@ MOST_NAMES = 12
 
 @dataclass(frozen=True, kw_only=True)
 class FleetRow:
-    """Row of a machine: its verdict, its first action, its group and the end of its records."""
+    """Row of a machine: its verdict, its first action, its group and the end of its records.
+
+    ``last_of`` are the sources that end there; empty without a clock.
+    """
 
     folders: MachineFolders
     verdict: MachineVerdict
     group: str
     last: str
+    last_of: str = ""
 
     @property
     def first(self) -> ActionRow | None:
@@ -55,9 +59,13 @@ class FleetPage:
 
 def fleet_row(facts: MachineFacts, verdict: MachineVerdict, say: Texts) -> FleetRow:
     """Line of one machine."""
-    newest = facts.records.newest
-    last = say("fleet.no_clock") if newest is None and facts.records.files else say.moment(newest)
-    return FleetRow(folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last)
+    records = facts.records
+    newest = records.newest
+    last = say("fleet.no_clock") if newest is None and records.files else say.moment(newest)
+    of = "" if newest is None else say(f"fleet.last_{'live' if records.last_live else 'all'}")
+    return FleetRow(
+        folders=facts.folders, verdict=verdict, group=group_of(verdict), last=last, last_of=of
+    )  # fmt: skip
 
 
 def group_of(verdict: MachineVerdict) -> str:

@@ -92,6 +92,9 @@ def trial_section(
             f"; it took {times[0]}{NARROW}s instead of {times[1]}{NARROW}s, and its time was "
             f"predicted with an error of {signed(error)}{NARROW}%"
         )
+    load = _error(part.part.after.peak_load_N, part.cut.after.peak_load_N.mean)
+    if load is not None:
+        words += f"; its peak load was predicted with an error of {signed(load)}{NARROW}%"
     return Section(key="trial", title="Cut on the simulated shop floor", text=[f"{words}."],
                    blocks=present(trial_table(parts, shelf, part)))  # fmt: skip
 
@@ -140,6 +143,9 @@ def trial_table(parts: PartPrograms, shelf: SourceRegistry, part: PartProgram) -
 
 def trial_time_error(part: PartProgram) -> float | None:
     """Error of the predicted time of the optimised program [%]."""
-    predicted = part.part.after.time_s
-    cut = None if part.cut is None else part.cut.after.time_s.mean
+    return None if part.cut is None else _error(part.part.after.time_s, part.cut.after.time_s.mean)
+
+
+def _error(predicted: float | None, cut: float | None) -> float | None:
+    """Error of a prediction over the mean of the cuts [%]."""
     return None if predicted is None or not cut else 100 * (predicted / cut - 1)

@@ -59,9 +59,12 @@ class FileRead:
     @property
     def faults(self) -> list[str]:
         """Faults in its table itself: stamps, jumps, held values, early ends."""
-        counts = {"repeated_stamps": "repeat the time stamp before them",
-                  "clock_backwards": "lie before the row above"}  # fmt: skip
-        said = [f"{self.notes[k]['count']} rows {w}" for k, w in counts.items() if k in self.notes]
+        verbs = {"repeated_stamps": ("repeats the time stamp before it",
+                                     "repeat the time stamp before them"),
+                 "clock_backwards": ("lies before the row above",
+                                     "lie before the row above")}  # fmt: skip
+        counts = {k: int(self.notes[k]["count"]) for k in verbs if k in self.notes}
+        said = [f"{counted(n, 'row')} {verbs[k][n != 1]}" for k, n in counts.items()]
         return said + [
             f"{one['channel']} {one['said']}" + (": not read there" if one["certain"] else "")
             for one in self.notes.get("faults", ())

@@ -180,7 +180,8 @@ def counting_figure(one: ModelledPart, say: Texts) -> Counts:
     if not one.page.key_figures or verdict is None:
         return Counts(what="", value=say("format.not_known"), interval=interval)
     what, shown, aside = one.page.key_figures[0]
-    return Counts(what=say.given(what), value=shown, baseline=say.given(aside), interval=interval)
+    beside = aside.partition("; ")[2]  # whose error it is stands before it
+    return Counts(what=say.given(what), value=shown, baseline=say.given(beside), interval=interval)
 
 
 def _also(*words: str) -> str:
@@ -221,13 +222,19 @@ def _place(group: str, say: Texts) -> str:
 def _interval(verdict: Verdict, say: Texts, shown: Score | None = None) -> str:
     """Share of samples inside the 90 % interval over all judged groups of what a score is of.
 
-    The least of all quantities without one.
+    The least of all quantities without one; that it is not known where one is not stated.
     """
-    shares = [
-        score.coverage_90
+    found = [
+        score
         for score in verdict.scores
         if score.role == verdict.judged_role and score.group == "all"
-        and score.coverage_90 is not None
+        and (score.coverage_90 is not None or score.unknown_interval)
         and (shown is None or (score.quantity, score.regime) == (shown.quantity, shown.regime))
     ]  # fmt: skip
+    shares = [
+        score.coverage_90 for score in found
+        if score.coverage_90 is not None and not score.unknown_interval
+    ]  # fmt: skip
+    if found and not shares:
+        return say("format.not_known")
     return say.percent(min(shares), 1.0) if shares else ""

@@ -195,7 +195,7 @@ def _serving(facts: MachineFacts, say: Texts) -> list[str]:
         names = [n for n, one in facts.serving.bundle.submodels.items() if one.status == status]
         if names:
             key = f"note.champion_{status.replace(' ', '_')}"
-            said.append(say(key, titles=facts.titles(names, say.given)))
+            said.append(say(key, count=len(names), titles=facts.titles(names, say.given)))
     return said
 
 

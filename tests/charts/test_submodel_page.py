@@ -15,7 +15,7 @@ from pipeline.charts.sections import SubModelPage
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, Subject, submodel_page
 from pipeline.schema.model import Model, Parameter
-from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
+from pipeline.schema.verdict import Fact, Figures, GoldenUsed, JudgedCase, Score, Verdict
 from pipeline.submodels.contract import Shown
 from tests.submodels.made_pages import drawn, plain, tables, words
 
@@ -79,6 +79,26 @@ def test_all_blocks_come_of_the_three_files():
     assert SUBJECT.needs in without.sections[0].text[0]
 
 
+@pytest.mark.parametrize("together", [2.0, 2.8])
+def test_the_worst_group_decides_where_it_is_beyond_its_limit(together):
+    failed = tuple(replace(s, limits={"rmse": 2.5}) for s in SCORES)
+    total = replace(TOTAL, rmse=together, limits={})
+    verdict = replace(VERDICT, status="failed", scores=(*failed, total))
+    content = PageContent(counts=[replace(COUNTS[0], whole=True)])
+    found = page(content, verdict=verdict)
+    assert "3.00 µm in day 3 (limit 2.50 µm)" in plain(found.verdict.sentence)
+    assert plain(found.key_figures[0][1]) == "3.00 µm"
+
+
+@pytest.mark.parametrize(("group", "dated"), [("2026-01-08", True), ("feed/run-1.csv", False)])
+def test_the_span_of_a_golden_set_stands_beside_days_alone(group, dated):
+    golden = GoldenUsed(sha256="a", files=2, first="2026-01-08", last="2026-01-11")
+    scores = tuple(replace(s, role="golden", group=group) for s in SCORES)
+    verdict = replace(VERDICT, judged_role="golden", golden=golden, scores=scores)
+    sentence = page(PageContent(counts=COUNTS), verdict=verdict).verdict.sentence
+    assert "of its golden set" in sentence and ("Jan 2026" in plain(sentence)) == dated
+
+
 @pytest.mark.parametrize("lacking", ["model", "verdict", "predictions"])
 def test_a_file_that_is_not_there_is_named_and_the_rest_stands(lacking):
     found = page(**{lacking: None})
@@ -108,7 +128,8 @@ def test_a_failure_names_what_is_beyond_its_limit_else_the_gravest_reasons():
     verdict = replace(VERDICT, status="failed", reasons=("a", "b", "c"), scores=(*failed, TOTAL))
     content = PageContent(counts=COUNTS, cause=" The probe was loose.")
     found = page(content, verdict=verdict).verdict
-    assert "up to 3.00 µm in day 3 (limit 2.50 µm). The probe was loose." in plain(found.sentence)
+    said = "up to 3.00 µm in day 3 (limit 2.50 µm); and 3 more reasons. The probe was loose."
+    assert said in plain(found.sentence)
     assert "largest error" not in found.sentence and SUBJECT.needs in found.todo
     other = page(content, verdict=replace(VERDICT, status="failed", reasons=("a.", "b", "c")))
     assert "a; b; and 1 more reason." in other.verdict.sentence
@@ -190,7 +211,7 @@ def test_a_table_of_scores_has_the_limited_errors_of_each_baseline_and_the_faile
     assert [row[0].text for row in table.rows[:2]] == ["all of them", "day 1"]
     assert table.rows[1][-1].text == "RMSE is above 0.5 um"
     assert [name for name, _ in table.groups if name] == ["guess", "mean"]
-    assert table.note == "Limits of growth: RMSE 5 µm."
+    assert table.note == "Limits of growth: RMSE 5 µm of each day, recording or run."
     many = {f"m{k}": Figures(rmse=1.0) for k in range(5)} | {"guess": Figures(rmse=2.0)}
     table = scores_table("scores", [replace(SCORE, baselines=many)], [], guess="guess")
     assert [name for name, _ in table.groups if name] == ["guess"]

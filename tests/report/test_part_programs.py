@@ -57,7 +57,7 @@ def test_predicted_stands_beside_cut(tmp_path: Path) -> None:
     assert "Above the limit of 60.0 N – 20 of 20 0.71 % 1 of 20" in text
     # 24.51 / 24.60 - 1
     assert "it took 24.60 s instead of 29.90 s, and its time was predicted with an error of" in text
-    assert "an error of −0.4 %." in text
+    assert "an error of −0.4 %; its peak load was predicted with an error of" in text
     assert "passed the limit of the load in 1 of them, the program as it was in 20" in text
 
 

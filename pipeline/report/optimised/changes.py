@@ -1,7 +1,7 @@
 """Tables of an optimised program for the operator: increases, by tool, its lines."""
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import log
@@ -11,7 +11,7 @@ from markupsafe import Markup
 from pipeline.charts.numbers import NARROW, TOGETHER, as_stated, counted, number
 from pipeline.charts.sections import Listing, ListingLine, Section, present
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import Cell, Column, Table, tabulated
+from pipeline.charts.tables import Cell, Column, Table, lettered, marks_note, tabulated
 from pipeline.report.cut.tables import NONE, between, figure, share, spans_of
 from pipeline.report.optimised.tables import force, limit_name, tool_name
 from pipeline.schema.part import OptimisedPart
@@ -159,11 +159,16 @@ def _word(value: float | None) -> str:
 
 def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     """Feed per tooth and cutting speed of each tool before and after, beside its ranges."""
+    faster = any(use.no_faster for use in part.tools)
+    marks = lettered(
+        reason or "" for use in part.tools
+        for reason in (use.no_more_feed, _no_faster(use) if faster else None)
+    )  # fmt: skip
     why: list[Column[ToolUse]] = []
     if any(use.no_more_feed for use in part.tools):
-        why.append(Column("why F is not raised", lambda use: use.no_more_feed or NONE))
-    if any(use.no_faster for use in part.tools):
-        why.append(Column("why S is not raised", lambda use: use.kept or use.no_faster or NONE))
+        why.append(Column("F not raised", lambda use: _mark(marks, use.no_more_feed)))
+    if faster:
+        why.append(Column("S not raised", lambda use: _mark(marks, _no_faster(use))))
     return tabulated("Feed and speed by tool, before → after", part.tools, (
         Column("Tool", lambda use: tool_name(use.tool, use.name)),
         *_operations(part),
@@ -181,8 +186,17 @@ def feeds_table(part: OptimisedPart, sources: list[Source]) -> Table | None:
     ), sources, note="fz is the greatest of the tool’s blocks at the feed that the control "
         "reaches; its largest rise is that of F / (N S) as commanded, with the line. vc = π D S is "
         "at the greatest diameter that cuts, bending that of the tip at the peak load. What ends "
-        "outside of its range is marked: × above, ▲ below.",
+        "outside of its range is marked: × above, ▲ below. "
+        + marks_note(marks),
     )  # fmt: skip
+
+
+def _no_faster(use: ToolUse) -> str | None:
+    return use.kept or use.no_faster
+
+
+def _mark(marks: Mapping[str, str], reason: str | None) -> str:
+    return marks.get(reason, reason) if reason else NONE
 
 
 def _rise(use: ToolUse) -> str:

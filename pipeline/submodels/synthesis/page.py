@@ -39,7 +39,8 @@ CHANNELS_SHOWN = 3
 def content(shown: Seen) -> PageContent:
     """Page content of generated signals."""
     model = shown.model
-    judge = model.judges[0] if model is not None and model.judges else ""
+    judges = [""] if model is None or not model.judges else model.judges
+    judge = judges[0]
     stored = None
     if shown.shelf is not None and model is not None:
         stored = shown.shelf.read(shown.folder / "generator.json", GeneratorFile)
@@ -52,13 +53,15 @@ def content(shown: Seen) -> PageContent:
         "windows against the wear that was asked for; the wear of recorded windows by learners "
         "that saw generated ones. Distance between windows of the same conditions: a collapsed "
         "generator has −100 %. Distance to the nearest training window: a copy has −100 %. The "
-        "nearest training windows are those of other tools at about the same wear.",
+        "nearest training windows are those of other tools at about the same wear."
+        + (f" The error of the wear read over all tools is that of the {judge}." if judge else ""),
         case="tool",
         counts=(
             Counting(key="generated_wear_mae", name="Error of the wear read from generated signals",
                      quantity=GENERATED, regime=judge, error="mae", whole=True),
-            Counting(key="generated_wear_rmse", quantity=GENERATED, regime=judge,
-                     name="RMSE of the wear read, worst tool"),
+            *(Counting(key=f"generated_wear_rmse_{k}" if k else "generated_wear_rmse",
+                       name=f"RMSE of the wear read{f' by the {name}' if name else ''}, worst tool",
+                       quantity=GENERATED, regime=name) for k, name in enumerate(judges)),
         ),
         guess=MEAN,
         titles={MEAN: "mean wear", RECORDED: "recorded signals",
