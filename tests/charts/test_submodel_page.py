@@ -1,12 +1,14 @@
 """The frame of a sub-model's page: what its files alone give, and what a declaration changes."""
 
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from markupsafe import Markup
 
 from pipeline.charts.judged import Tried, chosen_words, scores_table
 from pipeline.charts.numbers import resolved
@@ -97,6 +99,33 @@ def test_the_span_of_a_golden_set_stands_beside_days_alone(group, dated):
     verdict = replace(VERDICT, judged_role="golden", golden=golden, scores=scores)
     sentence = page(PageContent(counts=COUNTS), verdict=verdict).verdict.sentence
     assert "of its golden set" in sentence and ("Jan 2026" in plain(sentence)) == dated
+
+
+def marked_up(value: object) -> Iterator[Markup]:
+    """Every text of a page that its template takes for HTML."""
+    if isinstance(value, Markup):
+        yield value
+    elif is_dataclass(value):
+        yield from marked_up([getattr(value, one.name) for one in fields(value)])
+    elif isinstance(value, list | tuple):
+        for one in value:
+            yield from marked_up(one)
+
+
+def test_text_from_files_stays_text():
+    bad = "<script>alert(1)</script>"
+    scores = tuple(replace(s, group=f"{bad} {s.group}") for s in SCORES)
+    cases = [replace(c, case=bad, group=bad, note=bad, conditions={bad: Fact(value=bad)})
+             for c in VERDICT.cases]  # fmt: skip
+    one = replace(MODEL.parameters[""]["expansion"], method=bad)
+    verdict = replace(VERDICT, scores=(*scores, TOTAL), cases=tuple(cases), reasons=(bad,))
+    frame = predictions().assign(case=bad, group=bad)
+    found = page(
+        PageContent(counts=COUNTS), verdict=verdict, predictions=frame,
+        model=replace(MODEL, parameters={bad: {bad: one}}),
+    )  # fmt: skip
+    texts = list(marked_up(found))
+    assert texts and not any("<script" in text for text in texts)
 
 
 @pytest.mark.parametrize("lacking", ["model", "verdict", "predictions"])
