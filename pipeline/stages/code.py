@@ -54,7 +54,7 @@ def _beside(package: Path, name: str) -> str:
     others = [
         path for path in sorted(folder.rglob("*"))
         if path.is_file() and path.suffix != ".py" and "__pycache__" not in path.parts
-        and not (path.parent != folder and (path.parent / "__init__.py").exists())
+        and next(one for one in path.parents if (one / "__init__.py").exists()) == folder
     ]  # fmt: skip
     return _digest(f"{one.name} {sha256(one.read_bytes()).hexdigest()}" for one in others)
 

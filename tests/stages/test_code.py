@@ -7,7 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.stages.code import VERBS, Module, fingerprints, modules, reached, stages
+from pipeline.stages.code import (
+    VERBS,
+    Module,
+    _beside,
+    fingerprints,
+    modules,
+    reached,
+    stages,
+)
 from tests.small_project import ROOT
 
 SOURCES = {
@@ -98,3 +106,18 @@ def test_what_a_stage_imports_is_part_of_its_hash(name: str, known: dict[str, Mo
     runner = reached(known, ["pipeline.stages.__main__"], shown=True)
     mine = reached(known, entries[name], shown=not name.startswith(VERBS))
     assert set(told.stdout.split()) <= mine | runner
+
+
+def test_a_template_belongs_to_its_package_alone(tmp_path: Path) -> None:
+    """In a folder below that is no package it is that of the nearest package above."""
+    package = tmp_path / "house"
+    for folder in (package, package / "report"):
+        folder.mkdir()
+        (folder / "__init__.py").touch()
+    template = package / "report/templates/page.j2"
+    template.parent.mkdir()
+    template.write_text("one")
+    before = [_beside(package, name) for name in ("house", "house.report")]
+    template.write_text("two")
+    after = [_beside(package, name) for name in ("house", "house.report")]
+    assert before[0] == after[0] and before[1] != after[1]
