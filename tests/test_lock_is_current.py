@@ -71,7 +71,7 @@ def test_every_fleet_was_built_with_these_settings(
     found = set()
     for name, stage in locked[fleet].items():
         found.add(name.partition("@")[2])
-        for file, values in stage["params"].items():
+        for file, values in stage.get("params", {}).items():
             there = own if file == "params.yaml" else files.get(file)
             if there is not None:
                 now = json.loads(json.dumps({key: there.get(key) for key in values}))

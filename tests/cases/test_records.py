@@ -326,6 +326,7 @@ def test_c04a_a_project_may_stand_in_any_folder(
 def test_a_short_fleet_is_whole_for_dvc(
     tmp_path: Path, more: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # its dvc.lock
     monkeypatch.setattr("pipeline.app.fleet.CONF", tmp_path)
     monkeypatch.setattr("pipeline.app.fleet.DATA", tmp_path / "data")
     monkeypatch.setattr("pipeline.app.fleet._composed", lambda override: {})
