@@ -334,7 +334,7 @@ def test_a_short_fleet_is_whole_for_dvc(
     (tmp_path / "fleet/short.yaml").write_text(f"name: short\nmachines: [y]\n{more}")
     use_fleet("short")
     whole = yaml.safe_load((tmp_path / "fleet/active.yaml").read_text())
-    full = yaml.safe_load(Path("conf/fleet/simulated.yaml").read_text())
+    full = yaml.safe_load((Path(__file__).parents[2] / "conf/fleet/simulated.yaml").read_text())
     assert set(full) <= set(whole) and set(full["submodels"]) == set(whole["submodels"])
     assert whole["submodels"]["spindle"] == (["y"] if more else [])
 
