@@ -8,8 +8,14 @@ import pytest
 from pipeline.machine.axis.drive_parameters import friction_force
 from pipeline.machine.axis.drive_train import COPPER, INPUT, LOAD, LOST, SHAFT, sliding_friction
 from pipeline.machine.axis.loops import FuzzyParameters, increments
-from pipeline.machine.axis.three_loop import ThreeLoopTrace, follow_position, follow_speed, shafts
-from pipeline.machine.axis.three_loop_axis import ThreeLoopParameters, servo_axis
+from pipeline.machine.axis.three_loop import (
+    ThreeLoopParameters,
+    ThreeLoopTrace,
+    follow_position,
+    follow_speed,
+    servo_axis,
+    shafts,
+)
 from pipeline.schema.si import RPM
 from tests.machine.motor_frames import magnetic_energy, steady_voltages
 

@@ -19,15 +19,21 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
 from pipeline.schema.structure import structured
+from pipeline.submodels.drive import loop_gain
 from pipeline.submodels.drive.comparison import compared_force, constant_level
-from pipeline.submodels.drive.mechanics.estimates import AxisFit
-from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
+from pipeline.submodels.drive.estimates import AxisFit
+from pipeline.submodels.drive.feed_drive import FeedDriveFit, identify_feed_drive
 from pipeline.submodels.drive.motor import MotorFit, identify_motor
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording, of_axis
-from pipeline.submodels.drive.servo import loop_gain
-from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
-from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
+from pipeline.submodels.drive.presliding import Estimate, PreslidingFit, identify_presliding
+from pipeline.submodels.drive.records import (
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    MotorRecords,
+    Recording,
+    of_axis,
+)
+from pipeline.submodels.drive.servo_fit import ServoFit, identify_servo
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.twin.drive import identified_drive
 
@@ -110,7 +116,7 @@ def _whole_axis(
     task: tuple[str, Sequence[Recording], DrivePrior, DriveFitSettings],
 ) -> IdentifiedAxis | str:
     """Mechanics, loops, presliding and mass over time of an axis, or why there are none."""
-    from pipeline.submodels.drive.mechanics.recursive import mass_trace
+    from pipeline.submodels.drive.recursive import mass_trace
 
     axis, training, prior, settings = task
     try:

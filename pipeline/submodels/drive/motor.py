@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.estimates import Estimates
+from pipeline.submodels.drive.estimates import Estimates
 from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 WINDOW = 64

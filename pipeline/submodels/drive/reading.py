@@ -16,24 +16,22 @@ from pipeline.signals import recordings
 from pipeline.signals.recordings import WORDS, Channel, Samples
 from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
-from pipeline.submodels.drive.prior import (
-    DrivePrior,
-    check_axes,
-    check_constants,
-    constants_of,
-    names_of,
-)
 from pipeline.submodels.drive.records import (
     AirRows,
     AxisChannels,
     AxisConstants,
     AxisRecord,
+    DrivePrior,
     DriveRecords,
     MotorRecords,
     Recording,
     ShaftRecords,
     Tracked,
+    check_axes,
     check_channels,
+    check_constants,
+    constants_of,
+    names_of,
 )
 
 MOTION = {

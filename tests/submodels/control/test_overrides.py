@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.moves import Kind
-from pipeline.submodels.control.overrides import (
+from pipeline.submodels.control.runs import (
+    Run,
+    Series,
     feed_of_lines,
     line_spans,
     operator_of,
@@ -14,7 +16,6 @@ from pipeline.submodels.control.overrides import (
     plateau,
     steady_ratios,
 )
-from pipeline.submodels.control.runs import Run, Series
 from tests.submodels.control.part_programs import change, circles, long_cuts, moves_of, truth
 from tests.submodels.control.polled_logs import (
     Operated,

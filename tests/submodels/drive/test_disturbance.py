@@ -26,10 +26,16 @@ from pipeline.submodels.drive.comparison import (
     in_unit_of_drive,
 )
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of, law_fits
-from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
-from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
-from pipeline.submodels.drive.servo.fit import identify_servo
+from pipeline.submodels.drive.feed_drive import identify_feed_drive
+from pipeline.submodels.drive.records import (
+    AxisConstants,
+    AxisPrior,
+    AxisRecord,
+    DriveFitSettings,
+    DrivePrior,
+    Recording,
+)
+from pipeline.submodels.drive.servo_fit import identify_servo
 from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive
 

@@ -11,7 +11,7 @@ from pipeline.schema.model import Parameter
 from pipeline.signals import recordings
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
+from pipeline.submodels.drive.feed_drive import identify_feed_drive
 from pipeline.submodels.drive.model import (
     DriveIdentification,
     IdentifiedAxis,
@@ -19,10 +19,15 @@ from pipeline.submodels.drive.model import (
     identified_axis,
     loop_gains,
 )
-from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_file
-from pipeline.submodels.drive.records import AxisChannels, DriveRecords
-from pipeline.submodels.drive.servo.fit import identify_servo
+from pipeline.submodels.drive.records import (
+    AxisChannels,
+    AxisPrior,
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+)
+from pipeline.submodels.drive.servo_fit import identify_servo
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting
 from tests.submodels.drive.drawn_axis import DrawnAxis, drawn_axis, recorded_table
 from tests.submodels.made_pages import made, words

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
-from pipeline.submodels.drive.mechanics.identifiability import held_out_load_factor
-from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
+from pipeline.submodels.drive.feed_drive import FeedDriveFit, identify_feed_drive
+from pipeline.submodels.drive.identifiability import held_out_load_factor
+from pipeline.submodels.drive.records import AxisPrior, DriveFitSettings, DrivePrior
 from tests.submodels.drive.simulated_axis import SPEEDS, SimulatedAxis, Way, recording, truth
 
 SEEDS = int(os.environ.get("KERF_DRIVE_SEEDS", "8"))

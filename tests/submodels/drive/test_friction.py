@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.drive.mechanics.friction import (
+from pipeline.submodels.drive.feed_drive import (
     FrictionPoint,
     Segment,
     constant_speed_segments,
@@ -13,7 +13,7 @@ from pipeline.submodels.drive.mechanics.friction import (
     genetic_curves,
     least_squares_curves,
 )
-from pipeline.submodels.drive.mechanics.motion import Motion
+from pipeline.submodels.drive.motion import Motion
 
 PLUS = np.array([60.0, 30.0, np.log(0.004), 300.0])
 MINUS = np.array([50.0, 20.0, np.log(0.006), 350.0])

@@ -9,8 +9,7 @@ from pipeline.schema.drive import FOLLOWING, FORCE
 from pipeline.submodels.drive import comparison
 from pipeline.submodels.drive.comparison import with_intervals
 from pipeline.submodels.drive.model import axis_again, identified_axis, stored_axis
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import AxisConstants
+from pipeline.submodels.drive.records import AxisConstants, DriveFitSettings, DrivePrior
 from pipeline.twin.drive import identified_drive
 from tests.submodels.drive.servo_rig import Rig, recording, strokes
 

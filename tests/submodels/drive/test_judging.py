@@ -26,16 +26,17 @@ from pipeline.submodels.drive.comparison import (
     constant_level,
     following_comparison,
 )
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.records import (
     BLOCKS,
     AxisChannels,
     AxisConstants,
     AxisRecord,
+    DriveFitSettings,
+    DrivePrior,
     DriveRecords,
     Recording,
 )
-from pipeline.submodels.drive.servo.fit import identify_servo
+from pipeline.submodels.drive.servo_fit import identify_servo
 from pipeline.submodels.drive.submodel import (
     SUBMODEL,
     DriveLimits,

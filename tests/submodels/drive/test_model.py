@@ -11,8 +11,13 @@ from pipeline.schema.store import json_text, parsed
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.drive.model import identify_drives, left_out
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import AxisChannels, DriveRecords, Recording
+from pipeline.submodels.drive.records import (
+    AxisChannels,
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    Recording,
+)
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting, drive_case
 from pipeline.twin.drive import identified_drives
 from tests.submodels.drive.simulated_axis import SPEEDS, SimulatedAxis, recording

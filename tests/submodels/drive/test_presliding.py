@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pipeline.submodels.drive.servo import presliding
 
 from pipeline.machine.axis.drive import NO_RULES, simulate
 from pipeline.machine.axis.drive_parameters import (
@@ -13,9 +14,8 @@ from pipeline.machine.axis.drive_parameters import (
     ServoParameters,
     drive_row,
 )
+from pipeline.submodels.drive.presliding import identify_presliding
 from pipeline.submodels.drive.records import AxisRecord, Recording
-from pipeline.submodels.drive.servo import presliding
-from pipeline.submodels.drive.servo.presliding import identify_presliding
 from tests.machine.steps import simulate_drive
 from tests.twin.axes import DriveParameters
 

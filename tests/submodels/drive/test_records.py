@@ -14,9 +14,16 @@ from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import SourceFile
 from pipeline.submodels.cases import Records, Roles
-from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
-from pipeline.submodels.drive.records import AirRows, AxisChannels, DriveRecords, MotorRecords
+from pipeline.submodels.drive.records import (
+    AirRows,
+    AxisChannels,
+    AxisPrior,
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    MotorRecords,
+)
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting
 
 N = 200

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 from scipy.stats import t as student
 
-from pipeline.submodels.drive.mechanics.recursive import (
+from pipeline.submodels.drive.recursive import (
     RecursiveSettings,
     RecursiveTrace,
     recursive_inertia,

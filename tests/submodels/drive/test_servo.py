@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
-from pipeline.submodels.drive.servo.equation import TERMS, Nominal
-from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, _at_end, identify_servo
+from pipeline.submodels.drive.records import AxisConstants, AxisRecord, DriveFitSettings, Recording
+from pipeline.submodels.drive.servo_equation import TERMS, Nominal
+from pipeline.submodels.drive.servo_fit import FITTED, NONE_SEEN, _at_end, identify_servo
 from tests.submodels.drive.servo_rig import PERIOD, Rig, recorded, recording, strokes
 
 ALONE = DriveFitSettings(compare=False)

@@ -17,8 +17,8 @@ from pipeline.shop.drives.commands import Move
 from pipeline.shop.drives.parameters import Axis, ShaftRecords
 from pipeline.shop.drives.shafts import _sweeps, both_ends
 from pipeline.shop.parameters import AxisLimits
+from pipeline.submodels.drive.estimates import SENSOR
 from pipeline.submodels.drive.figures import loops_figure
-from pipeline.submodels.drive.mechanics.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.submodels.drive.shaft_signals import MASS, signals_of

@@ -29,8 +29,8 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import RecursiveMass
 from pipeline.schema.model import significant
 from pipeline.schema.ranges import Positive, Range, Ranged
-from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit
-from pipeline.submodels.drive.mechanics.motion import motion
+from pipeline.submodels.drive.feed_drive import FeedDriveFit
+from pipeline.submodels.drive.motion import motion
 from pipeline.submodels.drive.records import Recording
 
 

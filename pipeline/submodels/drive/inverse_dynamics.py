@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.motion import (
+from pipeline.submodels.drive.motion import (
     Motion,
     eroded,
     first_difference,
