@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pipeline.submodels.drive.servo import presliding
 
 from pipeline.machine.axis.drive import NO_RULES, simulate
 from pipeline.machine.axis.drive_parameters import (
@@ -14,6 +13,7 @@ from pipeline.machine.axis.drive_parameters import (
     ServoParameters,
     drive_row,
 )
+from pipeline.submodels.drive import presliding
 from pipeline.submodels.drive.presliding import identify_presliding
 from pipeline.submodels.drive.records import AxisRecord, Recording
 from tests.machine.steps import simulate_drive
