@@ -7,11 +7,4 @@ synchronous ``motor``, two masses on a twisting shaft (``drive_train``).  Positi
 at the carriage or the encoder; SI units.  Sources: Sim2023, Feed2025.
 """
 
-__all__ = [
-    "drive",
-    "drive_parameters",
-    "drive_train",
-    "loops",
-    "motor",
-    "three_loop",
-]
+__all__ = ["drive", "drive_parameters", "drive_train", "loops", "motor", "three_loop"]

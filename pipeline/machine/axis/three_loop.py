@@ -20,7 +20,8 @@ both ends; damping of the twist gives 3 % of critical at the resonance of 247 Hz
 """
 
 from dataclasses import asdict, dataclass
-from math import ceil, cos, inf, isfinite, isinf, pi, sin, sqrt
+from functools import partial
+from math import ceil, cos, isfinite, isinf, pi, sin, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -113,13 +114,10 @@ def _rates(drive: ThreeLoopParameters) -> dict[str, float]:
         inertia = motor.inertia + transmission.load_inertia
         return rates | {"the damping's rate": (motor.damping + drag) / inertia}
     twist = transmission.internal_damping * (1 / motor.inertia + 1 / transmission.load_inertia)
+    load_inertia, stiffness = transmission.load_inertia, transmission.stiffness
     return rates | {
-        "the shaft's resonance": resonance(
-            motor.inertia, transmission.load_inertia, transmission.stiffness
-        ),
-        "the damping's rate": max(
-            motor.damping / motor.inertia, drag / transmission.load_inertia, twist
-        ),
+        "the shaft's resonance": resonance(motor.inertia, load_inertia, stiffness),
+        "the damping's rate": max(motor.damping / motor.inertia, drag / load_inertia, twist),
     }
 
 
@@ -330,61 +328,20 @@ class ThreeLoopTrace:
     (T, COLUMNS)."""
 
 
-def follow_position(
-    reference: ArrayLike,
-    period: float,
-    drive: ThreeLoopParameters,
-    *,
-    load: ArrayLike = 0.0,
-    steps: int = 5,
-) -> ThreeLoopTrace:
-    """Axis under position control, from rest at the first reference.
-
-    ValueError when an input does not fit, or the drive runs away.
-
-    Parameters
-    ----------
-    reference : array_like, shape (T,)
-        Positions [m], straight between samples.
-    period : float
-        Sampling period [s], a whole multiple of the current loops' period.
-    drive : ThreeLoopParameters
-        The axis.
-    load : array_like, shape (T,) or ()
-        Force on the carriage against positive motion [N], held from sample to sample.
-    steps : int
-        Steps of the integrator in one period of the current loops.
-    """
-    if drive.position_loop is None:
-        raise ValueError("drive.position_loop is missing: give one, or follow speeds")
-    return _follow(reference, period, drive, load, steps, position=True)
-
-
-def follow_speed(
-    reference: ArrayLike,
-    period: float,
-    drive: ThreeLoopParameters,
-    *,
-    load: ArrayLike = 0.0,
-    steps: int = 5,
-) -> ThreeLoopTrace:
-    """Motor under speed control, from rest, the position loop open.
-
-    ``reference`` are motor speeds [rad/s], held from sample to sample; all else, and errors, as in
-    :func:`follow_position`.
-    """
-    return _follow(reference, period, drive, load, steps, position=False)
-
-
 def _follow(
-    reference: ArrayLike,
-    period: float,
-    drive: ThreeLoopParameters,
-    load: ArrayLike,
-    steps: int,
-    *,
-    position: bool,
-) -> ThreeLoopTrace:
+    reference: ArrayLike, period: float, drive: ThreeLoopParameters, *, position: bool,
+    load: ArrayLike = 0.0, steps: int = 5,
+) -> ThreeLoopTrace:  # fmt: skip
+    """Axis from rest under position control, or its motor under speed control.
+
+    ``reference`` (T,) are positions [m], straight between samples, from which the first one is the
+    start, or motor speeds [rad/s], held; ``period`` [s] is a whole multiple of the current loops'.
+    ``load`` (T,) or () is the force on the carriage against positive motion [N], held; ``steps``
+    are those of the integrator in one period of the current loops.  ValueError when an input does
+    not fit, or the drive runs away.
+    """
+    if position and drive.position_loop is None:
+        raise ValueError("drive.position_loop is missing: give one, or follow speeds")
     target = samples("reference", reference)
     force = samples("load", np.full(target.size, load) if np.ndim(load) == 0 else load, target.size)
     clock = drive.current_loop.period
@@ -405,6 +362,12 @@ def _follow(
             "speed loop, or the load"
         )
     return _trace(target, period, drive, out)
+
+
+follow_position = partial(_follow, position=True)
+"""Axis under position control, see :func:`_follow`."""
+follow_speed = partial(_follow, position=False)
+"""Motor under speed control, the position loop open, see :func:`_follow`."""
 
 
 def _periods(period: float, clock: float) -> int:
@@ -442,26 +405,21 @@ def shafts(drive: ThreeLoopParameters) -> drive_train.Shafts:
     motor, transmission, r = drive.motor, drive.transmission, drive.transmission.ratio
     rigid = isinf(transmission.stiffness)
     return drive_train.Shafts(
-        motor_inertia=float(motor.inertia),
-        motor_damping=float(motor.damping),
-        motor_coulomb=float(motor.coulomb),
-        load_inertia=float(transmission.load_inertia),
+        motor_inertia=float(motor.inertia), motor_damping=float(motor.damping),
+        motor_coulomb=float(motor.coulomb), load_inertia=float(transmission.load_inertia),
         load_damping=float(transmission.load_damping),
         stiffness=0.0 if rigid else float(transmission.stiffness),
-        internal_damping=float(transmission.internal_damping),
-        rigid=rigid,
+        internal_damping=float(transmission.internal_damping), rigid=rigid,
         positive=_about_screw(drive.friction.positive, r),
         negative=_about_screw(drive.friction.negative, r),
-    )
+    )  # fmt: skip
 
 
 def _about_screw(friction: DirectionFriction, ratio: float) -> drive_train.Direction:
     return drive_train.Direction(
-        coulomb=friction.coulomb * ratio,
-        static=friction.static * ratio,
-        stribeck=friction.stribeck_velocity / ratio,
-        viscous=friction.viscous * ratio**2,
-    )
+        coulomb=friction.coulomb * ratio, static=friction.static * ratio,
+        stribeck=friction.stribeck_velocity / ratio, viscous=friction.viscous * ratio**2,
+    )  # fmt: skip
 
 
 def _settings(drive: ThreeLoopParameters, steps: int, position: bool) -> Loops:
@@ -493,16 +451,18 @@ def servo_motor() -> MotorParameters:
     pole_pairs, inertia = 4, 3.19e-4
     flux = 0.544 / (sqrt(2) * 1.5 * pole_pairs)
     resistance = 0.62e-3 * 1.5 * (pole_pairs * flux) ** 2 / inertia
+    inductance = 8.3e-3 * resistance
     return MotorParameters(
-        resistance=resistance,
-        inductance_d=8.3e-3 * resistance,
-        inductance_q=8.3e-3 * resistance,
-        flux=flux,
-        pole_pairs=pole_pairs,
-        inertia=inertia,
-        damping=1e-4,
-        coulomb=0.1,
-    )
+        resistance=resistance, inductance_d=inductance, inductance_q=inductance, flux=flux,
+        pole_pairs=pole_pairs, inertia=inertia, damping=1e-4, coulomb=0.1,
+    )  # fmt: skip
+
+
+TWIST = {
+    "coupling_stiffness": 2e4, "screw_stiffness": 1.1e4, "axial_stiffness": 3e8,
+    "internal_damping": 0.03,
+}  # fmt: skip
+"""Stiffnesses and damping of the catalogue axis' drive train, in SI."""
 
 
 def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
@@ -512,13 +472,7 @@ def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
         motor=servo_motor(),
         inverter=InverterParameters(dc_link=200 * sqrt(2)),
         transmission=TransmissionParameters(
-            lead=0.01,
-            mass=300,
-            screw_inertia=1.921e-3,
-            coupling_stiffness=inf if rigid else 2e4,
-            screw_stiffness=inf if rigid else 1.1e4,
-            axial_stiffness=inf if rigid else 3e8,
-            internal_damping=0.0 if rigid else 0.03,
+            lead=0.01, mass=300, screw_inertia=1.921e-3, **({} if rigid else TWIST)
         ),
         friction=FrictionParameters(positive=guideway, negative=guideway),
         current_loop=CurrentLoopParameters(bandwidth=2 * pi * 500),

@@ -10,10 +10,4 @@ units.  Sources: Altintas, Manufacturing Automation, 2nd ed., 2012, chapter 5; p
 as named by Fanuc.
 """
 
-__all__ = [
-    "commands",
-    "interpolate",
-    "parameters",
-    "path",
-    "planner",
-]
+__all__ = ["commands", "interpolate", "parameters", "path", "planner"]

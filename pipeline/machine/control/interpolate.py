@@ -83,12 +83,9 @@ def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> 
         distance, rows = np.empty(many), np.empty(many, np.int32)
         row = sample(*arguments, step, first, row, programmed, distance, rows)
         filtered(programmed, rows, run, group, lengths, step, history, base, state, position)
+        time = step * np.arange(first, first + many, dtype=np.float64)
         yield Trace(
-            time=step * np.arange(first, first + many, dtype=np.float64),
-            programmed=programmed,
-            position=position,
-            row=rows,
-            distance=distance,
+            time=time, programmed=programmed, position=position, row=rows, distance=distance
         )
 
 
@@ -303,26 +300,13 @@ def history_length(length: float, period: float) -> int:
 
 @compiled
 def filtered(raw, rows, run, group, lengths, period, history, base, state, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` with the samples ``raw`` after two moving averages.
+    """Fill ``out`` with the samples ``raw`` after two moving averages, (T, 6) each [m, rad].
 
-    Parameters
-    ----------
-    raw, out : (T, 6) array
-        [m, rad].
-    rows : (T,) array
-        Row of each sample.
-    run, group : (M,) arrays
-        Motion from standstill to standstill that a row belongs to, and its group of filters.
-    lengths : (2, 2) array
-        T1 and T2 [s] by group.
-    period : float
-        Sampling period [s].
-    history : (2, R, 6, 2) array
-        Samples in the filters, R of :func:`history_length`; kept from call to call.
-    base : (2, 6) array
-        Start position of the motion, and the last sample [m, rad]; kept from call to call.
-    state : (2,) array of int64
-        The current motion (-1 before the first sample) and the number of samples; kept.
+    ``rows`` (T,) are those of the samples; ``run`` and ``group`` (M,) the motion from standstill to
+    standstill that a row belongs to, and its group of filters, whose T1 and T2 are ``lengths``
+    (2, 2) [s].  Kept from call to call: ``history`` (2, R, 6, 2), the samples in the filters, R of
+    :func:`history_length`; ``base`` (2, 6), the start of the motion and the last sample [m, rad];
+    ``state`` (2,), the current motion (-1 before the first sample) and the number of samples.
     """
     for n in range(raw.shape[0]):
         row = rows[n]

@@ -33,8 +33,10 @@ standstill.
 """
 
 from math import inf, isfinite, sqrt
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from pipeline.gcode.moves import METRE, METRE_PER_SECOND, RADIAN, FeedMode, Kind, PathMode
 from pipeline.kernels import compiled
@@ -49,7 +51,7 @@ from pipeline.machine.control.geometry import (
     shape,
 )
 from pipeline.machine.control.parameters import Limit
-from pipeline.machine.control.path import Binding, Halt, Motion
+from pipeline.machine.control.path import Binding, Codes, Halt, Motion
 from pipeline.schema.arrays import Floats
 
 ROUND_OFF = 1e-9
@@ -75,28 +77,53 @@ _BY_AXIS, _BY_ARC, _BY_CURVE = int(Binding.AXIS_SPEED), int(Binding.ARC), int(Bi
 _BY_CORNER, _BY_STOP = int(Binding.CORNER), int(Binding.EXACT_STOP)
 
 
+class Filled(NamedTuple):
+    """Arrays of a :class:`pipeline.machine.control.path.Path` of M rows, filled here."""
+
+    motion: Codes
+    form: Codes
+    length: Floats
+    factor: Floats
+    cap: Floats
+    acceleration: Floats
+    jerk: Floats
+    corner: Floats
+    pause: Floats
+    reason: Codes
+    end_reason: Codes
+    turn: Floats
+    bend: Floats
+    """Change of direction of X, Y, Z at the end of each row that goes on [1], and the curvature
+    [1/m]; empty where no filter rounds a corner within a tolerance."""
+    after: npt.NDArray[np.int32]
+    before: npt.NDArray[np.int32]
+    """The moving rows after and before each moving row, -1 for none, for the rules of tolerance."""
+
+
 @compiled
 def limit(  # type: ignore[no-untyped-def]
     kind, origin, end, centre, angle, plane, feed_mode, path_mode, tolerance, halt,
     limits, most, drain, same_filters, settle, rapid_stop, independent, s_curve, blends,
-    frames, motion, form, length, factor, cap, acceleration, jerk, corner, pause,
-    reason, end_reason, turn, bend,
+    frames, rows,
 ):  # fmt: skip
-    """Fill the arrays of :class:`pipeline.machine.control.path.Path` from ``motion`` on; see there.
+    """Fill ``rows`` by the limits of each row and by the jumps of its corners.
 
     The arguments before ``frames`` are columns of ``Moves`` (``tolerance`` with the control's own
     filled in, infinite for none [mm]), ``halt`` of :class:`pipeline.machine.control.path.Halt`,
     ``ControlParameters.limits``, ``most``, the greatest speed and acceleration of X, Y and Z
     together [m/s], [m/s^2], ``drain``, how long the filters take to run empty in rapids and in
     cutting, shape (2,) [s], and the control's settings.  ``frames`` of shape :data:`FRAMES` is a
-    work array.  ``turn`` and ``bend``, where not empty, take the change of direction of X, Y,
-    Z at the end of each row that goes on [1], and the curvature [1/m].
+    work array.
     """
+    motion, form, length, corner, pause = (
+        rows.motion, rows.form, rows.length, rows.corner, rows.pause
+    )  # fmt: skip
+    end_reason = rows.end_reason
     last = np.int64(-1)  # a literal would have all that follows compiled a second time
     stopping = False
     for k in range(kind.shape[0]):
         motion[k], length[k], corner[k], pause[k] = _STILL, 0.0, 0.0, 0.0
-        reason[k], end_reason[k] = 0, 0
+        rows.reason[k], end_reason[k] = 0, 0
         stopping = stopping or halt[k] == _STOPS
         if _moves(kind[k]):
             form[k], length[k] = shape(kind, origin, end, centre, angle, plane, k, frames)
@@ -104,10 +131,8 @@ def limit(  # type: ignore[no-untyped-def]
             continue
         motion[k] = _motion(kind[k], feed_mode[k], independent)
         group = _group(motion[k])
-        _bound_block(
-            k, group, limits, most, form[k], s_curve, frames, cap, acceleration, jerk, reason
-        )
-        factor[k] = _feed_factor(motion[k], form[k], feed_mode[k], length[k], cap[k])
+        _bound_block(k, group, limits, most, s_curve, frames, rows)
+        rows.factor[k] = _feed_factor(motion[k], form[k], feed_mode[k], length[k], rows.cap[k])
         if last >= 0:
             checked = (
                 stopping
@@ -122,11 +147,11 @@ def limit(  # type: ignore[no-untyped-def]
             else:
                 corner[last], end_reason[last] = inf, _BY_CORNER
                 if not blends:
-                    _join(last, k, limits, frames, length, cap, corner, reason)
-            if turn.shape[0] > 0:
-                turn[last] = 0.0 if standing else _turn(frames)
-        if bend.shape[0] > 0:
-            bend[k] = _bend(frames)
+                    _join(last, k, limits, frames, rows)
+            if rows.turn.shape[0] > 0:
+                rows.turn[last] = 0.0 if standing else _turn(frames)
+        if rows.bend.shape[0] > 0:
+            rows.bend[k] = _bend(frames)
         for row in range(BEFORE):
             for i in range(6):
                 frames[BEFORE + row, i] = frames[row, i]
@@ -168,12 +193,12 @@ def _feed_factor(motion, form, feed_mode, length, cap):  # type: ignore[no-untyp
 
 
 @compiled
-def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleration, jerk, reason):  # type: ignore[no-untyped-def]
+def _bound_block(k, group, limits, most, s_curve, frames, rows):  # type: ignore[no-untyped-def]
     """Limit speed, acceleration and jerk of a block taken alone."""
     speed, a = inf, inf
-    if form != ROTARY:
+    if rows.form[k] != ROTARY:
         speed, a = most[0], most[1]
-    reason[k] = _BY_AXIS
+    rows.reason[k] = _BY_AXIS
     for i in range(6):
         if frames[STEEPEST, i] > 0.0:
             speed = min(speed, limits[_SPEED + group, i] / frames[STEEPEST, i])
@@ -182,10 +207,10 @@ def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleratio
         if frames[CURVATURE, i] > 0.0:
             v = sqrt(limits[_ARC_ACCELERATION, i] / frames[CURVATURE, i])
             if v < speed:
-                speed, reason[k] = v, _BY_ARC
-    cap[k], acceleration[k] = speed, a
+                speed, rows.reason[k] = v, _BY_ARC
+    rows.cap[k], rows.acceleration[k] = speed, a
     if s_curve:
-        cap[k], acceleration[k], jerk[k] = _jerk(frames, limits, speed, a)
+        rows.cap[k], rows.acceleration[k], rows.jerk[k] = _jerk(frames, limits, speed, a)
 
 
 @compiled
@@ -232,20 +257,17 @@ def _stands(last, k, motion, form, tolerance, same_filters):  # type: ignore[no-
 
 
 @compiled
-def _join(last, k, limits, frames, length, cap, corner, reason):  # type: ignore[no-untyped-def]
+def _join(last, k, limits, frames, rows):  # type: ignore[no-untyped-def]
     """Speed of the corner and caps of the blocks beside it, by the axes' jumps."""
     for i in range(6):
         change = abs(frames[BEGIN, i] - frames[BEFORE + FINISH, i])
         if change > ROUND_OFF:
             jump, a = limits[_JUMP, i], limits[_ARC_ACCELERATION, i]
-            corner[last] = min(corner[last], jump / change)
-            bend = frames[BEFORE + CURVATURE, i]
-            v = block_speed(bend, change, length[last], a, jump, 0.0)
-            if v < cap[last]:
-                cap[last], reason[last] = v, _BY_CURVE
-            v = block_speed(frames[CURVATURE, i], change, length[k], a, jump, 0.0)
-            if v < cap[k]:
-                cap[k], reason[k] = v, _BY_CURVE
+            rows.corner[last] = min(rows.corner[last], jump / change)
+            for row, frame in ((last, BEFORE + CURVATURE), (k, CURVATURE)):
+                v = block_speed(frames[frame, i], change, rows.length[row], a, jump, 0.0)
+                if v < rows.cap[row]:
+                    rows.cap[row], rows.reason[row] = v, _BY_CURVE
 
 
 @compiled
@@ -274,8 +296,6 @@ _BY_TOLERANCE = int(Binding.TOLERANCE)
 def mean_deviation(filters: Floats) -> Floats:
     """E|S| of the sum of two uniform times of lengths T1, T2 (last axis) [s].
 
-    Examples
-    --------
     >>> mean_deviation(np.array([[0.012, 0.0], [0.012, 0.012]])).tolist()
     [0.003, 0.004]
     """
@@ -293,17 +313,10 @@ def variance(filters: Floats) -> Floats:
 
 
 def rounding(filters: Floats, acceleration: Floats) -> Floats:
-    """Corner limits for one unit of tolerance, shape (4, N).
+    """Corner limits for one unit of tolerance, (4, N), by T1, T2 of the filters (N, 2) [s].
 
     Rows are dV / tol [1/s], a / tol [1/s^2], the time r that an acceleration counts for [s], and
-    the acceleration [m/s^2].
-
-    Parameters
-    ----------
-    filters : (N, 2) array
-        T1, T2 [s]; without filters the rules do not bind.
-    acceleration : (N,) array
-        Greatest acceleration along the path [m/s^2].
+    the greatest ``acceleration`` along the path, (N,) [m/s^2].  Without filters no rule binds.
     """
     deviation, spread = mean_deviation(filters), variance(filters)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -313,14 +326,7 @@ def rounding(filters: Floats, acceleration: Floats) -> Floats:
 
 
 @compiled
-def block_speed(
-    curvature: float,
-    change: float,
-    length: float,
-    acceleration: float,
-    jump: float,
-    drift: float,
-) -> float:
+def block_speed(curvature, change, length, acceleration, jump, drift):  # type: ignore[no-untyped-def]
     """Greatest speed of a block by one of its corners and one axis, see the module [m/s]."""
     dense = curvature + change / length
     small = _root(dense, dense * drift, acceleration)
@@ -329,7 +335,7 @@ def block_speed(
 
 
 @compiled
-def _root(a: float, b: float, c: float) -> float:
+def _root(a, b, c):  # type: ignore[no-untyped-def]
     """Positive v with a v^2 + b v = c, infinite where both vanish."""
     if a == 0.0 and b == 0.0:
         return inf
@@ -337,138 +343,105 @@ def _root(a: float, b: float, c: float) -> float:
 
 
 @compiled
-def keep_tolerance(  # type: ignore[no-untyped-def]
-    tolerance, allowance, drain, form, length, turn, bend, next_row, last_row,
-    motion, cap, acceleration, corner, pause, reason, end_reason,
-):  # fmt: skip
-    """Lower what ``limits.limit`` has filled, from ``cap`` on.
-
-    ``allowance`` is of :func:`rounding`; ``next_row`` and ``last_row`` name the moving row after
-    and before each, -1 for none.
-    """
-    for k in range(motion.shape[0]):
-        if turn[k] > 0.0 and _rounds(k, tolerance, allowance, motion):
-            _limit_acceleration(
-                k, tolerance, allowance, drain, form, length, turn, next_row, last_row,
-                motion, cap, acceleration, corner, pause, end_reason,
-            )  # fmt: skip
-    for k in range(motion.shape[0]):
-        if motion[k] == _STILL or not _rounds(k, tolerance, allowance, motion):
+def keep_tolerance(tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
+    """Lower what :func:`limit` has filled; ``allowance`` is of :func:`rounding`."""
+    for k in range(rows.motion.shape[0]):
+        if rows.turn[k] > 0.0 and _rounds(k, tolerance, allowance, rows):
+            _limit_acceleration(k, tolerance, allowance, drain, rows)
+    for k in range(rows.motion.shape[0]):
+        if rows.motion[k] == _STILL or not _rounds(k, tolerance, allowance, rows):
             continue
-        if bend[k] > 0.0:
-            _limit_arc(k, tolerance, allowance, motion, bend, cap, reason)
-        if turn[k] > 0.0:
-            _limit_corner(
-                k, tolerance, allowance, drain, form, length, turn, bend, next_row, last_row,
-                motion, cap, acceleration, corner, reason, end_reason,
-            )  # fmt: skip
+        if rows.bend[k] > 0.0:
+            _limit_arc(k, tolerance, allowance, rows)
+        if rows.turn[k] > 0.0:
+            _limit_corner(k, tolerance, allowance, drain, rows)
 
 
 @compiled
-def _rounds(k, tolerance, allowance, motion):  # type: ignore[no-untyped-def]
+def _rounds(k, tolerance, allowance, rows):  # type: ignore[no-untyped-def]
     """Whether the filters round the corner, and a tolerance bounds that."""
-    return isfinite(tolerance[k]) and isfinite(allowance[0, _group(motion[k])])
+    return isfinite(tolerance[k]) and isfinite(allowance[0, _group(rows.motion[k])])
 
 
 @compiled
-def _is_isolated(k, window, form, length, cap, next_row):  # type: ignore[no-untyped-def]
+def _is_isolated(k, window, rows):  # type: ignore[no-untyped-def]
     """Whether no other corner shares the tolerance of that at the end of row k."""
-    return _is_long(k, window, form, length, cap) and _is_long(
-        next_row[k], window, form, length, cap
-    )
+    return _is_long(k, window, rows) and _is_long(rows.after[k], window, rows)
 
 
 @compiled
-def _is_long(k, window, form, length, cap):  # type: ignore[no-untyped-def]
-    return form[k] == STRAIGHT and cap[k] * 0.5 * window <= length[k]
+def _is_long(k, window, rows):  # type: ignore[no-untyped-def]
+    return rows.form[k] == STRAIGHT and rows.cap[k] * 0.5 * window <= rows.length[k]
 
 
 @compiled
-def _limit_nearby(k, window, length, next_row, last_row, cap, acceleration, end_reason, lowered):  # type: ignore[no-untyped-def]
+def _limit_nearby(k, window, rows, lowered):  # type: ignore[no-untyped-def]
     """Greatest acceleration within half a window of row k's end, lowered to ``lowered`` at most."""
     greatest = 0.0
     row, time = k, 0.0
     while row >= 0 and time < 0.5 * window:
-        acceleration[row] = min(acceleration[row], lowered)
-        greatest = max(greatest, acceleration[row])
-        time += length[row] / cap[row]
-        row = last_row[row]
-        if row >= 0 and end_reason[row] == _BY_STOP:
+        rows.acceleration[row] = min(rows.acceleration[row], lowered)
+        greatest = max(greatest, rows.acceleration[row])
+        time += rows.length[row] / rows.cap[row]
+        row = rows.before[row]
+        if row >= 0 and rows.end_reason[row] == _BY_STOP:
             break
-    row, time = next_row[k], 0.0
+    row, time = rows.after[k], 0.0
     while row >= 0 and time < 0.5 * window:
-        acceleration[row] = min(acceleration[row], lowered)
-        greatest = max(greatest, acceleration[row])
-        time += length[row] / cap[row]
-        if end_reason[row] == _BY_STOP:
+        rows.acceleration[row] = min(rows.acceleration[row], lowered)
+        greatest = max(greatest, rows.acceleration[row])
+        time += rows.length[row] / rows.cap[row]
+        if rows.end_reason[row] == _BY_STOP:
             break
-        row = next_row[row]
+        row = rows.after[row]
     return greatest
 
 
 @compiled
-def _limit_acceleration(  # type: ignore[no-untyped-def]
-    k, tolerance, allowance, drain, form, length, turn, next_row, last_row,
-    motion, cap, acceleration, corner, pause, end_reason,
-):  # fmt: skip
+def _limit_acceleration(k, tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
     """Lower the acceleration about a corner, or stop there."""
-    group = _group(motion[k])
+    group = _group(rows.motion[k])
     window, reach = drain[group], allowance[2, group]
     jump = allowance[0, group] * tolerance[k] * METRE
-    nearby = _limit_nearby(
-        k, window, length, next_row, last_row, cap, acceleration, end_reason, allowance[3, group]
-    )  # fmt: skip
-    if _is_isolated(k, window, form, length, cap, next_row):
-        standing = 2.0 * jump < turn[k] * nearby * reach
+    nearby = _limit_nearby(k, window, rows, allowance[3, group])
+    if _is_isolated(k, window, rows):
+        standing = 2.0 * jump < rows.turn[k] * nearby * reach
     else:
-        lowered = 0.5 * jump / (turn[k] * reach)
+        lowered = 0.5 * jump / (rows.turn[k] * reach)
         standing = STEEP * lowered < nearby
         if lowered < nearby and not standing:
-            _limit_nearby(
-                k, window, length, next_row, last_row, cap, acceleration, end_reason, lowered
-            )
+            _limit_nearby(k, window, rows, lowered)
     if standing:
-        corner[k], end_reason[k], pause[k] = 0.0, _BY_STOP, window
-        turn[k] = 0.0
+        rows.corner[k], rows.end_reason[k], rows.pause[k] = 0.0, _BY_STOP, window
+        rows.turn[k] = 0.0
 
 
 @compiled
-def _limit_arc(k, tolerance, allowance, motion, bend, cap, reason):  # type: ignore[no-untyped-def]
-    group = _group(motion[k])
+def _limit_arc(k, tolerance, allowance, rows):  # type: ignore[no-untyped-def]
+    group = _group(rows.motion[k])
     allowed = allowance[1, group] * tolerance[k] * METRE
     drift = allowance[2, group] * allowance[3, group]
-    v = block_speed(bend[k], 0.0, 1.0, allowed, 0.0, drift)
-    if v < cap[k]:
-        cap[k], reason[k] = v, _BY_TOLERANCE
+    v = block_speed(rows.bend[k], 0.0, 1.0, allowed, 0.0, drift)
+    if v < rows.cap[k]:
+        rows.cap[k], rows.reason[k] = v, _BY_TOLERANCE
 
 
 @compiled
-def _limit_corner(  # type: ignore[no-untyped-def]
-    k, tolerance, allowance, drain, form, length, turn, bend, next_row, last_row,
-    motion, cap, acceleration, corner, reason, end_reason,
-):  # fmt: skip
-    group = _group(motion[k])
-    window, reach = drain[group], allowance[2, group]
+def _limit_corner(k, tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
+    group = _group(rows.motion[k])
+    window, reach, most = drain[group], allowance[2, group], allowance[3, group]
     jump = allowance[0, group] * tolerance[k] * METRE
     allowed = allowance[1, group] * tolerance[k] * METRE
-    nearby = _limit_nearby(
-        k, window, length, next_row, last_row, cap, acceleration, end_reason, allowance[3, group]
-    )  # fmt: skip
-    alone = _is_isolated(k, window, form, length, cap, next_row)
-    v = (2.0 * jump if alone else jump) / turn[k] - nearby * reach
-    if v < corner[k]:
-        corner[k], end_reason[k] = max(v, 0.0), _BY_TOLERANCE
-    if not alone:
-        most = allowance[3, group]
-        _limit_block(k, turn[k], allowed, jump, reach, nearby, most, length, bend, cap, reason)
-        after = next_row[k]
-        _limit_block(after, turn[k], allowed, jump, reach, nearby, most, length, bend, cap, reason)
-
-
-@compiled
-def _limit_block(row, turn, allowed, jump, reach, nearby, most, length, bend, cap, reason):  # type: ignore[no-untyped-def]
-    # an arc counts with the greatest acceleration there is
-    drift = reach * (most if bend[row] > 0.0 else nearby)
-    v = block_speed(bend[row], turn, length[row], allowed, jump, drift)
-    if v < cap[row]:
-        cap[row], reason[row] = v, _BY_TOLERANCE
+    nearby = _limit_nearby(k, window, rows, most)
+    alone = _is_isolated(k, window, rows)
+    v = (2.0 * jump if alone else jump) / rows.turn[k] - nearby * reach
+    if v < rows.corner[k]:
+        rows.corner[k], rows.end_reason[k] = max(v, 0.0), _BY_TOLERANCE
+    if alone:
+        return
+    for row in (np.int64(k), np.int64(rows.after[k])):
+        # an arc counts with the greatest acceleration there is
+        drift = reach * (most if rows.bend[row] > 0.0 else nearby)
+        v = block_speed(rows.bend[row], rows.turn[k], rows.length[row], allowed, jump, drift)
+        if v < rows.cap[row]:
+            rows.cap[row], rows.reason[row] = v, _BY_TOLERANCE

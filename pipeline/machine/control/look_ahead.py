@@ -162,22 +162,12 @@ def profile_time(v_0, v_1, top, length, a, jerk, s):  # type: ignore[no-untyped-
 def plan_profiles(  # type: ignore[no-untyped-def]
     length, speed, acceleration, jerk, corner, critical, v_out, v_peak, time, profile, profiles
 ):
-    """Plan N rows that all move.
+    """Plan N rows that all move: fill ``v_out``, ``v_peak``, ``time``, ``profile``, ``profiles``.
 
-    Parameters
-    ----------
-    length, speed, acceleration, jerk : (N,) arrays
-        ``speed`` is the cap with the feed.
-    corner : (N,) array
-        Speed not to be passed at the end of the row; 0 at the last.
-    critical : (N,) array of uint8
-        Work array: whether a profile ends with the row.
-    v_out, v_peak, time : (N,) arrays
-        Filled.
-    profile : (N,) array of int32
-        Filled: the row that begins the profile that a row belongs to.
-    profiles : (N, COLUMNS) array
-        Zeros; filled in the rows that begin a profile.
+    ``speed`` is the cap with the feed, ``corner`` the speed not to be passed at the row's end, 0 at
+    the last; ``critical`` is a work array: whether a profile ends with the row.  ``profile`` takes
+    the row that begins the profile that a row belongs to, ``profiles`` (N, COLUMNS), zeros before,
+    the profiles in the rows that begin them.
     """
     first = 0
     for k in range(length.shape[0]):
@@ -288,19 +278,19 @@ def _worst(first, last, length, speed, limit, profiles):  # type: ignore[no-unty
 
 
 @compiled
+def _shape(one):  # type: ignore[no-untyped-def]
+    """Speeds at both ends and on top, length, acceleration and jerk of a profile."""
+    return one[V_0], one[V_1], one[TOP], one[LENGTH], one[ACCELERATION], one[JERK]
+
+
+@compiled
 def _time_at(profiles, p, s):  # type: ignore[no-untyped-def]
-    return profile_time(
-        profiles[p, V_0], profiles[p, V_1], profiles[p, TOP], profiles[p, LENGTH],
-        profiles[p, ACCELERATION], profiles[p, JERK], s,
-    )  # fmt: skip
+    return profile_time(*_shape(profiles[p]), s)
 
 
 @compiled
 def _speed_at(profiles, p, s):  # type: ignore[no-untyped-def]
-    return profile_state(
-        profiles[p, V_0], profiles[p, V_1], profiles[p, TOP], profiles[p, LENGTH],
-        profiles[p, ACCELERATION], profiles[p, JERK], _time_at(profiles, p, s),
-    )[1]  # fmt: skip
+    return profile_state(*_shape(profiles[p]), _time_at(profiles, p, s))[1]
 
 
 @compiled
@@ -325,10 +315,7 @@ def _settle(first, last, length, v_out, v_peak, time, profile, profiles):  # typ
         begin, travelled = travelled, travelled + length[k]
         if k == last or profile[k + 1] != p:
             v_out[k] = profiles[p, V_1]
-            t = profile_duration(
-                profiles[p, V_0], profiles[p, V_1], profiles[p, TOP], profiles[p, LENGTH],
-                profiles[p, ACCELERATION], profiles[p, JERK],
-            )  # fmt: skip
+            t = profile_duration(*_shape(profiles[p]))
         else:
             t = _time_at(profiles, p, travelled)
             v_out[k] = _speed_at(profiles, p, travelled)

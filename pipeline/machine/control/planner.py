@@ -22,7 +22,7 @@ from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, w
 from pipeline.machine.control.parameters import ControlParameters, Limit
 from pipeline.machine.control.path import Motion, Path, Segments, where
 from pipeline.machine.spindle import halts
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 _STOPS = ("always", "change", "never")
 
@@ -32,7 +32,7 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
 
     ValueError when a position is not finite, or an axis moves that the control does not have.
     """
-    from pipeline.machine.control.limits import FRAMES, keep_tolerance, limit
+    from pipeline.machine.control.limits import FRAMES, Filled, keep_tolerance, limit
 
     _check_positions(moves, control)
     s_curve = control.profile == "s_curve"
@@ -41,24 +41,25 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
     filters = control.filters
     rounds = bool(np.isfinite(tolerance).any() and filters.any())
     turn, bend = np.zeros((2, len(moves) if rounds else 0))
+    none = np.zeros(0, np.int32)
+    rows = Filled(
+        path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
+        path.corner, path.pause, path.reason, path.end_reason, turn, bend, none, none,
+    )  # fmt: skip
     limit(
         moves.kind, moves.origin, moves.end, moves.centre, moves.angle, moves.plane,
         moves.feed_mode, moves.path_mode, tolerance, halts(moves, control.auxiliary),
         control.limits, control.path_limits, filters.sum(axis=1),
-        bool((filters[0] == filters[1]).all()),
-        control.settle_time, _STOPS.index(control.rapid_stop),
-        control.rapid_mode == "independent", s_curve, control.corner == "blend", np.zeros(FRAMES),
-        path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
-        path.corner, path.pause, path.reason, path.end_reason, turn, bend,
+        bool((filters[0] == filters[1]).all()), control.settle_time,
+        _STOPS.index(control.rapid_stop), control.rapid_mode == "independent", s_curve,
+        control.corner == "blend", np.zeros(FRAMES), rows,
     )  # fmt: skip
     if control.corner == "blend":
         return _blended(path)
     if rounds:
-        keep_tolerance(
-            tolerance, _rounding(control), filters.sum(axis=1), path.form, path.length, turn, bend,
-            *_neighbours(path.moving), path.motion, path.cap, path.acceleration, path.corner,
-            path.pause, path.reason, path.end_reason,
-        )  # fmt: skip
+        after, before = _neighbours(path.moving)
+        rows = rows._replace(after=after, before=before)
+        keep_tolerance(tolerance, _rounding(control), filters.sum(axis=1), rows)
     return path
 
 
@@ -150,10 +151,12 @@ class RowMotion:
     """Speed along the path at the end of a row, and greatest in it [m/s]."""
     time: Floats = field(repr=False)
     """Duration of the row's motion [s]."""
-    profile: npt.NDArray[np.int32] = field(repr=False)
+    profile: npt.NDArray[np.int32] = field(
+        default_factory=lambda: np.zeros(0, np.int32), repr=False
+    )
     """Profile of an S-curve: the row in ``profiles`` that a row belongs to, -1 where it does not
     move; empty of a trapezoid, whose rows are each a profile."""
-    profiles: Floats = field(repr=False)
+    profiles: Floats = field(default_factory=lambda: np.zeros((0, 6)), repr=False)
     """Speeds at both ends and on top [m/s], length [m], acceleration [m/s^2], jerk [m/s^3]."""
 
 
@@ -195,10 +198,7 @@ def _trapezoids(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
         path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
         feed, spindle, 0, v_out, v_peak, time,
     )  # fmt: skip
-    return RowMotion(
-        v_out=v_out, v_peak=v_peak, time=time,
-        profile=np.zeros(0, np.int32), profiles=np.zeros((0, 6)),
-    )  # fmt: skip
+    return RowMotion(v_out=v_out, v_peak=v_peak, time=time)
 
 
 def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
@@ -224,7 +224,7 @@ def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
     )
 
 
-def _commanded(path: Path, rows: npt.NDArray[np.intp], feed: Floats, spindle: Floats) -> Floats:
+def _commanded(path: Path, rows: Rows, feed: Floats, spindle: Floats) -> Floats:
     """Speed along the path that is commanded in rows [m/s]."""
     turning = np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
     speed: Floats = feed[0, rows] * path.factor[rows] * turning
@@ -251,17 +251,16 @@ def _blended_rows(path: Path, segments: Segments, feed: Floats, spindle: Floats)
         v_out=_carried(len(path), rows, np.where(rows == last[of], v_out[of], v_peak[of])),
         v_peak=_placed(len(path), rows, v_peak[of], 0.0),
         time=_placed(len(path), rows, time[of] * path.length[rows] / sizes, 0.0),
-        profile=np.zeros(0, np.int32), profiles=np.zeros((0, 6)),
-    )  # fmt: skip
+    )
 
 
-def _placed(many: int, rows: npt.NDArray[np.intp], values: np.ndarray, other: float) -> np.ndarray:
+def _placed(many: int, rows: Rows, values: np.ndarray, other: float) -> np.ndarray:
     placed = np.full(many, other, values.dtype)
     placed[rows] = values
     return placed
 
 
-def _carried(many: int, rows: npt.NDArray[np.intp], speed: Floats) -> Floats:
+def _carried(many: int, rows: Rows, speed: Floats) -> Floats:
     """Speed at the end of each row; what does not move keeps that of the row before."""
     last = np.searchsorted(rows, np.arange(many), side="right") - 1
     padded: Floats = np.concatenate([[0.0], speed])[last + 1]
@@ -274,24 +273,17 @@ def _add_independent(path: Path, feed: Floats, time: Floats) -> None:
         time[:, rows] = independent_time(path, rows, feed[:, rows])
 
 
-def distances(path: Path, rows: npt.NDArray[np.intp]) -> Floats:
+def distances(path: Path, rows: Rows) -> Floats:
     """Signed distance of each axis in rows [m, rad]; shape (N, 6)."""
     start = np.where((rows > 0)[:, np.newaxis], path.moves.end[rows - 1], path.moves.origin)
     distance: Floats = (path.moves.end[rows] - start) * UNITS
     return distance
 
 
-def independent_time(path: Path, rows: npt.NDArray[np.intp], share: Floats) -> Floats:
-    """Time of the slowest axis from standstill to standstill [s]; shape (P, N).
+def independent_time(path: Path, rows: Rows, share: Floats) -> Floats:
+    """Time of the slowest axis in ``rows`` (N,), from standstill to standstill [s]; shape (P, N).
 
-    Parameters
-    ----------
-    path : Path
-        Moves and the control's limits.
-    rows : (N,) array
-        Rows of the path.
-    share : (P, N) array
-        Override of the speeds [1].
+    ``share`` (P, N) is the override of the speeds [1].
     """
     here = path.control.has_axis
     size = np.abs(distances(path, rows))[:, here]
@@ -305,8 +297,6 @@ def independent_time(path: Path, rows: npt.NDArray[np.intp], share: Floats) -> F
 def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Floats:
     """Time to change the speed by ``change``, without acceleration before and after [s].
 
-    Examples
-    --------
     >>> ramp_time([0.1, 1.0], 2.0, 20.0).round(4).tolist()
     [0.1414, 0.6]
     """
@@ -318,15 +308,10 @@ def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Fl
 def rest_to_rest(
     distance: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike = np.inf
 ) -> Floats:
-    """Shortest time from standstill to standstill [s].
+    """Shortest time from standstill to standstill [s]; an infinite jerk makes a trapezoid.
 
-    Parameters
-    ----------
-    distance, speed, acceleration, jerk : array_like, broadcast
-        At least 0, and positive [m], [m/s], [m/s^2], [m/s^3]; an infinite jerk makes a trapezoid.
+    Distance [m] at least 0; speed [m/s], acceleration [m/s^2] and jerk [m/s^3] positive, broadcast.
 
-    Examples
-    --------
     >>> rest_to_rest([0.01, 1.0], 0.5, 2.0).round(4).tolist()
     [0.1414, 2.25]
     """

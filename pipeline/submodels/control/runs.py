@@ -26,8 +26,6 @@ Span = tuple[float, float]
 def joined(spans: Sequence[Span]) -> tuple[Span, ...]:
     """Spans without overlap, in order.
 
-    Examples
-    --------
     >>> joined([(4.0, 5.0), (1.0, 2.0), (1.5, 3.0)])
     ((1.0, 3.0), (4.0, 5.0))
     """
@@ -293,8 +291,6 @@ def lines_since(run: Run, series: Series, lines: int) -> NDArray[np.bool_]:
 def nearest(values: Floats) -> Floats:
     """Each NaN replaced by the nearest value, the left one of two; ones where there are none.
 
-    Examples
-    --------
     >>> nearest(np.array([np.nan, 2.0, np.nan, 4.0, np.nan])).tolist()
     [2.0, 2.0, 2.0, 4.0, 4.0]
     """
@@ -370,8 +366,6 @@ def plateau(ratio: Floats, width: float = WIDTH) -> float | None:
     A line may be too short to reach its feed, and readings below the level are no sign of it;
     readings above it are rapids on the way out.
 
-    Examples
-    --------
     >>> plateau(np.array([0.3, 0.9, 0.9, 0.9, 0.9, 0.9, 0.9, 1.7]))
     0.9
     """

@@ -384,10 +384,7 @@ def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:
 
 def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> EntryFit | None:
     """Fit of the mechanics; None where the axis hardly moves under the disturbance."""
-    from pipeline.submodels.drive.identifiability import (
-        drive_force,
-        held_out_load_factor,
-    )
+    from pipeline.submodels.drive.identifiability import drive_force, held_out_load_factor
     from pipeline.submodels.drive.inverse_dynamics import regressors
 
     one = recording.axes[axis]

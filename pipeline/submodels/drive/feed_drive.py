@@ -16,7 +16,7 @@ level, F_s - F_c, v_s and mu_v, found by least squares and by a genetic algorith
 each point weighted by its duration.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -169,6 +169,8 @@ def _point(group: Sequence[Segment]) -> FrictionPoint:
     )
 
 
+Search = tuple[Floats, float, int]
+"""Values of a direction's curve, their weighted sum of squares [N^2 s], curves that were tried."""
 STARTS = 6
 """Number of velocities v_s to begin with [1]."""
 PARAMETERS = 4
@@ -201,64 +203,63 @@ def least_squares_curves(points: Sequence[FrictionPoint]) -> CurveFit:
     """Bounded least squares from several starts, direction by direction."""
     from scipy.optimize import least_squares
 
-    values, squares, evaluations = np.full((2, PARAMETERS), np.nan), 0.0, 0
-    directions = _directions(points)
-    for direction, (speed, force, share) in enumerate(directions):
-        if not len(speed):
-            continue
-        low, high = _box(speed, force)
-        root = np.sqrt(share)
-        best = np.inf
-        for start in np.linspace(low[2], high[2], STARTS + 2)[1:-1]:
-            begin = np.array([np.median(force), 0.1 * np.ptp(force), start, 0.0])
+    def search(speed: Floats, force: Floats, share: Floats, low: Floats, high: Floats) -> Search:
+        root, margin = np.sqrt(share), 1e-9 * (high - low)
 
-            def misses(x: Floats, s: Floats = speed, f: Floats = force, r: Floats = root) -> Floats:
-                weighted: Floats = r * (curve_force(s, x) - f)
-                return weighted
+        def misses(x: Floats) -> Floats:
+            weighted: Floats = root * (curve_force(speed, x) - force)
+            return weighted
 
-            answer = least_squares(
+        tried = [
+            least_squares(
                 misses,
-                np.clip(begin, low + 1e-9 * (high - low), high - 1e-9 * (high - low)),
+                np.clip([np.median(force), 0.1 * np.ptp(force), start, 0.0], low + margin,
+                        high - margin),
                 bounds=(low, high), x_scale=high - low, max_nfev=100,
-            )  # fmt: skip
-            evaluations += int(answer.nfev) * (1 + PARAMETERS)
-            if 2 * answer.cost < best:
-                best, values[direction] = 2 * float(answer.cost), answer.x
-        squares += best
-    return CurveFit(values=values, error=_error(squares, directions), evaluations=evaluations)
+            )
+            for start in np.linspace(low[2], high[2], STARTS + 2)[1:-1]
+        ]  # fmt: skip
+        best = min(tried, key=lambda one: float(one.cost))
+        evaluations = sum(int(one.nfev) for one in tried) * (1 + PARAMETERS)
+        return best.x, 2 * float(best.cost), evaluations
+
+    return _curves(points, search)
 
 
 def genetic_curves(points: Sequence[FrictionPoint], settings: GeneticSettings) -> CurveFit:
     """The genetic algorithm in the same box, both directions with half of the population each."""
-    values, squares, evaluations = np.full((2, PARAMETERS), np.nan), 0.0, 0
-    directions = _directions(points)
-    for direction, (speed, force, share) in enumerate(directions):
-        if not len(speed):
-            continue
 
-        def cost(x: Floats, s: Floats = speed, f: Floats = force, w: Floats = share) -> Floats:
-            misses: Floats = (curve_force(s, x) - f) ** 2 @ w
+    def search(speed: Floats, force: Floats, share: Floats, low: Floats, high: Floats) -> Search:
+        def cost(x: Floats) -> Floats:
+            misses: Floats = (curve_force(speed, x) - force) ** 2 @ share
             return misses
 
-        found = minimise(cost, *_box(speed, force), settings)
-        values[direction], evaluations = found.x, evaluations + found.evaluations
-        squares += found.cost
-    return CurveFit(values=values, error=_error(squares, directions), evaluations=evaluations)
+        found = minimise(cost, low, high, settings)
+        return found.x, found.cost, found.evaluations
+
+    return _curves(points, search)
+
+
+def _curves(points: Sequence[FrictionPoint], search: Callable[..., Search]) -> CurveFit:
+    """Curves of both directions by a search in the box of each; NaN without points."""
+    values, squares, weight, evaluations = np.full((2, PARAMETERS), np.nan), 0.0, 0.0, 0
+    for direction, (speed, force, share) in enumerate(_directions(points)):
+        if len(speed):
+            found = search(speed, force, share, *_box(speed, force))
+            values[direction], evaluations = found[0], evaluations + found[2]
+            squares, weight = squares + found[1], weight + float(share.sum())
+    error = float(np.sqrt(squares / weight)) if weight else np.nan
+    return CurveFit(values=values, error=error, evaluations=evaluations)
 
 
 def _directions(points: Sequence[FrictionPoint]) -> list[tuple[Floats, Floats, Floats]]:
     """Speed, force against motion and weight of the points of each direction."""
-    directions = []
+    rows = np.array([(one.velocity, one.force, one.seconds) for one in points]).reshape(-1, 3)
+    found = []
     for sign in (1.0, -1.0):
-        chosen = [one for one in points if one.velocity * sign > 0]
-        directions.append(
-            (
-                np.array([abs(one.velocity) for one in chosen]),
-                np.array([sign * one.force for one in chosen]),
-                np.array([one.seconds for one in chosen]),
-            )
-        )
-    return directions
+        speed, force, seconds = rows[rows[:, 0] * sign > 0].T
+        found.append((sign * speed, sign * force, seconds))
+    return found
 
 
 def _box(speed: Floats, force: Floats) -> tuple[Floats, Floats]:
@@ -269,11 +270,6 @@ def _box(speed: Floats, force: Floats) -> tuple[Floats, Floats]:
         np.array([-top, 0.0, np.log(slow), 0.0]),
         np.array([top, top, np.log(max(fast / 3, 3 * slow)), top / fast]),
     )
-
-
-def _error(squares: float, directions: Sequence[tuple[Floats, Floats, Floats]]) -> float:
-    weight = sum(float(share.sum()) for _, _, share in directions)
-    return float(np.sqrt(squares / weight)) if weight else np.nan
 
 
 NARROWER = 5.0
@@ -350,12 +346,7 @@ def identify_feed_drive(
         motions, rows, delay = aligned(training, axis, bandwidth)
         points = friction_points(constant_speed_segments(motions, settings.shortest_s))
         velocities = [one.velocity for one in points]
-        return (
-            rows,
-            delay,
-            points,
-            *determined_dynamics(rows, velocities, settings.widest),
-        )
+        return (rows, delay, points, *determined_dynamics(rows, velocities, settings.widest))
 
     rows, delay, points, found, uncertainty = fitted()
     # forces in newton, where a recorded load determines the force constant
@@ -380,7 +371,7 @@ def identify_feed_drive(
         widest=settings.widest, how=how,
     )  # fmt: skip
     estimated = with_load(estimated, constant, factor, settings.widest)
-    error = _percent(found.residuals, rows.force)
+    error = 100 * float(np.linalg.norm(found.residuals) / np.linalg.norm(rows.force))
     estimated = with_misfit(estimated, error)
     mass = rows.linear[:, rows.names.index("mass")]
     estimated = with_signs(estimated, mass, rows.velocity, rows.force)
@@ -479,10 +470,6 @@ def feed_drive_of(estimated: Estimates, force_constant: float) -> FeedDriveParam
 
 def _rmse(found: Dynamics) -> float:
     return float(np.sqrt(found.cost / found.weights.sum()))
-
-
-def _percent(residuals: Floats, force: Floats) -> float:
-    return 100 * float(np.linalg.norm(residuals) / np.linalg.norm(force))
 
 
 def _rank(rows: Regressors, found: Dynamics) -> int:

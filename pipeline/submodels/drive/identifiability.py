@@ -395,11 +395,7 @@ def _loosest(
 
 
 def at_other_bandwidths(
-    recordings: Sequence[Recording],
-    axis: str,
-    bandwidth: float | None,
-    delay: float,
-    fit: Dynamics,
+    recordings: Sequence[Recording], axis: str, bandwidth: float | None, delay: float, fit: Dynamics
 ) -> list[Dynamics]:
     """The same parameters fitted through narrower and wider filters, where enough rows are left."""
     if bandwidth is None:

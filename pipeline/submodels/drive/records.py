@@ -305,11 +305,6 @@ Number = float | str | None
 """A value, or the name of a constant that stands beside the channels of the recordings."""
 Coulomb = Literal["auto", "equal", "unequal"]
 
-_OF_THE_LOOPS = (
-    "position_gain", "velocity_gain", "integral_gain", "velocity_feedforward",
-    "acceleration_feedforward", "current_limit", "servo_period",
-)  # fmt: skip
-
 
 @dataclass(frozen=True, kw_only=True)
 class AxisPrior:
@@ -359,7 +354,8 @@ class AxisPrior:
         lead = _number("lead", self.lead, constants)
         if torque is not None and lead is not None:
             force = force_constant(torque, lead * 1e-3)
-        found = {name: _number(name, getattr(self, name), constants) for name in _OF_THE_LOOPS}
+        names = [item.name for item in fields(AxisConstants) if item.name != "force_constant"]
+        found = {name: _number(name, getattr(self, name), constants) for name in names}
         return AxisConstants(force_constant=force, **found)
 
 

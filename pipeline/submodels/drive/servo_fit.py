@@ -24,12 +24,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import Method
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
-from pipeline.submodels.drive.estimates import (
-    MISFIT_PERCENT,
-    AxisFit,
-    Estimates,
-    compared_methods,
-)
+from pipeline.submodels.drive.estimates import MISFIT_PERCENT, AxisFit, Estimates, compared_methods
 from pipeline.submodels.drive.loop_gain import DECAYS, LoopGain, loop_gain
 from pipeline.submodels.drive.loop_gain import LISTED as GAIN_LISTED
 from pipeline.submodels.drive.records import AxisConstants, DriveFitSettings, Recording

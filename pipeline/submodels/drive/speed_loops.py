@@ -101,15 +101,7 @@ class StepResponse:
 
 
 def settling_time(time: Floats, error: Floats, band: float) -> float:
-    """Time after which an error stays within a band [s]; nan when it is outside at the end.
-
-    Parameters
-    ----------
-    time, error : ndarray, shape (T,)
-        [s], and any unit.
-    band : float
-        Half width of the band, in the error's unit.
-    """
+    """Time after which an error stays within plus and minus ``band`` [s]; nan where it does not."""
     outside = np.flatnonzero(~(np.abs(error) <= band))
     if not outside.size:
         return 0.0
