@@ -17,7 +17,7 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.__main__ import run
 from pipeline.submodels.control.page import measured_time
-from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
+from pipeline.submodels.control.submodel import NAIVE, OVERRIDE_ONLY, TIME
 from pipeline.twin.control import WHOLE, ControlModelFile
 from tests.shared import made_once
 from tests.small_project import ROOT, inside

@@ -26,16 +26,9 @@ MOVING = (Kind.RAPID, *CUTTING)
 
 
 def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Floats:
-    """Time from standstill to a speed, with the sign of the speed [s].
+    """Time from standstill to a ``speed`` signed by its direction [rev/min], with its sign [s].
 
-    Parameters
-    ----------
-    speed : array
-        Spindle speed, signed by the direction [rev/min].
-    acceleration : array
-        Acceleration below the base speed [rev/min/s].
-    base_speed : float
-        [rev/min]; infinite for constant torque at all speeds.
+    The acceleration [rev/min/s] holds below ``base_speed`` [rev/min], infinite for constant torque.
     """
     n = np.abs(speed)
     low = np.minimum(n, base_speed)
@@ -91,16 +84,12 @@ def _waiting(moves: Moves, parameters: AuxiliaryParameters) -> tuple[Rows, Rows]
         change = (np.diff(moves.line) != 0) | (np.diff(moves.file) != 0)
         waiting = _first_after(np.flatnonzero(change) + 1, rows, len(moves))
     elif parameters.spindle_wait == "before_cutting":
-        waiting = _first_after(_rows_of(moves, CUTTING), rows, len(moves))
+        waiting = _first_after(np.flatnonzero(np.isin(moves.kind, CUTTING)), rows, len(moves))
     if parameters.spindle_stop_wait == "before_change":
-        rest = _first_after(_rows_of(moves, AT_REST), rows, len(moves))
+        rest = _first_after(np.flatnonzero(np.isin(moves.kind, AT_REST)), rows, len(moves))
         waiting = np.where(moves.direction[rows] == 0, rest, waiting)
     within = waiting < len(moves)
     return rows[within], waiting[within]
-
-
-def _rows_of(moves: Moves, kinds: tuple[Kind, ...]) -> Rows:
-    return np.flatnonzero(np.isin(moves.kind, kinds))
 
 
 def _speed_changes(moves: Moves, rows: Rows) -> Bools:

@@ -246,7 +246,7 @@ def bounded(
     ``reach`` samples before it.  Positions (T,) in [m], period in [s]; the correction is zero at
     both ends, and a bound is no less than the reference itself reaches.
     """
-    from pipeline.machine.control.bounded import follow_within
+    from pipeline.machine.control.interpolate import follow_within
 
     own = _speed_and_acceleration(reference, period)
     most = [

@@ -5,7 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from pipeline.submodels.drive.mechanics.recursive import RecursiveSettings, recursive_inertia
+from pipeline.submodels.drive.recursive import RecursiveSettings, recursive_inertia
 
 MANY = 200_000
 PERIOD = 1e-4

@@ -23,28 +23,12 @@ def steady_voltages(i_d: Any, i_q: Any, speed: Any, motor: Any) -> tuple[Any, An
 
 
 def park(a: Any, b: Any, c: Any, theta: Any) -> tuple[Any, Any]:
-    """Return d and q of three phase quantities; the zero component does not enter.
-
-    Parameters
-    ----------
-    a, b, c : array_like
-        Phase quantities, any one unit, shapes that broadcast.
-    theta : array_like
-        Electrical angle of the rotor [rad].
-    """
+    """d and q of three phase quantities at the electrical angle of the rotor [rad]."""
     alpha, beta = (2 * a - b - c) / 3, (b - c) / _SQRT3
     return rotated(alpha, beta, np.cos(theta), -np.sin(theta))
 
 
 def inverse_park(d: Any, q: Any, theta: Any) -> tuple[Any, Any, Any]:
-    """Return the three phases of d and q; their sum is zero.
-
-    Parameters
-    ----------
-    d, q : array_like
-        In the rotor's frame, any one unit.
-    theta : array_like
-        Electrical angle of the rotor [rad].
-    """
+    """The three phases of d and q; their sum is zero."""
     alpha, beta = rotated(d, q, np.cos(theta), np.sin(theta))
     return alpha, (_SQRT3 * beta - alpha) / 2, (-_SQRT3 * beta - alpha) / 2

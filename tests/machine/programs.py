@@ -10,7 +10,7 @@ from pipeline.machine.control.parameters import (
     ControlParameters,
 )
 from pipeline.machine.control.path import Path
-from pipeline.machine.control.row_motion import motion_times
+from pipeline.machine.control.planner import motion_times
 
 IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 

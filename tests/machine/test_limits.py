@@ -10,13 +10,7 @@ import pytest
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.interpolate import trace
 from pipeline.machine.control.planner import limited_path, plan
-from tests.machine.random_programs import (
-    PERIOD,
-    bounds,
-    deviation,
-    random_control,
-    random_moves,
-)
+from tests.machine.random_programs import PERIOD, bounds, deviation, random_control, random_moves
 
 ROUNDING = 1e-6  # third differences of positions: 1e-17 m / PERIOD^3 against jerks of 100 m/s^3
 

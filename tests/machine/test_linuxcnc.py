@@ -4,8 +4,6 @@ The times stored here are its own: `python -m tests.machine.linuxcnc`, where Deb
 linuxcnc-uspace (2.9.0) is installed.  `make proof` runs it again.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -184,9 +182,3 @@ def test_segments_of_any_size_have_a_time_and_a_speed():
 def test_programs_that_hardly_move():
     assert planned("G21\nM2\n").total == 0
     assert planned("G21\nG1 X1 F60\n").total == pytest.approx(1.0, abs=0.01)
-
-
-def test_slower_axes_take_longer():
-    slow = replace(UNLIKE, acceleration=(750, 500, 250))
-    for name in ("circle 5", "zigzag 90", "helix", "pocket P0.05"):
-        assert planned(PROGRAMS[name], slow).total > planned(PROGRAMS[name]).total

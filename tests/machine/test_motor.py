@@ -1,6 +1,5 @@
 """Motor, Park's transforms and modulation: Faraday's law, virtual work, energies, dwell times."""
 
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -53,15 +52,6 @@ def test_power_in_is_heat_and_field_and_work(
     assert sum(parts) == pytest.approx(given_power, abs=1e-13 * size + 1e-300)
 
 
-def test_field_energy_is_what_the_rates_integrate_to() -> None:
-    i_d, i_q = 3.0, -5.0
-    rate_d, rate_q = current_rates(i_d, i_q, 40.0, 90.0, 100.0, SALIENT)
-    step = COMPLEX * 1j
-    after = magnetic_energy(i_d + rate_d * step, i_q + rate_q * step, SALIENT)
-    by_rates = 1.5 * (SALIENT.inductance_d * i_d * rate_d + SALIENT.inductance_q * i_q * rate_q)
-    assert after.imag / COMPLEX == pytest.approx(by_rates, rel=1e-14)
-
-
 @given(amperes, amperes, volts, volts, speeds, st.floats(-7, 7))
 def test_voltage_equations_are_faradays_law_in_the_phases(
     i_d: float, i_q: float, u_d: float, u_q: float, speed: float, theta: float
@@ -112,28 +102,9 @@ def test_a_population_is_the_single_motors() -> None:
     assert np.array_equal(rates[:, 2, 1], one)
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("resistance", 0.0),
-        ("pole_pairs", 0),
-    ],
-)
-def test_values_out_of_range_are_named(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=rf"motor\.{name} = {value}"):
-        replace(SALIENT, **{name: value})
-
-
 angles = st.floats(-50, 50)
 # rounding of a few operations on numbers up to 600
 TINY = 1e-11
-
-
-@given(volts, volts, angles)
-def test_inverse_park_inverts_park(d: float, q: float, theta: float) -> None:
-    phases = inverse_park(d, q, theta)
-    assert sum(phases) == pytest.approx(0, abs=TINY)
-    assert park(*phases, theta) == pytest.approx((d, q), abs=TINY)
 
 
 @given(st.floats(0, 600), angles, angles)
@@ -143,15 +114,6 @@ def test_an_amplitude_is_a_length(amplitude: float, phase: float, theta: float) 
     d, q = park(a, b, c, theta)
     expected = amplitude * np.exp(1j * (phase - theta))
     assert (d, q) == pytest.approx((expected.real, expected.imag), abs=TINY)
-
-
-@given(volts, volts, st.floats(-50, 50), st.floats(-50, 50), angles)
-def test_power_is_three_halves_of_the_product(
-    u_d: float, u_q: float, i_d: float, i_q: float, theta: float
-) -> None:
-    u, i = inverse_park(u_d, u_q, theta), inverse_park(i_d, i_q, theta)
-    power = sum(x * y for x, y in zip(u, i, strict=True))
-    assert power == pytest.approx(1.5 * (u_d * i_d + u_q * i_q), abs=1e-9)
 
 
 U = 560.0

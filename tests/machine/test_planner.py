@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.gcode.moves import FeedMode, Kind, PathMode
+from pipeline.gcode.moves import FeedMode, Kind
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.path import Binding
 from pipeline.machine.control.planner import limited_path, plan
@@ -110,7 +110,7 @@ def test_more_feed_never_takes_longer(seed, share):
              "arc_acceleration"],
 )  # fmt: skip
 def test_a_higher_limit_never_takes_longer(name):
-    for seed in range(40):
+    for seed in range(15):
         rng = np.random.default_rng(seed)
         parameters = random_control(rng, corner="jump")
         axes = {
@@ -144,17 +144,6 @@ def test_jerk_makes_slower_and_vanishes_with_no_bound():
     assert times[2] == pytest.approx(plain, rel=1e-3)
 
 
-def test_s_curve_keeps_the_corners_and_feeds_of_each_row():
-    for seed in range(40):
-        rng = np.random.default_rng(seed)
-        path = limited_path(
-            random_moves(rng), random_control(rng, corner="tolerance", profile="s_curve")
-        )  # fmt: skip
-        result = plan(path)
-        assert (result.v_out <= path.corner * (1 + 1e-8))[path.moving].all()
-        assert (result.v_peak <= path.cap * (1 + 1e-8))[path.moving].all()
-
-
 @pytest.mark.parametrize("profile", ["trapezoid", "s_curve"])
 def test_population_is_its_individuals(profile):
     rng = np.random.default_rng(7)
@@ -181,12 +170,6 @@ def test_overrides_scale_what_they_are_for():
     assert half_rapid == pytest.approx([0.1 / 0.25 + 0.25 / 5, plain[1]], rel=1e-9)
     each = plan(path, feed_override=[1, 50], rapid_override=[50, 1]).time
     assert each.tolist() == [half_rapid[0], half_feed[1]]
-
-
-def test_threads_take_no_override():
-    writer = Writer().set(feed=1.5, feed_mode=FeedMode.PER_REVOLUTION, speed=600, direction=1)
-    path = limited_path(writer.to(kind=Kind.THREAD, Z=-30).moves, control())
-    assert plan(path, feed_override=20).total == plan(path).total
 
 
 def test_what_binds_each_row():
@@ -237,15 +220,6 @@ def test_tighter_tolerance_is_slower():
     ]  # fmt: skip
     assert times == sorted(times)
     assert times[0] < times[-1]
-
-
-def test_exact_stop_stands_still_and_continuous_does_not():
-    writer = Writer().set(feed=3000).to(X=50)
-    through = writer.to(X=100).moves
-    modes = np.full(2, PathMode.EXACT_STOP, np.uint8)
-    stopped = dataclasses.replace(through, path_mode=modes)
-    assert plan(limited_path(through, control())).v_out[0] == pytest.approx(0.05)
-    assert plan(limited_path(stopped, control())).v_out[0] == 0
 
 
 @pytest.mark.parametrize("rows", [0, 1])

@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from pipeline.machine.control.planner import limited_path, plan
-from pipeline.machine.control.row_motion import rest_to_rest
-from pipeline.machine.control.s_curve import (
+from pipeline.machine.control.look_ahead import (
     peak_speed,
     profile_duration,
     profile_state,
     profile_time,
 )
+from pipeline.machine.control.planner import limited_path, plan, rest_to_rest
 from tests.machine.programs import Writer, control
 
 ruckig = pytest.importorskip("ruckig", reason="the oracle of jerk-limited moves is not installed")

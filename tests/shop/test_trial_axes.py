@@ -18,8 +18,8 @@ from pipeline.shop.drives.commands import Move, travel
 from pipeline.shop.drives.records import axis_columns
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
+from pipeline.submodels.drive.presliding import identify_presliding
 from pipeline.submodels.drive.records import AxisRecord, Recording
-from pipeline.submodels.drive.servo.presliding import identify_presliding
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut.axes import CutFollowing, follow_cut
 from pipeline.twin.cut.loads import Cut, CutJob, cut_program

@@ -46,12 +46,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled, compiled_with
-from pipeline.machine.axis.drive_parameters import (
-    DriveColumn,
-    DriveStart,
-    check_steps,
-    samples,
-)
+from pipeline.machine.axis.drive_parameters import DriveColumn, DriveStart, check_steps, samples
 from pipeline.machine.axis.loops import FuzzyParameters, increments
 from pipeline.schema.arrays import Floats
 
@@ -285,36 +280,17 @@ def simulate(
     rules: tuple[float, float, float, float] = NO_RULES,
     state: Floats | None = None,
 ) -> DriveTraces:
-    """Traces of many variants of one axis under one reference.
+    """Traces of many variants of one axis, a ``table`` (P, 21) of :func:`drive_row`.
 
-    ValueError when reference or load has another shape or is not finite.
-
-    Parameters
-    ----------
-    reference : (T,) array_like
-        Commanded position [m].
-    period : float
-        Sampling period [s].
-    table : (P, 21) array_like
-        The variants, rows of :func:`drive_row`.
-    load : (T,) array_like, optional
-        Load against positive motion, before each row's load factor; held to the next sample [N].
-    substeps : int
-        Steps of the mechanics in one period.
-    servo_substeps : bool
-        Whether the servo samples at each substep, its reference interpolated linearly: for records
-        that are slower than the servo.
-    start : DriveStart, optional
-        At rest at the first reference by default.
-    spring : tuple of two floats
-        Presliding stiffness sigma of friction [N/m], and the rate 1 / T at which the deflection of
-        an axis at rest decays [1/s].
-    rules : tuple of four floats
-        Scales of the speed error [s/m] and of its change [s^2/m], and the spans of the proportional
-        and of the integral gain [1], as :class:`pipeline.machine.axis.loops.FuzzyParameters`.
-    state : (STATES,) array, optional
-        Kept from call to call, where the reference of a single axis comes in parts; NaN before its
-        first part.
+    All follow one ``reference`` [m] under one ``load`` against positive motion [N], (T,) each, the
+    load before each row's factor and held to the next sample; they start at rest at the first
+    reference unless ``start`` says otherwise.  The mechanics make ``substeps`` in a ``period``, and
+    with ``servo_substeps`` the servo samples at each of them, its reference interpolated: for
+    records that are slower than the servo.  ``spring`` is the presliding stiffness sigma [N/m] and
+    the rate 1 / T at which the deflection of an axis at rest decays [1/s]; ``rules`` the scales of
+    the speed error [s/m] and of its change [s^2/m] and the spans of both gains [1].  ``state``
+    (STATES,) is kept from call to call where the reference of a single axis comes in parts, NaN
+    before the first.  ValueError when reference or load has another shape or is not finite.
     """
     check_steps(period, substeps)
     rows, x_ref = np.ascontiguousarray(table, dtype=np.float64), samples("reference", reference)
@@ -346,10 +322,7 @@ def _first_state(row: Floats, first: float, period: float, start: DriveStart | N
 def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float]:
     """Rules of :func:`simulate` whose sets end at these inputs, with the published spans.
 
-    Parameters
-    ----------
-    error, change : float
-        Greatest speed error [m/s] and greatest change of it [m/s^2]; 0 leaves an input out.
+    Inputs are the greatest speed error [m/s] and its greatest change [m/s^2]; 0 leaves one out.
     """
     scales = [10.0 / greatest if greatest > 0 else 0.0 for greatest in (error, change)]
     fuzzy = FuzzyParameters(error_scale=scales[0], change_scale=scales[1])

@@ -22,13 +22,7 @@ from math import cos, exp, inf, pi, sin, sqrt
 from typing import Annotated, Any, NamedTuple
 
 from pipeline.kernels import compiled
-from pipeline.machine.axis.motor import (
-    copper_loss,
-    current_rates,
-    input_power,
-    rotated,
-    torque,
-)
+from pipeline.machine.axis.motor import copper_loss, current_rates, input_power, rotated, torque
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 
 I_D, I_Q, W_M, TH_M, W_L, TH_L = range(6)
@@ -81,25 +75,14 @@ class TransmissionParameters(Ranged, section="transmission"):
     @property
     def stiffness(self) -> float:
         """K about the screw [N m/rad]; infinite when all three parts are rigid."""
-        parts = (
-            self.coupling_stiffness,
-            self.screw_stiffness,
-            self.ratio**2 * self.axial_stiffness,
-        )
+        along = self.ratio**2 * self.axial_stiffness
+        parts = (self.coupling_stiffness, self.screw_stiffness, along)
         compliance = sum(1 / k for k in parts)
         return 1 / compliance if compliance > 0 else inf
 
 
 def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
-    """Torque of the motor on the load through the shaft [N m].
-
-    Parameters
-    ----------
-    angle, speed : array_like
-        Motor less load [rad], [rad/s].
-    stiffness, damping : float
-        K [N m/rad], D [N m s/rad].
-    """
+    """Torque [N m] of the motor on the load, by motor less load [rad], [rad/s]."""
     return stiffness * angle + damping * speed
 
 

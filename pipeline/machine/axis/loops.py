@@ -93,15 +93,8 @@ class FuzzyParameters(Ranged, section="fuzzy"):
 
 
 def increments(error: float, change: float) -> tuple[float, float]:
-    """Increments of K_p and K_i as shares of their spans [1].
+    """Increments of K_p and K_i as shares of their spans [1], by E and EC, limited to [-10, 10].
 
-    Parameters
-    ----------
-    error, change : float
-        E and EC [1]; limited to [-10, 10].
-
-    Examples
-    --------
     The start of a step up: the greatest error, which falls fast, leaves both gains as they are.
 
     >>> [round(float(x), 12) for x in increments(10.0, -10.0)]
@@ -114,19 +107,12 @@ def increments(error: float, change: float) -> tuple[float, float]:
     row, column = min(int(x), 5), min(int(y), 5)
     a, b = x - row, y - column
     weight = (min(1 - a, 1 - b), min(1 - a, b), min(a, 1 - b), min(a, b))
-    total = weight[0] + weight[1] + weight[2] + weight[3]
-    proportional = (
-        weight[0] * PROPORTIONAL[row, column]
-        + weight[1] * PROPORTIONAL[row, column + 1]
-        + weight[2] * PROPORTIONAL[row + 1, column]
-        + weight[3] * PROPORTIONAL[row + 1, column + 1]
-    )
-    integral = (
-        weight[0] * INTEGRAL[row, column]
-        + weight[1] * INTEGRAL[row, column + 1]
-        + weight[2] * INTEGRAL[row + 1, column]
-        + weight[3] * INTEGRAL[row + 1, column + 1]
-    )
+    total, proportional, integral = 0.0, 0.0, 0.0
+    for k in range(4):
+        i, j = row + k // 2, column + k % 2
+        total += weight[k]
+        proportional += weight[k] * PROPORTIONAL[i, j]
+        integral += weight[k] * INTEGRAL[i, j]
     return proportional / total, integral / total
 
 

@@ -109,16 +109,9 @@ class InverterParameters(Ranged, section="inverter"):
 
 
 def limited(alpha: Any, beta: Any, dc_link: Any, overmodulation: bool) -> tuple[Any, Any]:
-    """Voltage within the inverter's limit [V]; its direction stays, its length is cut.
+    """Voltage in the stator's frame within the inverter's limit [V]: its length is cut.
 
-    Parameters
-    ----------
-    alpha, beta : array_like
-        Voltage in the stator's frame [V].
-    dc_link : float
-        U_dc [V].
-    overmodulation : bool
-        Whether the hexagon is the limit; otherwise the circle in it.
+    The limit is the circle in the hexagon of U_dc [V], or with ``overmodulation`` the hexagon.
     """
     if overmodulation:
         half, whole = alpha / 2, _SQRT3 * beta / 2
@@ -147,13 +140,5 @@ def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
 
 
 def leg_voltage(a: Any, b: Any, c: Any, dc_link: Any) -> tuple[Any, Any]:
-    """Voltage of three legs in the stator's frame [V].
-
-    Parameters
-    ----------
-    a, b, c : array_like
-        1 for a leg that is high, 0 for low; shares of a period give its mean [1].
-    dc_link : float
-        U_dc [V].
-    """
+    """Voltage of three legs [V], stator's frame; 1 for high, 0 for low, shares give its mean."""
     return dc_link * (2 * a - b - c) / 3, dc_link * (b - c) / _SQRT3

@@ -6,6 +6,14 @@ Before the filters (``programmed``) the position lies on the programmed path; af
 A moving average of length T is exact for the straight line between samples, for any T >= 0:
 with I the integral of the input since the motion began, (I(t) - I(t - T)) / T, where t - T may lie
 between two samples.  A filter begins anew when a motion begins at a standstill.
+
+A bounded command keeps close to a reference, within limits of speed and acceleration.  A command
+that is wished for is followed from sample to sample: as fast as the bounds let it where it lies
+apart, at once where it does not.  Speed is (x_n - x_(n-1)) / T and acceleration its change over T,
+so that the bounds hold for every sample and not on average.  Catching up, the command is never
+faster than it can brake again before it is there: with the acceleration a that is left for braking,
+a gap d is closed with at most sqrt(2 a d + (a T / 2)^2) - a T / 2 above the speed of what is wished
+for.
 """
 
 from collections.abc import Iterator
@@ -18,10 +26,10 @@ import numpy.typing as npt
 from pipeline.gcode.moves import METRE, RADIAN
 from pipeline.kernels import compiled
 from pipeline.machine.control.geometry import CURVED, arc_length, arc_terms, in_plane, start_of
+from pipeline.machine.control.look_ahead import peak_speed, profile_duration, profile_state
 from pipeline.machine.control.parameters import Limit
 from pipeline.machine.control.path import Binding, Motion
 from pipeline.machine.control.planner import Plan
-from pipeline.machine.control.s_curve import peak_speed, profile_duration, profile_state
 from pipeline.schema.arrays import Floats
 
 _TINY = 1e-12
@@ -75,12 +83,9 @@ def traces(plan: Plan, *, period: float | None = None, samples: int = 65536) -> 
         distance, rows = np.empty(many), np.empty(many, np.int32)
         row = sample(*arguments, step, first, row, programmed, distance, rows)
         filtered(programmed, rows, run, group, lengths, step, history, base, state, position)
+        time = step * np.arange(first, first + many, dtype=np.float64)
         yield Trace(
-            time=step * np.arange(first, first + many, dtype=np.float64),
-            programmed=programmed,
-            position=position,
-            row=rows,
-            distance=distance,
+            time=time, programmed=programmed, position=position, row=rows, distance=distance
         )
 
 
@@ -295,26 +300,13 @@ def history_length(length: float, period: float) -> int:
 
 @compiled
 def filtered(raw, rows, run, group, lengths, period, history, base, state, out):  # type: ignore[no-untyped-def]
-    """Fill ``out`` with the samples ``raw`` after two moving averages.
+    """Fill ``out`` with the samples ``raw`` after two moving averages, (T, 6) each [m, rad].
 
-    Parameters
-    ----------
-    raw, out : (T, 6) array
-        [m, rad].
-    rows : (T,) array
-        Row of each sample.
-    run, group : (M,) arrays
-        Motion from standstill to standstill that a row belongs to, and its group of filters.
-    lengths : (2, 2) array
-        T1 and T2 [s] by group.
-    period : float
-        Sampling period [s].
-    history : (2, R, 6, 2) array
-        Samples in the filters, R of :func:`history_length`; kept from call to call.
-    base : (2, 6) array
-        Start position of the motion, and the last sample [m, rad]; kept from call to call.
-    state : (2,) array of int64
-        The current motion (-1 before the first sample) and the number of samples; kept.
+    ``rows`` (T,) are those of the samples; ``run`` and ``group`` (M,) the motion from standstill to
+    standstill that a row belongs to, and its group of filters, whose T1 and T2 are ``lengths``
+    (2, 2) [s].  Kept from call to call: ``history`` (2, R, 6, 2), the samples in the filters, R of
+    :func:`history_length`; ``base`` (2, 6), the start of the motion and the last sample [m, rad];
+    ``state`` (2,), the current motion (-1 before the first sample) and the number of samples.
     """
     for n in range(raw.shape[0]):
         row = rows[n]
@@ -360,3 +352,35 @@ def _average(history, stage, i, count, value, length, period):  # type: ignore[n
     # integral over the rest of the cell in which t - T lies
     rest = period * (v_late * part + 0.5 * (v_early - v_late) * part * part)
     return (integral - history[stage, late, i, INTEGRAL] + rest) / length
+
+
+LEAST_SHARE = 0.05
+"""Share of the bound of acceleration that counts as left for braking where less is [1]."""
+
+
+@compiled
+def follow_within(wished, period, speed, acceleration, command):  # type: ignore[no-untyped-def]
+    """Fill a command that keeps its bounds, from rest at the first position that is wished for.
+
+    What is wished for and keeps the bounds itself comes back as it is. ``wished`` and the filled
+    ``command`` are positions (T,) [m] at a ``period`` [s]; ``speed`` and ``acceleration`` are
+    positive bounds [m/s], [m/s^2].
+    """
+    last = wished.shape[0] - 1
+    x, v = wished[0], 0.0
+    command[0] = x
+    for n in range(last):
+        ahead = (wished[n + 1] - wished[n]) / period
+        before = (wished[n] - wished[n - 1]) / period if n > 0 else 0.0
+        change = min(max((ahead - before) / period, -acceleration), acceleration)
+        gap = wished[n] - x
+        left = 0.5 * (acceleration + change if gap > 0.0 else acceleration - change)
+        left = max(left, LEAST_SHARE * acceleration)
+        half = 0.5 * left * period
+        most = sqrt(2.0 * left * abs(gap) + half * half) - half
+        closing = min(abs(gap) / period, most)
+        asked = ahead + (closing if gap > 0.0 else -closing)
+        asked = min(max(asked, v - acceleration * period), v + acceleration * period)
+        v = min(max(asked, -speed), speed)
+        x = x + period * v
+        command[n + 1] = x

@@ -1,32 +1,64 @@
-"""Limits of speed, acceleration and jerk of each row, whatever its feed, in one compiled pass.
+"""Limits of speed, acceleration and jerk of each row, whatever its feed, and of its corners.
 
-The rules of corners stand in :mod:`pipeline.machine.control.corners`.
+At a corner the speed of axis i jumps by v |du_i|, u the derivative of the axes along the path.
+
+Jump: v |du_i| <= dV_i.  On a curve made of chords jump follows on jump, and a drive cannot tell
+them from an acceleration.  So each jump must also be at most a_arc_i times the time of the shorter
+of its two blocks.  That does not depend on the feed when the speed of a block of length L is capped
+by the greater of the speeds that fulfil
+
+    (kappa_i + |du_i| / L) v^2 <= a_arc_i      (the jump fits because v is small enough)
+    kappa_i v^2 + dV_i v / L   <= a_arc_i      (dV_i fits because the block takes long enough)
+
+for both of its corners, kappa_i the curvature of the block itself.  Every jump but one in a window
+of length T is then paid for by a block that lies in the window: the speed of axis i changes by at
+most (a_cut_i + a_arc_i) T + dV_i.
+
+Tolerance: the filtered position is the mean of the programmed one over the kernel of the filters,
+a random time S of zero mean about the delay, variance sigma^2.  From the mean arc length it departs
+by the sum over the corners of |du| G, where G <= v g(x) + a q(x) for a corner that is x away in
+time, g(x) = E (S - x)+ and q(x) = E ((S - x)+)^2 / 2, and by kappa v^2 sigma^2 / 2 on arcs.  With
+r = q(0) / g(0) = sigma^2 / (2 E|S|) >= q / g (the kernel is log-concave) a corner counts as a jump
+of |du| (v + a r).  The rules of jumps with dV = tol / E|S| and a_arc = tol / sigma^2 then keep the
+path within dV E|S| / 2 + a_arc sigma^2 / 2 = tol.
+
+A corner between two lines that each take half of the filters' time T at least has the tolerance to
+itself: dV = 2 tol / E|S|.  For g is convex and vanishes at T / 2, so that two such corners add up
+to g(x) + g(T / 2 - x) <= g(0), and what lies densely behind the next one to 3 / 4 of that.
+
+Near a corner the acceleration counts: where it uses more than half of the corner's tolerance, it is
+lowered in the blocks that the filters can see from the corner, those within half of their time.
+Where it would have to go below 1 / :data:`STEEP`, the corner is passed from standstill to
+standstill.
 """
 
-from math import inf, sqrt
+from math import inf, isfinite, sqrt
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
-from pipeline.gcode.moves import METRE_PER_SECOND, RADIAN, FeedMode, Kind, PathMode
+from pipeline.gcode.moves import METRE, METRE_PER_SECOND, RADIAN, FeedMode, Kind, PathMode
 from pipeline.kernels import compiled
-from pipeline.machine.control.corners import block_speed
 from pipeline.machine.control.geometry import (
     BEGIN,
     CURVATURE,
     FINISH,
     ROTARY,
     STEEPEST,
+    STRAIGHT,
     THIRD,
     shape,
 )
 from pipeline.machine.control.parameters import Limit
-from pipeline.machine.control.path import Binding, Halt, Motion
+from pipeline.machine.control.path import Binding, Codes, Halt, Motion
+from pipeline.schema.arrays import Floats
 
 ROUND_OFF = 1e-9
 """Change of direction that counts as none: positions are rounded to about as much [1]."""
 FRAMES = (10, 6)
 """Shape of the work array: the frame of the row at hand and of the one before it."""
-STOP_ALWAYS, STOP_CHANGE, STOP_NEVER = range(3)
+STOP_ALWAYS, _, STOP_NEVER = range(3)
 """``rapid_stop`` of the control."""
 
 BEFORE = 5
@@ -45,28 +77,53 @@ _BY_AXIS, _BY_ARC, _BY_CURVE = int(Binding.AXIS_SPEED), int(Binding.ARC), int(Bi
 _BY_CORNER, _BY_STOP = int(Binding.CORNER), int(Binding.EXACT_STOP)
 
 
+class Filled(NamedTuple):
+    """Arrays of a :class:`pipeline.machine.control.path.Path` of M rows, filled here."""
+
+    motion: Codes
+    form: Codes
+    length: Floats
+    factor: Floats
+    cap: Floats
+    acceleration: Floats
+    jerk: Floats
+    corner: Floats
+    pause: Floats
+    reason: Codes
+    end_reason: Codes
+    turn: Floats
+    bend: Floats
+    """Change of direction of X, Y, Z at the end of each row that goes on [1], and the curvature
+    [1/m]; empty where no filter rounds a corner within a tolerance."""
+    after: npt.NDArray[np.int32]
+    before: npt.NDArray[np.int32]
+    """The moving rows after and before each moving row, -1 for none, for the rules of tolerance."""
+
+
 @compiled
 def limit(  # type: ignore[no-untyped-def]
     kind, origin, end, centre, angle, plane, feed_mode, path_mode, tolerance, halt,
     limits, most, drain, same_filters, settle, rapid_stop, independent, s_curve, blends,
-    frames, motion, form, length, factor, cap, acceleration, jerk, corner, pause,
-    reason, end_reason, turn, bend,
+    frames, rows,
 ):  # fmt: skip
-    """Fill the arrays of :class:`pipeline.machine.control.path.Path` from ``motion`` on; see there.
+    """Fill ``rows`` by the limits of each row and by the jumps of its corners.
 
     The arguments before ``frames`` are columns of ``Moves`` (``tolerance`` with the control's own
     filled in, infinite for none [mm]), ``halt`` of :class:`pipeline.machine.control.path.Halt`,
     ``ControlParameters.limits``, ``most``, the greatest speed and acceleration of X, Y and Z
     together [m/s], [m/s^2], ``drain``, how long the filters take to run empty in rapids and in
     cutting, shape (2,) [s], and the control's settings.  ``frames`` of shape :data:`FRAMES` is a
-    work array.  ``turn`` and ``bend``, where not empty, take the change of direction of X, Y,
-    Z at the end of each row that goes on [1], and the curvature [1/m].
+    work array.
     """
+    motion, form, length, corner, pause = (
+        rows.motion, rows.form, rows.length, rows.corner, rows.pause
+    )  # fmt: skip
+    end_reason = rows.end_reason
     last = np.int64(-1)  # a literal would have all that follows compiled a second time
     stopping = False
     for k in range(kind.shape[0]):
         motion[k], length[k], corner[k], pause[k] = _STILL, 0.0, 0.0, 0.0
-        reason[k], end_reason[k] = 0, 0
+        rows.reason[k], end_reason[k] = 0, 0
         stopping = stopping or halt[k] == _STOPS
         if _moves(kind[k]):
             form[k], length[k] = shape(kind, origin, end, centre, angle, plane, k, frames)
@@ -74,10 +131,8 @@ def limit(  # type: ignore[no-untyped-def]
             continue
         motion[k] = _motion(kind[k], feed_mode[k], independent)
         group = _group(motion[k])
-        _bound_block(
-            k, group, limits, most, form[k], s_curve, frames, cap, acceleration, jerk, reason
-        )
-        factor[k] = _feed_factor(motion[k], form[k], feed_mode[k], length[k], cap[k])
+        _bound_block(k, group, limits, most, s_curve, frames, rows)
+        rows.factor[k] = _feed_factor(motion[k], form[k], feed_mode[k], length[k], rows.cap[k])
         if last >= 0:
             checked = (
                 stopping
@@ -92,11 +147,11 @@ def limit(  # type: ignore[no-untyped-def]
             else:
                 corner[last], end_reason[last] = inf, _BY_CORNER
                 if not blends:
-                    _join(last, k, limits, frames, length, cap, corner, reason)
-            if turn.shape[0] > 0:
-                turn[last] = 0.0 if standing else _turn(frames)
-        if bend.shape[0] > 0:
-            bend[k] = _bend(frames)
+                    _join(last, k, limits, frames, rows)
+            if rows.turn.shape[0] > 0:
+                rows.turn[last] = 0.0 if standing else _turn(frames)
+        if rows.bend.shape[0] > 0:
+            rows.bend[k] = _bend(frames)
         for row in range(BEFORE):
             for i in range(6):
                 frames[BEFORE + row, i] = frames[row, i]
@@ -138,12 +193,12 @@ def _feed_factor(motion, form, feed_mode, length, cap):  # type: ignore[no-untyp
 
 
 @compiled
-def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleration, jerk, reason):  # type: ignore[no-untyped-def]
+def _bound_block(k, group, limits, most, s_curve, frames, rows):  # type: ignore[no-untyped-def]
     """Limit speed, acceleration and jerk of a block taken alone."""
     speed, a = inf, inf
-    if form != ROTARY:
+    if rows.form[k] != ROTARY:
         speed, a = most[0], most[1]
-    reason[k] = _BY_AXIS
+    rows.reason[k] = _BY_AXIS
     for i in range(6):
         if frames[STEEPEST, i] > 0.0:
             speed = min(speed, limits[_SPEED + group, i] / frames[STEEPEST, i])
@@ -152,10 +207,10 @@ def _bound_block(k, group, limits, most, form, s_curve, frames, cap, acceleratio
         if frames[CURVATURE, i] > 0.0:
             v = sqrt(limits[_ARC_ACCELERATION, i] / frames[CURVATURE, i])
             if v < speed:
-                speed, reason[k] = v, _BY_ARC
-    cap[k], acceleration[k] = speed, a
+                speed, rows.reason[k] = v, _BY_ARC
+    rows.cap[k], rows.acceleration[k] = speed, a
     if s_curve:
-        cap[k], acceleration[k], jerk[k] = _jerk(frames, limits, speed, a)
+        rows.cap[k], rows.acceleration[k], rows.jerk[k] = _jerk(frames, limits, speed, a)
 
 
 @compiled
@@ -202,20 +257,17 @@ def _stands(last, k, motion, form, tolerance, same_filters):  # type: ignore[no-
 
 
 @compiled
-def _join(last, k, limits, frames, length, cap, corner, reason):  # type: ignore[no-untyped-def]
+def _join(last, k, limits, frames, rows):  # type: ignore[no-untyped-def]
     """Speed of the corner and caps of the blocks beside it, by the axes' jumps."""
     for i in range(6):
         change = abs(frames[BEGIN, i] - frames[BEFORE + FINISH, i])
         if change > ROUND_OFF:
             jump, a = limits[_JUMP, i], limits[_ARC_ACCELERATION, i]
-            corner[last] = min(corner[last], jump / change)
-            bend = frames[BEFORE + CURVATURE, i]
-            v = block_speed(bend, change, length[last], a, jump, 0.0)
-            if v < cap[last]:
-                cap[last], reason[last] = v, _BY_CURVE
-            v = block_speed(frames[CURVATURE, i], change, length[k], a, jump, 0.0)
-            if v < cap[k]:
-                cap[k], reason[k] = v, _BY_CURVE
+            rows.corner[last] = min(rows.corner[last], jump / change)
+            for row, frame in ((last, BEFORE + CURVATURE), (k, CURVATURE)):
+                v = block_speed(frames[frame, i], change, rows.length[row], a, jump, 0.0)
+                if v < rows.cap[row]:
+                    rows.cap[row], rows.reason[row] = v, _BY_CURVE
 
 
 @compiled
@@ -234,3 +286,162 @@ def _bend(frames):  # type: ignore[no-untyped-def]
     for i in range(3):
         total += frames[CURVATURE, i] ** 2
     return sqrt(total)
+
+
+STEEP = 8.0
+"""Greatest factor by which the acceleration near a corner is lowered [1]."""
+_BY_TOLERANCE = int(Binding.TOLERANCE)
+
+
+def mean_deviation(filters: Floats) -> Floats:
+    """E|S| of the sum of two uniform times of lengths T1, T2 (last axis) [s].
+
+    >>> mean_deviation(np.array([[0.012, 0.0], [0.012, 0.012]])).tolist()
+    [0.003, 0.004]
+    """
+    long, short = filters.max(axis=-1) / 2, filters.min(axis=-1) / 2
+    with np.errstate(invalid="ignore"):
+        more = np.where(long > 0, short**2 / (6 * long), 0.0)
+    deviation: Floats = long / 2 + more
+    return deviation
+
+
+def variance(filters: Floats) -> Floats:
+    """Variance of the sum of two uniform times of lengths T1, T2 (last axis) [s^2]."""
+    spread: Floats = (filters**2).sum(axis=-1) / 12
+    return spread
+
+
+def rounding(filters: Floats, acceleration: Floats) -> Floats:
+    """Corner limits for one unit of tolerance, (4, N), by T1, T2 of the filters (N, 2) [s].
+
+    Rows are dV / tol [1/s], a / tol [1/s^2], the time r that an acceleration counts for [s], and
+    the greatest ``acceleration`` along the path, (N,) [m/s^2].  Without filters no rule binds.
+    """
+    deviation, spread = mean_deviation(filters), variance(filters)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        reach = np.where(deviation > 0, spread / (2 * deviation), 0.0)
+        table: Floats = np.array([1 / deviation, 1 / spread, reach, acceleration])
+    return table
+
+
+@compiled
+def block_speed(curvature, change, length, acceleration, jump, drift):  # type: ignore[no-untyped-def]
+    """Greatest speed of a block by one of its corners and one axis, see the module [m/s]."""
+    dense = curvature + change / length
+    small = _root(dense, dense * drift, acceleration)
+    long = _root(curvature, curvature * drift + jump / length, acceleration)
+    return max(small, long)
+
+
+@compiled
+def _root(a, b, c):  # type: ignore[no-untyped-def]
+    """Positive v with a v^2 + b v = c, infinite where both vanish."""
+    if a == 0.0 and b == 0.0:
+        return inf
+    return 2.0 * c / (b + sqrt(b * b + 4.0 * a * c))
+
+
+@compiled
+def keep_tolerance(tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
+    """Lower what :func:`limit` has filled; ``allowance`` is of :func:`rounding`."""
+    for k in range(rows.motion.shape[0]):
+        if rows.turn[k] > 0.0 and _rounds(k, tolerance, allowance, rows):
+            _limit_acceleration(k, tolerance, allowance, drain, rows)
+    for k in range(rows.motion.shape[0]):
+        if rows.motion[k] == _STILL or not _rounds(k, tolerance, allowance, rows):
+            continue
+        if rows.bend[k] > 0.0:
+            _limit_arc(k, tolerance, allowance, rows)
+        if rows.turn[k] > 0.0:
+            _limit_corner(k, tolerance, allowance, drain, rows)
+
+
+@compiled
+def _rounds(k, tolerance, allowance, rows):  # type: ignore[no-untyped-def]
+    """Whether the filters round the corner, and a tolerance bounds that."""
+    return isfinite(tolerance[k]) and isfinite(allowance[0, _group(rows.motion[k])])
+
+
+@compiled
+def _is_isolated(k, window, rows):  # type: ignore[no-untyped-def]
+    """Whether no other corner shares the tolerance of that at the end of row k."""
+    return _is_long(k, window, rows) and _is_long(rows.after[k], window, rows)
+
+
+@compiled
+def _is_long(k, window, rows):  # type: ignore[no-untyped-def]
+    return rows.form[k] == STRAIGHT and rows.cap[k] * 0.5 * window <= rows.length[k]
+
+
+@compiled
+def _limit_nearby(k, window, rows, lowered):  # type: ignore[no-untyped-def]
+    """Greatest acceleration within half a window of row k's end, lowered to ``lowered`` at most."""
+    greatest = 0.0
+    row, time = k, 0.0
+    while row >= 0 and time < 0.5 * window:
+        rows.acceleration[row] = min(rows.acceleration[row], lowered)
+        greatest = max(greatest, rows.acceleration[row])
+        time += rows.length[row] / rows.cap[row]
+        row = rows.before[row]
+        if row >= 0 and rows.end_reason[row] == _BY_STOP:
+            break
+    row, time = rows.after[k], 0.0
+    while row >= 0 and time < 0.5 * window:
+        rows.acceleration[row] = min(rows.acceleration[row], lowered)
+        greatest = max(greatest, rows.acceleration[row])
+        time += rows.length[row] / rows.cap[row]
+        if rows.end_reason[row] == _BY_STOP:
+            break
+        row = rows.after[row]
+    return greatest
+
+
+@compiled
+def _limit_acceleration(k, tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
+    """Lower the acceleration about a corner, or stop there."""
+    group = _group(rows.motion[k])
+    window, reach = drain[group], allowance[2, group]
+    jump = allowance[0, group] * tolerance[k] * METRE
+    nearby = _limit_nearby(k, window, rows, allowance[3, group])
+    if _is_isolated(k, window, rows):
+        standing = 2.0 * jump < rows.turn[k] * nearby * reach
+    else:
+        lowered = 0.5 * jump / (rows.turn[k] * reach)
+        standing = STEEP * lowered < nearby
+        if lowered < nearby and not standing:
+            _limit_nearby(k, window, rows, lowered)
+    if standing:
+        rows.corner[k], rows.end_reason[k], rows.pause[k] = 0.0, _BY_STOP, window
+        rows.turn[k] = 0.0
+
+
+@compiled
+def _limit_arc(k, tolerance, allowance, rows):  # type: ignore[no-untyped-def]
+    group = _group(rows.motion[k])
+    allowed = allowance[1, group] * tolerance[k] * METRE
+    drift = allowance[2, group] * allowance[3, group]
+    v = block_speed(rows.bend[k], 0.0, 1.0, allowed, 0.0, drift)
+    if v < rows.cap[k]:
+        rows.cap[k], rows.reason[k] = v, _BY_TOLERANCE
+
+
+@compiled
+def _limit_corner(k, tolerance, allowance, drain, rows):  # type: ignore[no-untyped-def]
+    group = _group(rows.motion[k])
+    window, reach, most = drain[group], allowance[2, group], allowance[3, group]
+    jump = allowance[0, group] * tolerance[k] * METRE
+    allowed = allowance[1, group] * tolerance[k] * METRE
+    nearby = _limit_nearby(k, window, rows, most)
+    alone = _is_isolated(k, window, rows)
+    v = (2.0 * jump if alone else jump) / rows.turn[k] - nearby * reach
+    if v < rows.corner[k]:
+        rows.corner[k], rows.end_reason[k] = max(v, 0.0), _BY_TOLERANCE
+    if alone:
+        return
+    for row in (np.int64(k), np.int64(rows.after[k])):
+        # an arc counts with the greatest acceleration there is
+        drift = reach * (most if rows.bend[row] > 0.0 else nearby)
+        v = block_speed(rows.bend[row], rows.turn[k], rows.length[row], allowed, jump, drift)
+        if v < rows.cap[row]:
+            rows.cap[row], rows.reason[row] = v, _BY_TOLERANCE

@@ -5,7 +5,7 @@ minute of rotary axes); the properties give them in SI, as the planner works.
 
 After interpolation the command of each axis runs through two moving averages of lengths T1 and T2.
 With a speed jump of at most dV at a corner, the jumps of dense corners spread so that they average
-to at most a_arc (see :mod:`pipeline.machine.control.corners`) and a tangential acceleration of at
+to at most a_arc (see :mod:`pipeline.machine.control.limits`) and a tangential acceleration of at
 most a_cut, the filtered acceleration of an axis is at most a_cut + a_arc + dV / max(T1, T2) and its
 jerk at most twice that over min(T1, T2).
 """

@@ -5,6 +5,9 @@ gives the times for any feeds, spindle speeds and overrides.
 
     path = limited_path(moves, control)
     plan(path).total
+
+Interpolated rows follow the look-ahead, by trapezoids or with bounded jerk; rapids whose axes each
+go as fast as they can (the dog-leg) have closed forms.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,13 +17,12 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import ArrayLike
 
-from pipeline.gcode.moves import AXES, Kind, Moves
+from pipeline.gcode.moves import AXES, METRE, RADIAN, Kind, Moves
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.parameters import ControlParameters, Limit
-from pipeline.machine.control.path import Path, where
-from pipeline.machine.control.row_motion import RowMotion, row_motion
+from pipeline.machine.control.path import Motion, Path, Segments, where
 from pipeline.machine.spindle import halts
-from pipeline.schema.arrays import Bools, Floats
+from pipeline.schema.arrays import Bools, Floats, Rows
 
 _STOPS = ("always", "change", "never")
 
@@ -30,8 +32,7 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
 
     ValueError when a position is not finite, or an axis moves that the control does not have.
     """
-    from pipeline.machine.control.corners import keep_tolerance
-    from pipeline.machine.control.limits import FRAMES, limit
+    from pipeline.machine.control.limits import FRAMES, Filled, keep_tolerance, limit
 
     _check_positions(moves, control)
     s_curve = control.profile == "s_curve"
@@ -40,24 +41,25 @@ def limited_path(moves: Moves, control: ControlParameters) -> Path:
     filters = control.filters
     rounds = bool(np.isfinite(tolerance).any() and filters.any())
     turn, bend = np.zeros((2, len(moves) if rounds else 0))
+    none = np.zeros(0, np.int32)
+    rows = Filled(
+        path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
+        path.corner, path.pause, path.reason, path.end_reason, turn, bend, none, none,
+    )  # fmt: skip
     limit(
         moves.kind, moves.origin, moves.end, moves.centre, moves.angle, moves.plane,
         moves.feed_mode, moves.path_mode, tolerance, halts(moves, control.auxiliary),
         control.limits, control.path_limits, filters.sum(axis=1),
-        bool((filters[0] == filters[1]).all()),
-        control.settle_time, _STOPS.index(control.rapid_stop),
-        control.rapid_mode == "independent", s_curve, control.corner == "blend", np.zeros(FRAMES),
-        path.motion, path.form, path.length, path.factor, path.cap, path.acceleration, path.jerk,
-        path.corner, path.pause, path.reason, path.end_reason, turn, bend,
+        bool((filters[0] == filters[1]).all()), control.settle_time,
+        _STOPS.index(control.rapid_stop), control.rapid_mode == "independent", s_curve,
+        control.corner == "blend", np.zeros(FRAMES), rows,
     )  # fmt: skip
     if control.corner == "blend":
         return _blended(path)
     if rounds:
-        keep_tolerance(
-            tolerance, _rounding(control), filters.sum(axis=1), path.form, path.length, turn, bend,
-            *_neighbours(path.moving), path.motion, path.cap, path.acceleration, path.corner,
-            path.pause, path.reason, path.end_reason,
-        )  # fmt: skip
+        after, before = _neighbours(path.moving)
+        rows = rows._replace(after=after, before=before)
+        keep_tolerance(tolerance, _rounding(control), filters.sum(axis=1), rows)
     return path
 
 
@@ -102,7 +104,7 @@ def _tolerance(moves: Moves, control: ControlParameters) -> Floats:
 
 
 def _rounding(control: ControlParameters) -> Floats:
-    from pipeline.machine.control.corners import rounding
+    from pipeline.machine.control.limits import rounding
 
     rows = [Limit.RAPID_ACCELERATION, Limit.CUTTING_ACCELERATION]
     linear = control.limits[rows, :3]
@@ -134,6 +136,194 @@ def _check_positions(moves: Moves, control: ControlParameters) -> None:
                 f"{where(moves, int(np.argmax(moved)))}: axis {letter} moves, the control has "
                 f"{''.join(control.axes)}: add axes.{letter} to its parameters"
             )
+
+
+UNITS = np.array([METRE] * 3 + [RADIAN] * 3)
+"""Factors of the axes' positions to SI."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowMotion:
+    """Speeds and times of M rows."""
+
+    v_out: Floats = field(repr=False)
+    v_peak: Floats = field(repr=False)
+    """Speed along the path at the end of a row, and greatest in it [m/s]."""
+    time: Floats = field(repr=False)
+    """Duration of the row's motion [s]."""
+    profile: npt.NDArray[np.int32] = field(
+        default_factory=lambda: np.zeros(0, np.int32), repr=False
+    )
+    """Profile of an S-curve: the row in ``profiles`` that a row belongs to, -1 where it does not
+    move; empty of a trapezoid, whose rows are each a profile."""
+    profiles: Floats = field(default_factory=lambda: np.zeros((0, 6)), repr=False)
+    """Speeds at both ends and on top [m/s], length [m], acceleration [m/s^2], jerk [m/s^3]."""
+
+
+def row_motion(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    """Motion under one individual's commands, both of shape (1, M)."""
+    if path.segments is not None:
+        return _blended_rows(path, path.segments, feed, spindle)
+    if path.control.profile == "s_curve":
+        motion = _jerk_limited(path, feed, spindle)
+    else:
+        motion = _trapezoids(path, feed, spindle)
+    _add_independent(path, feed, motion.time[np.newaxis])
+    return motion
+
+
+def motion_times(path: Path, feed: Floats, spindle: Floats) -> Floats:
+    """Duration of the rows' motion [s]; shape (P, M), from commands (P, M) and (1 or P, M)."""
+    if path.control.profile == "s_curve" or path.segments is not None:
+        own = np.broadcast_to(spindle, feed.shape)
+        rows = [row_motion(path, feed[[p]], own[[p]]).time for p in range(len(feed))]
+        return np.array(rows).reshape(feed.shape)
+    from pipeline.machine.control.look_ahead import plan_population
+
+    time = np.zeros(feed.shape)
+    speeds = np.zeros((2, len(path)))
+    plan_population(
+        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
+        feed, spindle, speeds[0], speeds[1], time,
+    )  # fmt: skip
+    _add_independent(path, feed, time)
+    return time
+
+
+def _trapezoids(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    from pipeline.machine.control.look_ahead import plan_rows
+
+    v_out, v_peak, time = (np.zeros(len(path)) for _ in range(3))
+    plan_rows(
+        path.motion, path.length, path.factor, path.cap, path.acceleration, path.corner,
+        feed, spindle, 0, v_out, v_peak, time,
+    )  # fmt: skip
+    return RowMotion(v_out=v_out, v_peak=v_peak, time=time)
+
+
+def _jerk_limited(path: Path, feed: Floats, spindle: Floats) -> RowMotion:
+    from pipeline.machine.control.look_ahead import COLUMNS, plan_profiles
+
+    rows = np.flatnonzero(path.moving & (path.motion != Motion.INDEPENDENT))
+    speed = _commanded(path, rows, feed, spindle)
+    v_out, v_peak, time = (np.zeros(len(rows)) for _ in range(3))
+    profile = np.zeros(len(rows), np.int32)
+    profiles = np.zeros((len(rows), COLUMNS))
+    plan_profiles(
+        path.length[rows], np.minimum(speed, path.cap[rows]), path.acceleration[rows],
+        path.jerk[rows], path.corner[rows], np.zeros(len(rows), np.uint8),
+        v_out, v_peak, time, profile, profiles,
+    )  # fmt: skip
+    first, of = np.unique(profile, return_inverse=True)
+    return RowMotion(
+        v_out=_carried(len(path), rows, v_out),
+        v_peak=_placed(len(path), rows, v_peak, 0.0),
+        time=_placed(len(path), rows, time, 0.0),
+        profile=_placed(len(path), rows, of.astype(np.int32), -1),
+        profiles=np.ascontiguousarray(profiles[first, :6]),
+    )
+
+
+def _commanded(path: Path, rows: Rows, feed: Floats, spindle: Floats) -> Floats:
+    """Speed along the path that is commanded in rows [m/s]."""
+    turning = np.where(path.motion[rows] == Motion.PER_TURN, spindle[0, rows], 1.0)
+    speed: Floats = feed[0, rows] * path.factor[rows] * turning
+    return speed
+
+
+def _blended_rows(path: Path, segments: Segments, feed: Floats, spindle: Floats) -> RowMotion:
+    """Row motion by segments with blends; a row takes its share of the segment's length."""
+    from pipeline.machine.control.blends import OVERLAP, plan_segments
+
+    control, last = path.control, segments.last
+    v_out, v_peak, time = np.zeros((3, len(last)))
+    plan_segments(
+        segments.table, _commanded(path, last, feed, spindle), path.cap[last],
+        path.motion[last] != Motion.RAPID,
+        control.interpolation_period, control.blend.arcs, control.blend.arc_share,
+        control.blend.kink_ratio, control.blend.feed_scale,
+        np.zeros((OVERLAP + 1, 2 * len(last))), v_out, v_peak, time,
+    )  # fmt: skip
+    rows = np.flatnonzero(path.moving)
+    of = np.searchsorted(segments.last, rows)
+    sizes = np.bincount(of, path.length[rows])[of]
+    return RowMotion(
+        v_out=_carried(len(path), rows, np.where(rows == last[of], v_out[of], v_peak[of])),
+        v_peak=_placed(len(path), rows, v_peak[of], 0.0),
+        time=_placed(len(path), rows, time[of] * path.length[rows] / sizes, 0.0),
+    )
+
+
+def _placed(many: int, rows: Rows, values: np.ndarray, other: float) -> np.ndarray:
+    placed = np.full(many, other, values.dtype)
+    placed[rows] = values
+    return placed
+
+
+def _carried(many: int, rows: Rows, speed: Floats) -> Floats:
+    """Speed at the end of each row; what does not move keeps that of the row before."""
+    last = np.searchsorted(rows, np.arange(many), side="right") - 1
+    padded: Floats = np.concatenate([[0.0], speed])[last + 1]
+    return padded
+
+
+def _add_independent(path: Path, feed: Floats, time: Floats) -> None:
+    rows = np.flatnonzero(path.motion == Motion.INDEPENDENT)
+    if len(rows):
+        time[:, rows] = independent_time(path, rows, feed[:, rows])
+
+
+def distances(path: Path, rows: Rows) -> Floats:
+    """Signed distance of each axis in rows [m, rad]; shape (N, 6)."""
+    start = np.where((rows > 0)[:, np.newaxis], path.moves.end[rows - 1], path.moves.origin)
+    distance: Floats = (path.moves.end[rows] - start) * UNITS
+    return distance
+
+
+def independent_time(path: Path, rows: Rows, share: Floats) -> Floats:
+    """Time of the slowest axis in ``rows`` (N,), from standstill to standstill [s]; shape (P, N).
+
+    ``share`` (P, N) is the override of the speeds [1].
+    """
+    here = path.control.has_axis
+    size = np.abs(distances(path, rows))[:, here]
+    limits = path.control.limits[:, here]
+    speed = limits[Limit.RAPID_SPEED] * share[..., np.newaxis]
+    jerk = limits[Limit.JERK] if path.control.profile == "s_curve" else np.inf
+    time: Floats = rest_to_rest(size, speed, limits[Limit.RAPID_ACCELERATION], jerk).max(axis=-1)
+    return time
+
+
+def ramp_time(change: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike) -> Floats:
+    """Time to change the speed by ``change``, without acceleration before and after [s].
+
+    >>> ramp_time([0.1, 1.0], 2.0, 20.0).round(4).tolist()
+    [0.1414, 0.6]
+    """
+    v, a, j = np.abs(np.asarray(change, float)), np.asarray(acceleration), np.asarray(jerk)
+    time: Floats = np.where(v <= a * a / j, 2 * np.sqrt(v / j), v / a + a / j)
+    return time
+
+
+def rest_to_rest(
+    distance: ArrayLike, speed: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike = np.inf
+) -> Floats:
+    """Shortest time from standstill to standstill [s]; an infinite jerk makes a trapezoid.
+
+    Distance [m] at least 0; speed [m/s], acceleration [m/s^2] and jerk [m/s^3] positive, broadcast.
+
+    >>> rest_to_rest([0.01, 1.0], 0.5, 2.0).round(4).tolist()
+    [0.1414, 2.25]
+    """
+    d, v, a, j = (np.asarray(value, float) for value in (distance, speed, acceleration, jerk))
+    # the greatest speed that both ramps fit in: v ramp_time(v) = d
+    by_jerk = np.cbrt((d / 2) ** 2 * np.where(np.isfinite(j), j, 0.0))
+    blunt = a * a / j
+    by_acceleration = (np.sqrt(blunt * blunt + 4 * d * a) - blunt) / 2
+    top = np.minimum(v, np.where(by_jerk < blunt, by_jerk, by_acceleration))
+    ramp = ramp_time(top, a, j)
+    time: Floats = 2 * ramp + (d - top * ramp) / np.where(top > 0, top, 1.0)
+    return time
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
 from pipeline.machine.control.path import Motion
-from pipeline.machine.control.row_motion import motion_times
+from pipeline.machine.control.planner import motion_times
 from pipeline.optimisation.problem.arrays import (
     AS_PROGRAMMED,
     CONSTRAINTS,

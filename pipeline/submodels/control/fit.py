@@ -86,49 +86,74 @@ class Left:
     """Inverse half width from the residuals, all others given; on the scale of the search."""
 
 
-def optimum(
-    residuals: Residuals, free: Sequence[FreeParameter], values: Floats, active: Bools,
-    scale_s: float, settings: ControlFitSettings,
-) -> Optimum:  # fmt: skip
-    """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """N segments of runs, and the D parameters that explain their durations."""
 
-    A weak pull towards where the search began decides what the residuals leave open; it has no part
-    in the Jacobian and the residuals that are returned.  ``residuals`` gives those, shape (N,) [s],
-    of all parameters, shape (D,), in their units; above ``scale_s`` [s] they count linearly.
-    """
-    from scipy.optimize import least_squares
+    residuals: Residuals
+    """Measured less planned durations [s], (N,), of all parameters, (D,), in their units."""
+    free: Sequence[FreeParameter]
+    """The parameters."""
+    fitted: Bools
+    """Whether each is fitted to the durations; shape (D,)."""
+    unit: NDArray[np.str_]
+    blocks: NDArray[np.int64]
+    """Unit and cluster of each segment; shape (N,)."""
+    settings: ControlFitSettings
 
-    fitted = [one for one, used in zip(free, active, strict=True) if used]
-    low, high = np.array([one.bounds for one in fitted]).T
-    begin = np.clip([one.coordinate(one.start) for one in fitted], low, high)
-    pull = np.array([1.0 if one.log_scale else 1 / settings.loose_s for one in fitted])
+    def optimum(self, values: Floats, active: Bools, scale_s: float) -> Optimum:
+        """Least squares (soft L1) of the ``active`` parameters; the others stay as in ``values``.
 
-    def full(x: Floats) -> Floats:
-        out = values.copy()
-        out[active] = [one.value(v) for one, v in zip(fitted, x.tolist(), strict=True)]
-        return out
+        A weak pull towards where the search began decides what the residuals leave open; it has no
+        part in the Jacobian and the residuals that are returned.  Residuals above ``scale_s`` [s]
+        count linearly.
+        """
+        from scipy.optimize import least_squares
 
-    def scaled(x: Floats) -> Floats:
-        return residuals(full(x)) / scale_s
+        settings = self.settings
+        fitted = [one for one, used in zip(self.free, active, strict=True) if used]
+        low, high = np.array([one.bounds for one in fitted]).T
+        begin = np.clip([one.coordinate(one.start) for one in fitted], low, high)
+        pull = np.array([1.0 if one.log_scale else 1 / settings.loose_s for one in fitted])
 
-    def jacobian(x: Floats) -> Floats:
-        return _differences(scaled, x, low, high, settings.step)
+        def full(x: Floats) -> Floats:
+            out = values.copy()
+            out[active] = [one.value(v) for one, v in zip(fitted, x.tolist(), strict=True)]
+            return out
 
-    def pulled(x: Floats) -> Floats:
-        return np.concatenate([scaled(x), pull * (x - begin)])
+        def scaled(x: Floats) -> Floats:
+            return self.residuals(full(x)) / scale_s
 
-    def pulled_jacobian(x: Floats) -> Floats:
-        return np.vstack([jacobian(x), np.diag(pull)])
+        def jacobian(x: Floats) -> Floats:
+            return _differences(scaled, x, low, high, settings.step)
 
-    x = [one.coordinate(v) for one, v in zip(fitted, values[active].tolist(), strict=True)]
-    found = least_squares(
-        pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
-        max_nfev=settings.evaluations, ftol=TOLERANCE, xtol=TOLERANCE,
-    ).x  # fmt: skip
-    left = scaled(found)
-    by_all = np.zeros((len(left), len(free)))
-    by_all[:, active] = jacobian(found)
-    return Optimum(values=full(found), jacobian=by_all, residuals=left)
+        def pulled(x: Floats) -> Floats:
+            return np.concatenate([scaled(x), pull * (x - begin)])
+
+        def pulled_jacobian(x: Floats) -> Floats:
+            return np.vstack([jacobian(x), np.diag(pull)])
+
+        x = [one.coordinate(v) for one, v in zip(fitted, values[active].tolist(), strict=True)]
+        found = least_squares(
+            pulled, np.clip(x, low, high), jac=pulled_jacobian, bounds=(low, high), loss="soft_l1",
+            max_nfev=settings.evaluations, ftol=TOLERANCE, xtol=TOLERANCE,
+        ).x  # fmt: skip
+        left = scaled(found)
+        by_all = np.zeros((len(left), len(self.free)))
+        by_all[:, active] = jacobian(found)
+        return Optimum(values=full(found), jacobian=by_all, residuals=left)
+
+    def uncertainty(self, found: Optimum, jacobian: Floats) -> Uncertainty:
+        """Uncertainty by a ``jacobian`` (N, S), on the scale of the search, residuals weighted."""
+        jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
+        uncertainty = uncertainty_of(jacobian, residuals, self.blocks)
+        noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
+        half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
+        return replace(uncertainty, half_width=half_width)
+
+    def reach(self, one: FreeParameter, value: float) -> float:
+        """Reference of a width on the scale of the search [1, s]."""
+        return 1.0 if one.log_scale else max(abs(value), 2 * self.settings.scales_s[-1])
 
 
 def _differences(function: Residuals, x: Floats, low: Floats, high: Floats, step: float) -> Floats:
@@ -226,89 +251,84 @@ def _identified(
     """Control, with a value by unit of those parameters that ``near`` holds apart."""
     units = sorted({one.unit for one in observed})
     free = free_parameters(start, units, near.apart if near is not None else ())
+    rates = _rates(observed, free, units)
+    fitted = ~np.isin(np.arange(len(free)), list(rates))
+    begin = np.array([one.start for one in free])
+    likely, left, differ = fitted, Left(values=begin, felt=np.zeros(len(free))), frozenset[str]()
+    if near is not None:
+        before = {one.name: k for k, one in enumerate(near.free)}
+        place = [before.get(one.name, before.get(one.shared, -1)) for one in free]
+        begin, likely = near.values[place], fitted & near.determined[place]
+        left = Left(values=near.left.values[place], felt=near.left.felt[place])
+        settings, differ = replace(settings, scales_s=settings.scales_s[-1:]), near.differ
+    begin[list(rates)] = [rate.value for rate in rates.values()]
+    own = {unit: np.array([not one.units or unit in one.units for one in free]) for unit in units}
+    problem = Problem(
+        residuals=_residuals(observed, start, free, own), free=free, fitted=fitted,
+        unit=np.repeat([one.unit for one in observed], [len(one.measured) for one in observed]),
+        blocks=clusters(observed), settings=settings,
+    )  # fmt: skip
+    for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
+        found = problem.optimum(begin, likely, scale)
+        begin = found.values
+    differ |= _apart(problem, found, likely, unfelt=False)
+    found, active, left = _determined(problem, found, likely, left, differ)
+    if not active.any():
+        raise ValueError(
+            f"{len(found.residuals)} stretches of {len(observed)} runs determine no parameter of "
+            "the control: log more runs of programs"
+        )
+    differ |= _apart(problem, found, active, unfelt=False)
+    names = differ | _apart(problem, found, active, unfelt=True)
+    uncertainty = problem.uncertainty(found, found.jacobian[:, active])
+    _, half_width = _kept(problem, found.values, active, left)
+    ends = _ends(free, found.values, half_width)
+    low, high = _intervals(free, found, rates, active, uncertainty)
+    usual = found.residuals[np.abs(found.residuals) < 10]
+    return ControlFit(
+        free=tuple(free), values=found.values, low=low, high=high, determined=active | ~fitted,
+        from_speeds=~fitted, differ=differ, left=left, uncertainty=uncertainty,
+        control={unit: control_of(start, free, found.values, unit) for unit in units},
+        ends={u: (control_of(start, free, ends[0], u), control_of(start, free, ends[1], u))
+              for u in units if half_width[own[u]].any()},
+        apart=frozenset({name.partition("@")[0] for name in names}
+                        | {one.shared for one in free if one.units}),
+        rmse_s=float(np.sqrt(np.mean(usual**2))) * settings.scales_s[-1] if len(usual) else np.nan,
+        segments=len(found.residuals),
+    )  # fmt: skip
+
+
+def _residuals(
+    observed: Sequence[Observed], start: ControlParameters, free: Sequence[FreeParameter],
+    own: dict[str, Bools],
+) -> Residuals:  # fmt: skip
+    """Residuals of all segments, by ``own``, the parameters (D,) that hold for each unit."""
     measured = np.concatenate([one.measured for one in observed])
 
-    own = {unit: np.array([not one.units or unit in one.units for one in free]) for unit in units}
-
-    @lru_cache(maxsize=4 * len(units))  # a step in a parameter of one unit leaves the others' times
+    @lru_cache(maxsize=4 * len(own))  # a step in a parameter of one unit leaves the others' times
     def durations(unit: str, values: tuple[float, ...]) -> list[Floats]:
         control = control_of(start, free, np.array(values), unit)
         return [planned(one, control) for one in observed if one.unit == unit]
 
     def residuals(values: Floats) -> Floats:
         each = {
-            unit: iter(durations(unit, tuple(np.where(own[unit], values, 0.0).tolist())))
-            for unit in units
+            unit: iter(durations(unit, tuple(np.where(holds, values, 0.0).tolist())))
+            for unit, holds in own.items()
         }
         return measured - np.concatenate([next(each[one.unit]) for one in observed])
 
-    rates = _rates(observed, free, units)
-    fitted = ~np.isin(np.arange(len(free)), list(rates))
-    begin = np.array([one.start for one in free])
-    likely, left = fitted, Left(values=begin, felt=np.zeros(len(free)))
-    if near is not None:
-        before = {one.name: k for k, one in enumerate(near.free)}
-        place = [before.get(one.name, before.get(one.shared, -1)) for one in free]
-        begin, likely = near.values[place], fitted & near.determined[place]
-        left = Left(values=near.left.values[place], felt=near.left.felt[place])
-        settings = replace(settings, scales_s=settings.scales_s[-1:])
-    begin[list(rates)] = [rate.value for rate in rates.values()]
-    for scale in settings.scales_s:  # waits that the start explains badly must not count as strange
-        found = optimum(residuals, free, begin, likely, scale, settings)
-        begin = found.values
-    blocks = clusters(observed)
-    unit = np.repeat([one.unit for one in observed], [len(one.measured) for one in observed])
-    differ = near.differ if near is not None else frozenset()
-    differ |= _apart(free, found, likely, blocks, unit, settings, unfelt=False)
-    found, active, left = _determined(
-        residuals, free, found, fitted, likely, left, differ=differ, blocks=blocks,
-        settings=settings,
-    )  # fmt: skip
-    if not active.any():
-        raise ValueError(
-            f"{len(measured)} stretches of {len(observed)} runs determine no parameter of the "
-            "control: log more runs of programs"
-        )
-    differ |= _apart(free, found, active, blocks, unit, settings, unfelt=False)
-    names = differ | _apart(free, found, active, blocks, unit, settings, unfelt=True)
-    apart = frozenset(name.partition("@")[0] for name in names)
-    uncertainty = _uncertainty(found, found.jacobian[:, active], blocks)
-    _, half_width = _kept(free, found.values, active, fitted, left, settings)
-    slow, fast = _ends(free, found.values, half_width)
-    low, high = _intervals(free, found, rates, active, uncertainty)
-    usual = found.residuals[np.abs(found.residuals) < 10]
-    return ControlFit(
-        free=tuple(free),
-        values=found.values,
-        low=low,
-        high=high,
-        determined=active | ~fitted,
-        from_speeds=~fitted,
-        control={unit: control_of(start, free, found.values, unit) for unit in units},
-        ends={
-            u: (control_of(start, free, slow, u), control_of(start, free, fast, u))
-            for u in units
-            if half_width[own[u]].any()
-        },
-        apart=apart | {one.shared for one in free if one.units},
-        differ=differ,
-        left=left,
-        uncertainty=uncertainty,
-        rmse_s=float(np.sqrt(np.mean(usual**2))) * settings.scales_s[-1] if len(usual) else np.nan,
-        segments=len(found.residuals),
-    )
+    return residuals
 
 
 def _determined(
-    residuals: Residuals, free: Sequence[FreeParameter], found: Optimum, fitted: Bools,
-    active: Bools, left: Left, *, differ: frozenset[str], blocks: NDArray[np.int64],
-    settings: ControlFitSettings,
-) -> tuple[Optimum, Bools, Left]:  # fmt: skip
+    problem: Problem, found: Optimum, active: Bools, left: Left, differ: frozenset[str]
+) -> tuple[Optimum, Bools, Left]:
     """The optimum near ``found``, which parameters the logs determine, what they leave."""
+    free = problem.free
     # what machines of a kind have in common the other units know better than a few stray stretches
     lent = np.array([bool(one.units) and one.key not in BY_UNIT for one in free])
     lent &= [one.name not in differ for one in free]
-    while (loose := _loosest(free, found, active, blocks, settings)).any():
+    while (loose := _loosest(problem, found, active)).any():
         active = active & ~loose
         felt = np.linalg.norm(found.jacobian * found.weight[:, None], axis=0) / 2
         felt = np.where([one.name in differ for one in free], np.maximum(felt, 1.0), felt)
@@ -316,22 +336,20 @@ def _determined(
         left = Left(
             values=np.where(loose, found.values, left.values), felt=np.where(loose, felt, left.felt)
         )
-        values, _ = _kept(free, found.values, active, fitted, left, settings)
+        values, _ = _kept(problem, found.values, active, left)
         if not active.any():
             break
-        found = optimum(residuals, free, values, active, settings.scales_s[-1], settings)
+        found = problem.optimum(values, active, problem.settings.scales_s[-1])
     return found, active, left
 
 
-def _kept(
-    free: Sequence[FreeParameter], values: Floats, active: Bools, fitted: Bools, left: Left,
-    settings: ControlFitSettings,
-) -> tuple[Floats, Floats]:  # fmt: skip
+def _kept(problem: Problem, values: Floats, active: Bools, left: Left) -> tuple[Floats, Floats]:
     """Values with those that are not determined where they are expected, and half their intervals.
 
     That is the mean of where the search left them and of what is expected of their kind, each by
     its interval, and inside of the latter; half widths on the scale of the search, shape (D,).
     """
+    free, fitted, settings = problem.free, problem.fitted, problem.settings
     out, half_width = values.copy(), np.zeros(len(free))
     centre, usual = expected(free, values, active | ~fitted)
     for i in np.flatnonzero(fitted & ~active).tolist():
@@ -368,21 +386,19 @@ STEPS = 3
 """Times that the residuals are weighted anew on the way to the units' own parameters [1]."""
 
 
-def _apart(
-    free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
-    unit: NDArray[np.str_], settings: ControlFitSettings, *, unfelt: bool,
-) -> frozenset[str]:  # fmt: skip
+def _apart(problem: Problem, found: Optimum, active: Bools, *, unfelt: bool) -> frozenset[str]:
     """Names of shared parameters in units that differ, and where ``unfelt`` that excite them alone.
 
     What a parameter of one unit alone does is that part of the Jacobian that belongs to its
     residuals; how far the unit departs from the others is a step from the common optimum.
     """
     apart, names, contrasts = set(), [], []
-    many = min(len(np.unique(blocks[unit == one])) for one in np.unique(unit))
+    free, unit = problem.free, problem.unit
+    many = min(len(np.unique(problem.blocks[unit == one])) for one in np.unique(unit))
     for i in np.flatnonzero(active).tolist():
         if free[i].units:
             continue
-        widest = settings.widest * _reach(free[i], found.values[i], settings)
+        widest = problem.settings.widest * problem.reach(free[i], found.values[i])
         parts = {one: found.jacobian[:, i] * (unit == one) for one in np.unique(unit).tolist()}
         excited = [one for one in parts if widest * np.linalg.norm(parts[one]) >= 2]
         own = [f"{free[i].shared}@{one}" for one in excited]
@@ -396,7 +412,7 @@ def _apart(
             w = after.weight
             step = np.linalg.lstsq(jacobian * w[:, None], -found.residuals * w, rcond=None)[0]
             after = replace(found, residuals=found.residuals + jacobian @ step)
-        half_width = _uncertainty(after, jacobian, blocks).half_width
+        half_width = problem.uncertainty(after, jacobian).half_width
         for own, away, half in zip(names, np.abs(step), half_width, strict=False):
             if away > APART * half:
                 apart.update(own)
@@ -416,27 +432,7 @@ def _rates(
     }
 
 
-def _uncertainty(found: Optimum, jacobian: Floats, blocks: NDArray[np.int64]) -> Uncertainty:
-    """Uncertainty of the optimum on the scale of the search, residuals weighted as in the loss.
-
-    ``jacobian`` (N, S) by the unknowns, ``blocks`` (N,) the clusters.
-    """
-    jacobian, residuals = jacobian * found.weight[:, None], found.residuals * found.weight
-    uncertainty = uncertainty_of(jacobian, residuals, blocks)
-    noise = 1.4826 * float(np.median(np.abs(found.residuals)))  # outliers have no part in it
-    half_width = np.maximum(uncertainty.half_width, textbook_half_width(jacobian, noise))
-    return replace(uncertainty, half_width=half_width)
-
-
-def _reach(one: FreeParameter, value: float, settings: ControlFitSettings) -> float:
-    """Reference of a width on the scale of the search [1, s]."""
-    return 1.0 if one.log_scale else max(abs(value), 2 * settings.scales_s[-1])
-
-
-def _loosest(
-    free: Sequence[FreeParameter], found: Optimum, active: Bools, blocks: NDArray[np.int64],
-    settings: ControlFitSettings,
-) -> Bools:  # fmt: skip
+def _loosest(problem: Problem, found: Optimum, active: Bools) -> Bools:
     """Active parameters that the logs do not determine: those without effect, else the loosest one.
 
     With no more clusters than parameters there is no interval; then the one of least effect goes.
@@ -444,19 +440,19 @@ def _loosest(
     if not active.any():
         return active
     jacobian = found.jacobian[:, active]
-    half_width = _uncertainty(found, jacobian, blocks).half_width
+    half_width = problem.uncertainty(found, jacobian).half_width
     felt = np.linalg.norm(jacobian, axis=0)
     # half width if all others were known, which clustered residuals may call narrower
     alone = np.divide(2.0, felt, out=np.full(len(felt), np.inf), where=felt > 0)
     enough = bool(np.isfinite(half_width).all())
-    width = np.zeros(len(free))
+    width = np.zeros(len(problem.free))
     width[active] = np.maximum(half_width, alone) if enough else alone
-    for i, one in enumerate(free):
+    for i, one in enumerate(problem.free):
         value = float(found.values[i])
-        width[i] /= _reach(one, value, settings)
+        width[i] /= problem.reach(one, value)
         if one.log_scale and active[i] and not one.low * 1.001 < value < one.high * 0.999:
             width[i] = np.inf
-    widest = settings.widest if enough else 0.0
+    widest = problem.settings.widest if enough else 0.0
     loose: Bools = active & (width > widest) & (width >= width.max(initial=0.0))
     return loose
 

@@ -6,7 +6,7 @@ from pipeline.charts.submodel_page import Counting, PageContent, made_from
 from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.schema.verdict import Score
 from pipeline.submodels.contract import Shown
-from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
+from pipeline.submodels.control.segments import NAIVE, OVERRIDE_ONLY, TIME
 from pipeline.twin.control import WHOLE, ControlModelFile
 
 MEANINGS = {

@@ -13,8 +13,7 @@ from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.schema.arrays import Bools
-from pipeline.submodels.control.overrides import steady_ratios
-from pipeline.submodels.control.runs import Run, Series, read_runs
+from pipeline.submodels.control.runs import Run, Series, read_runs, steady_ratios
 from pipeline.twin.control import ControlRecords, program_moves
 from pipeline.twin.preflight import path_feed
 

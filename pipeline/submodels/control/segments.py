@@ -7,19 +7,24 @@ import numpy as np
 
 from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.submodels.control.overrides import (
+from pipeline.submodels.control.runs import (
     STEADY,
     Operator,
+    Run,
     lines_at,
     operator_of,
     plateau,
     steady,
+    stopped_within,
 )
-from pipeline.submodels.control.runs import Run, stopped_within
 from pipeline.twin.control import Overrides
 from pipeline.twin.simulation import TYPES, type_of
 
 WAITS = (Kind.TOOL_CHANGE, Kind.SPINDLE, Kind.STOP, Kind.M_CODE, Kind.DWELL, Kind.END)
+TIME = "run time"
+"""Quantity: time of a whole run, or of its rows of one type, without the operator's stops [s]."""
+NAIVE, OVERRIDE_ONLY = "path over programmed feed", "recorded override only"
+"""Baselines: no acceleration or waiting; overrides as recorded, feeds not read from speeds."""
 TOGETHER = 8
 """Segments in a cluster."""
 

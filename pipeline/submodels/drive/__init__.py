@@ -2,8 +2,9 @@
 
 An axis is one mass on a screw, M a + F_f(v) + F_g = k A, under a cascade of position and velocity
 loop (Sim2023); positions in metres at the encoder, forces in newtons at the carriage, or in the
-command's unit where the force constant is not listed.  ``mechanics`` holds the inverse dynamics,
-``servo`` the loops, ``motor`` resistance, inductances and flux of a synchronous motor.
+command's unit where the force constant is not listed.  ``feed_drive`` holds the mechanics by
+regression on filtered motion and force (Gautier, Vandanjon and Presse 1994), ``servo_fit`` the
+loops by their control law, ``motor`` resistance, inductances and flux of a synchronous motor.
 """
 
-__all__ = ["mechanics", "motor", "servo", "submodel"]
+__all__ = ["feed_drive", "motor", "servo_fit", "submodel"]

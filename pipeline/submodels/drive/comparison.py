@@ -31,11 +31,10 @@ from pipeline.schema.interval import Band
 from pipeline.submodels.conformal import ALL_REGIMES, Residuals, bands, splits
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of
 from pipeline.submodels.drive.entry_fits import shifted
-from pipeline.submodels.drive.mechanics.identifiability import with_force_constant
-from pipeline.submodels.drive.mechanics.motion import motion
-from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, Recording, of_axis
-from pipeline.submodels.drive.servo.equation import servo_low_passed
+from pipeline.submodels.drive.identifiability import with_force_constant
+from pipeline.submodels.drive.motion import motion
+from pipeline.submodels.drive.records import AxisConstants, DriveFitSettings, Recording, of_axis
+from pipeline.submodels.drive.servo_equation import servo_low_passed
 from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive, check_stability, identified_drive
 from pipeline.twin.program_axes import between

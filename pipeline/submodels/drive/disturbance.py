@@ -38,9 +38,9 @@ from pipeline.submodels.drive.entry_fits import (
     entry_fits,
     shifted,
 )
-from pipeline.submodels.drive.mechanics.motion import motion
+from pipeline.submodels.drive.motion import motion
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.drive.servo.equation import (
+from pipeline.submodels.drive.servo_equation import (
     ABOVE,
     FA,
     FASTEST,
@@ -384,11 +384,8 @@ def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:
 
 def _by_force(recording: Recording, axis: str, drive: IdentifiedDrive) -> EntryFit | None:
     """Fit of the mechanics; None where the axis hardly moves under the disturbance."""
-    from pipeline.submodels.drive.mechanics.identifiability import (
-        drive_force,
-        held_out_load_factor,
-    )
-    from pipeline.submodels.drive.mechanics.inverse_dynamics import regressors
+    from pipeline.submodels.drive.identifiability import drive_force, held_out_load_factor
+    from pipeline.submodels.drive.inverse_dynamics import regressors
 
     one = recording.axes[axis]
 

@@ -72,24 +72,13 @@ def entry_fits(
     weight: float,
     stretch: Ints,
 ) -> dict[Entry, EntryFit]:
-    """Factor and delay of the disturbance at each entry, from the residual of one equation.
+    """Factor and delay of the disturbance at each entry, from the residual ``own`` of one equation.
 
-    Parameters
-    ----------
-    own : ndarray, shape (N,)
-        Recorded less modelled.
-    nuisance : ndarray, shape (N, M)
-        Columns of errors of the model.
-    scaled : dict of str to ndarray, shape (N, M)
-        Effect of the same errors on the disturbance at an entry; missing where there is none.
-    columns : callable
-        Disturbance at each entry, (N,), by the delay in samples; linear in the channel.
-    period, step : float
-        Sampling period, and step of the coarse search over delays [s].
-    weight : float
-        Half of the independent rows in one row [1].
-    stretch : ndarray of int, shape (N,)
-        Stretch of each row.
+    ``own`` (N,) is recorded less modelled, ``nuisance`` (N, M) columns of errors of the model and
+    ``scaled`` (N, M) their effect on the disturbance at an entry, missing where there is none.
+    ``columns`` gives the disturbance at each entry, (N,), by the delay in samples, linear in the
+    channel; ``step`` is that of the coarse search over delays [s], ``weight`` half of the
+    independent rows in one row [1], ``stretch`` (N,) the stretch of each row.
     """
     column = _at_any_delay(columns)
     stride = max(1, round(step / period))

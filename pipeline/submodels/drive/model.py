@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
 from pipeline.parallel import mapped
+from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
     CurvePoint,
     DriveAxis,
@@ -19,15 +20,21 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
 from pipeline.schema.structure import structured
+from pipeline.submodels.drive import loop_gain
 from pipeline.submodels.drive.comparison import compared_force, constant_level
-from pipeline.submodels.drive.mechanics.estimates import AxisFit
-from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive
+from pipeline.submodels.drive.estimates import AxisFit
+from pipeline.submodels.drive.feed_drive import FeedDriveFit, identify_feed_drive
 from pipeline.submodels.drive.motor import MotorFit, identify_motor
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import DriveRecords, MotorRecords, Recording, of_axis
-from pipeline.submodels.drive.servo import loop_gain
-from pipeline.submodels.drive.servo.fit import ServoFit, identify_servo
-from pipeline.submodels.drive.servo.presliding import Estimate, PreslidingFit, identify_presliding
+from pipeline.submodels.drive.presliding import PreslidingFit, identify_presliding
+from pipeline.submodels.drive.records import (
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    MotorRecords,
+    Recording,
+    of_axis,
+)
+from pipeline.submodels.drive.servo_fit import ServoFit, identify_servo
 from pipeline.submodels.drive.shaft import ShaftFit, identify_shaft
 from pipeline.twin.drive import identified_drive
 
@@ -97,12 +104,9 @@ def loop_gains(
     training: Sequence[Recording], records: DriveRecords, widest: float
 ) -> dict[str, loop_gain.LoopGain]:
     """Loop gains of the axes whose commanded and actual position was recorded."""
-    tried = {
-        axis: loop_gain.loop_gain(
-            [one.tracked[axis] for one in training if axis in one.tracked], widest
-        )
-        for axis in records.axes
-    }
+    tracked = {axis: [one.tracked[axis] for one in training if axis in one.tracked]
+               for axis in records.axes}  # fmt: skip
+    tried = {axis: loop_gain.loop_gain(parts, widest) for axis, parts in tracked.items()}
     return {axis: gain for axis, gain in tried.items() if gain is not None}
 
 
@@ -110,7 +114,7 @@ def _whole_axis(
     task: tuple[str, Sequence[Recording], DrivePrior, DriveFitSettings],
 ) -> IdentifiedAxis | str:
     """Mechanics, loops, presliding and mass over time of an axis, or why there are none."""
-    from pipeline.submodels.drive.mechanics.recursive import mass_trace
+    from pipeline.submodels.drive.recursive import mass_trace
 
     axis, training, prior, settings = task
     try:
@@ -190,16 +194,12 @@ def _motor(
     if not shown:
         return None, f"no recording fits drive_records.motor.recordings = {records.recordings!r}"
     longest = max(shown, key=lambda one: one.samples)
-    signals = longest.motor
+    signals = {name: longest.motor[name] for name in ("u_d", "u_q", "i_d", "i_q")}
+    signals["w_e"] = records.pole_pairs * longest.motor["speed"]
     try:
-        motor = identify_motor(
-            signals["u_d"], signals["u_q"], signals["i_d"], signals["i_q"],
-            records.pole_pairs * signals["speed"], period=longest.period, widest=widest,
-            held=records.held,
-        )  # fmt: skip
+        return identify_motor(signals, period=longest.period, widest=widest, held=records.held), ""
     except ValueError as error:
         return None, f"{longest.name}: {error}"
-    return motor, ""
 
 
 def stored_axis(
@@ -215,13 +215,13 @@ def stored_axis(
 
 def _axis(axis: IdentifiedAxis) -> DriveAxis:
     """Axis as it is stored, without the constant level of its force."""
-    fit, servo, mass, spring = axis.drive, axis.servo, axis.mass, axis.presliding
+    fit, servo, spring = axis.drive, axis.servo, axis.presliding
+    seen = (None, None) if spring is None else (spring.stiffness, spring.time)
+    stiffness, time = (significant(o.value) if o and o.determined else None for o in seen)
     return DriveAxis(
-        command_unit=fit.command_unit,
-        force_unit=fit.force_unit,
+        command_unit=fit.command_unit, force_unit=fit.force_unit,
         feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
-        servo=None if servo.servo is None else _servo(servo.servo),
-        servo_reason=servo.reason,
+        servo=None if servo.servo is None else _servo(servo.servo), servo_reason=servo.reason,
         friction_points=tuple(
             FrictionPoint(
                 velocity_mm_s=significant(1e3 * one.velocity), force=significant(one.force),
@@ -234,23 +234,17 @@ def _axis(axis: IdentifiedAxis) -> DriveAxis:
             replace(one, error=None if one.error is None else _known(one.error))
             for one in (*fit.methods, *servo.methods)
         ),
-        fit=replace(_facts(fit), delay_s=_known(fit.delay)),
-        servo_fit=_facts(servo),
-        recursive_mass=mass,
-        presliding_stiffness=_determined(None if spring is None else spring.stiffness),
-        presliding_time_s=_determined(None if spring is None else spring.time),
+        fit=replace(_facts(fit), delay_s=_known(fit.delay)), servo_fit=_facts(servo),
+        recursive_mass=axis.mass, presliding_stiffness=stiffness, presliding_time_s=time,
     )  # fmt: skip
 
 
 def stored_motor(fit: MotorFit, axis: str) -> DriveMotor:
     """The motor as it is stored, without its parameters."""
-    values: list[list[float]] = fit.correlation.tolist()
+    names = tuple(MOTOR_NAMES.get(name, name) for name in fit.names)
     return DriveMotor(
         axis=axis, windows=fit.windows, left_out=fit.left_out, condition=_known(fit.condition),
-        correlation=Correlation(
-            names=tuple(MOTOR_NAMES.get(name, name) for name in fit.names),
-            values=tuple(tuple(_rounded(one, 3) for one in row) for row in values),
-        ),
+        correlation=_correlation(names, fit.correlation),
     )  # fmt: skip
 
 
@@ -327,15 +321,17 @@ def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
 
 
 def _facts(fit: AxisFit) -> FitFacts:
-    correlation: list[list[float]] = np.round(fit.correlation, 3).tolist()
+    error = fit.relative_error_percent
     return FitFacts(
-        samples=fit.samples,
-        relative_error_percent=_rounded(fit.relative_error_percent, 3),
-        bandwidth_Hz=_known(fit.bandwidth_Hz),
-        condition=_known(fit.condition),
-        rank=fit.rank,
-        correlation=Correlation(names=fit.correlated, values=tuple(map(tuple, correlation))),
-    )
+        samples=fit.samples, bandwidth_Hz=_known(fit.bandwidth_Hz), condition=_known(fit.condition),
+        relative_error_percent=round(float(error), 3) if np.isfinite(error) else None,
+        rank=fit.rank, correlation=_correlation(fit.correlated, fit.correlation),
+    )  # fmt: skip
+
+
+def _correlation(names: tuple[str, ...], values: Floats) -> Correlation:
+    rounded: list[list[float]] = np.round(values, 3).tolist()
+    return Correlation(names=names, values=tuple(map(tuple, rounded)))
 
 
 def _curve(fit: FeedDriveFit) -> tuple[CurvePoint, ...]:
@@ -352,14 +348,6 @@ def _curve(fit: FeedDriveFit) -> tuple[CurvePoint, ...]:
     )
 
 
-def _determined(found: Estimate | None) -> float | None:
-    return None if found is None or not found.determined else significant(found.value)
-
-
 def _known(value: float) -> float | None:
     """Value to five significant digits; None when it is not finite."""
     return significant(value) if np.isfinite(value) else None
-
-
-def _rounded(value: float, digits: int) -> float | None:
-    return round(float(value), digits) if np.isfinite(value) else None

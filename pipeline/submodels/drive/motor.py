@@ -19,7 +19,7 @@ does not excite is not determined, with the reason.
   Park 1991).  It is fitted too, and kept where the record shows it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import pi
 
@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.estimates import Estimates
+from pipeline.submodels.drive.estimates import Estimates
 from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 WINDOW = 64
@@ -37,22 +37,14 @@ ORDERS = 4
 
 
 class Windows:
-    """Windows of a record; those with a sample that is not finite are left out.
+    """Windows of a record of ``signals``, (T,) each, sampled with ``period`` [s].
 
-    ValueError when no window is whole.
-
-    Parameters
-    ----------
-    signals : dict of str to array_like, shape (T,)
-        The record, sampled at the same times.
-    period : float
-        Sampling period [s].
-    held : bool
-        Whether the driving signal (the voltage) is held from its sample to the next, as an
-        inverter's command is; else it is sampled like the others.
+    Those with a sample that is not finite are left out; ValueError when none is whole.  Where it is
+    ``held``, the driving signal (the voltage) stays from its sample to the next, as an inverter's
+    command does; else it is sampled like the others.
     """
 
-    def __init__(self, signals: dict[str, ArrayLike], period: float, *, held: bool) -> None:
+    def __init__(self, signals: Mapping[str, ArrayLike], period: float, *, held: bool) -> None:
         arrays = {name: np.asarray(one, dtype=np.float64) for name, one in signals.items()}
         many = len(next(iter(arrays.values())))
         starts = np.arange(0, max(many - WINDOW, 0), WINDOW)
@@ -133,8 +125,6 @@ class SplitFit:
     """Condition of the excited regressors, each scaled to length one."""
     correlation: Floats
     """Correlation of the parameters; 0 beside the diagonal if not excited; shape (D, D)."""
-    rms: float
-    """Rms of the residuals, in the unit of what is fitted."""
 
 
 def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
@@ -149,29 +139,24 @@ def split_fit(regressors: Floats, y: Floats, blocks: Ints) -> SplitFit:
     products = (regressors[0] * regressors[1]).sum(axis=0)
     excited = (products > least * lengths[0] * lengths[1]) & (products > 0)
     many = len(excited)
-    values, half_width = np.zeros(many), np.full(many, np.inf)
+    values, half_width, condition = np.zeros(many), np.full(many, np.inf), np.inf
     interchangeable, correlation = np.zeros(many, bool), np.eye(many)
-    if not excited.any():
-        rms = float(np.sqrt(np.mean(y**2)))
-        return SplitFit(
-            values=values, half_width=half_width, excited=excited,
-            interchangeable=interchangeable, condition=np.inf, correlation=correlation, rms=rms,
-        )  # fmt: skip
-    scale = np.sqrt(products[excited])
-    halves = regressors[:, :, excited] / scale
-    found, uncertainty, rms = _two_stage(halves, y, blocks)
-    free = _free(halves, least)
-    values[excited] = found / scale
-    half_width[excited] = np.where(free, np.inf, uncertainty.half_width / scale)
-    interchangeable[excited] = free
-    correlation[np.ix_(excited, excited)] = uncertainty.correlation
+    if excited.any():
+        scale = np.sqrt(products[excited])
+        halves = regressors[:, :, excited] / scale
+        found, uncertainty = _two_stage(halves, y, blocks)
+        free = _free(halves, least)
+        values[excited] = found / scale
+        half_width[excited] = np.where(free, np.inf, uncertainty.half_width / scale)
+        interchangeable[excited], condition = free, uncertainty.condition
+        correlation[np.ix_(excited, excited)] = uncertainty.correlation
     return SplitFit(
         values=values, half_width=half_width, excited=excited, interchangeable=interchangeable,
-        condition=uncertainty.condition, correlation=correlation, rms=rms,
+        condition=condition, correlation=correlation,
     )  # fmt: skip
 
 
-def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Uncertainty, float]:
+def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Uncertainty]:
     both = np.concatenate([halves[0], halves[1]])
     swapped = np.concatenate([halves[1], halves[0]])
     twice = np.concatenate([y, y])
@@ -179,8 +164,7 @@ def _two_stage(halves: Floats, y: Floats, blocks: Ints) -> tuple[Floats, Uncerta
     stage = swapped @ np.linalg.lstsq(swapped, both, rcond=_ROUNDING)[0]
     found = np.linalg.lstsq(stage, twice, rcond=_ROUNDING)[0]
     residuals = twice - both @ found
-    uncertainty = uncertainty_of(stage, residuals, np.concatenate([blocks, blocks]))
-    return found, uncertainty, float(np.sqrt(np.mean(residuals**2)))
+    return found, uncertainty_of(stage, residuals, np.concatenate([blocks, blocks]))
 
 
 def _free(halves: Floats, least: float) -> Bools:
@@ -233,37 +217,16 @@ class MotorFit(Estimates):
 
 
 def identify_motor(
-    u_d: ArrayLike,
-    u_q: ArrayLike,
-    i_d: ArrayLike,
-    i_q: ArrayLike,
-    w_e: ArrayLike,
-    *,
-    period: float,
-    widest: float,
-    held: bool = False,
+    signals: Mapping[str, ArrayLike], *, period: float, widest: float, held: bool = False
 ) -> MotorFit:
     """Resistance, both inductances, the magnets' flux linkage, and the inverter's dead voltage.
 
     The last is left out where the record does not clearly show it: measured voltages have none.
+    ``signals``, shape (T,), are voltages ``u_d``, ``u_q`` [V] and currents ``i_d``, ``i_q`` [A],
+    amplitude-invariant, and the electrical speed ``w_e`` [rad/s]; ``held`` as of :class:`Windows`.
+    ``widest`` is the greatest relative half width of a determined parameter's 95 % interval [1].
     ValueError when the series are too short for a window.
-
-    Parameters
-    ----------
-    u_d, u_q : array_like, shape (T,)
-        Voltages [V], amplitude-invariant.
-    i_d, i_q : array_like, shape (T,)
-        Currents [A].
-    w_e : array_like, shape (T,)
-        Electrical speed [rad/s], pole pairs times the shaft's.
-    period : float
-        Sampling period [s].
-    widest : float
-        Greatest relative half width of the 95 % interval of a determined parameter [1].
-    held : bool
-        Whether the voltages are held from their sample to the next, as an inverter's commands are.
     """
-    signals = {"u_d": u_d, "u_q": u_q, "i_d": i_d, "i_q": i_q, "w_e": w_e}
     cut = Windows(signals, period, held=held)
     d, q, w = (cut.signals[name] for name in ("i_d", "i_q", "w_e"))
     none = np.zeros((2, len(cut), ORDERS))

@@ -29,7 +29,7 @@ from pipeline.schema.drive import (
 from pipeline.schema.model import Parameter
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive.figures import axis_figures, loops_figure
-from pipeline.submodels.drive.mechanics.inverse_dynamics import DIRECTIONS
+from pipeline.submodels.drive.inverse_dynamics import DIRECTIONS
 from pipeline.submodels.drive.speed_loops import PAPER, verdict_words
 
 SHOP = {

@@ -4,7 +4,7 @@ Rows that lack a value of a channel that is used count as missing.  Each axis th
 not show has its reason, in one sentence.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -16,24 +16,22 @@ from pipeline.signals import recordings
 from pipeline.signals.recordings import WORDS, Channel, Samples
 from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
-from pipeline.submodels.drive.prior import (
-    DrivePrior,
-    check_axes,
-    check_constants,
-    constants_of,
-    names_of,
-)
 from pipeline.submodels.drive.records import (
     AirRows,
     AxisChannels,
     AxisConstants,
     AxisRecord,
+    DrivePrior,
     DriveRecords,
     MotorRecords,
     Recording,
     ShaftRecords,
     Tracked,
+    check_axes,
     check_channels,
+    check_constants,
+    constants_of,
+    names_of,
 )
 
 MOTION = {
@@ -177,7 +175,6 @@ def _drives(
     if not channels:
         return [replace(blank, lacking=lacking)]
     air = _air(samples, records.air)
-    pieces = _pieces(samples, [v for axis in channels.values() for v in axis.values()])
 
     def record(letter: str, on_grid: dict[str, Floats]) -> AxisRecord:
         return AxisRecord(
@@ -186,28 +183,18 @@ def _drives(
             **{key: on_grid.get(key) for key in MOTION},
         )  # fmt: skip
 
-    found = []
-    for piece, one in _parts(pieces, len(samples.time), blank):
-        grids = {
-            letter: {key: piece.on_grid(values) for key, values in axis.items()}
-            for letter, axis in channels.items()
-        }
-        found.append(
-            replace(
-                one,
-                axes={letter: record(letter, grids[letter]) for letter in units},
-                tracked={
-                    letter: Tracked(
-                        reference=of["reference"], position=of["position"], period=one.period
-                    )
-                    for letter, of in grids.items()
-                    if _both(of)
-                },
-                lacking=lacking,
-                air=_near(piece, air) & ~piece.filled,
-            )
+    return [
+        replace(
+            one, axes={letter: record(letter, grids[letter]) for letter in units},
+            tracked={
+                letter: Tracked(reference=of["reference"], position=of["position"],
+                                period=one.period)
+                for letter, of in grids.items() if _both(of)
+            },
+            lacking=lacking, air=_near(piece, air) & one.air,
         )
-    return found
+        for piece, one, grids in _parts(samples, channels, blank)
+    ]  # fmt: skip
 
 
 def _both(channels: Mapping[str, Floats]) -> bool:
@@ -217,17 +204,8 @@ def _both(channels: Mapping[str, Floats]) -> bool:
 def _motor(samples: Samples, blank: Recording) -> list[Recording]:
     if samples.lacking:
         raise Unusable(next(iter(samples.lacking.values())))
-    found = samples.channels
-    return [
-        replace(
-            one,
-            motor={key: piece.on_grid(values) for key, values in found.items()},
-            air=~piece.filled,
-        )
-        for piece, one in _parts(
-            _pieces(samples, list(found.values())), len(samples.time), blank
-        )
-    ]  # fmt: skip
+    parts = _parts(samples, {"": samples.channels}, blank)
+    return [replace(one, motor=grids[""]) for _, one, grids in parts]
 
 
 def _shafts(samples: Samples, blank: Recording, records: ShaftRecords) -> list[Recording]:
@@ -246,42 +224,32 @@ def _shafts(samples: Samples, blank: Recording, records: ShaftRecords) -> list[R
             "it shows both ends of no axis: record motor position, scale and current together, or "
             "correct drive_records.shaft"
         )
-    pieces = _pieces(samples, [v for axis in found.values() for v in axis.values()])
-    return [
-        replace(
-            one,
-            shafts={
-                letter: {key: piece.on_grid(values) for key, values in axis.items()}
-                for letter, axis in found.items()
-            },
-            air=~piece.filled,
-        )
-        for piece, one in _parts(pieces, len(samples.time), blank)
-    ]
-
-
-def _pieces(samples: Samples, channels: Sequence[Floats]) -> list[UniformSegment]:
-    """Stretches on a uniform grid of the rows that have a value in all channels."""
-    try:
-        return samples.segments(np.all([np.isfinite(values) for values in channels], axis=0))
-    except ValueError as error:
-        raise Unusable(str(error)) from error
+    return [replace(one, shafts=grids) for _, one, grids in _parts(samples, found, blank)]
 
 
 def _parts(
-    pieces: Sequence[UniformSegment], rows: int, blank: Recording
-) -> list[tuple[UniformSegment, Recording]]:
-    """A recording for each stretch, named where there are several."""
+    samples: Samples, channels: Mapping[str, Mapping[str, Floats]], blank: Recording
+) -> Iterator[tuple[UniformSegment, Recording, dict[str, dict[str, Floats]]]]:
+    """Stretches on a uniform grid of the rows with a value in all ``channels``, by group and name.
+
+    Each is a recording, named where there are several, with its channels on the grid.
+    """
+    values = [one for group in channels.values() for one in group.values()]
+    try:
+        pieces = samples.segments(np.all(np.isfinite(values), axis=0))
+    except ValueError as error:
+        raise Unusable(str(error)) from error
+    rows = len(samples.time)
     lost = rows - sum(len(one.rows) for one in pieces)
     left = (f"{lost} of {rows} rows left out: no value, a copy, or between gaps",) if lost else ()
-    parts = []
     for number, piece in enumerate(pieces, start=1):
         name = blank.name if len(pieces) == 1 else f"{blank.name} (part {number})"
         filled = int(piece.filled.sum())
         said = (f"{filled} missing rows filled in and not learnt from",) if filled else ()
-        one = replace(blank, name=name, period=piece.period, notes=blank.notes + said + left)
-        parts.append((piece, one))
-    return parts
+        grids = {of: {key: piece.on_grid(one) for key, one in group.items()}
+                 for of, group in channels.items()}  # fmt: skip
+        notes, air = blank.notes + said + left, ~piece.filled
+        yield piece, replace(blank, name=name, period=piece.period, notes=notes, air=air), grids
 
 
 def _recorded(samples: Samples, name: str) -> Floats | None:

@@ -28,7 +28,7 @@ from scipy.special import stdtrit
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.drive import Shaft
 from pipeline.schema.model import Parameter, significant
-from pipeline.submodels.drive.mechanics.estimates import SENSOR
+from pipeline.submodels.drive.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
 from pipeline.submodels.drive.shaft_signals import (
     COULOMB,

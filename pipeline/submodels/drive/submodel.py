@@ -50,11 +50,12 @@ from pipeline.submodels.drive.model import (
     stored_axis,
     stored_motor,
 )
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
 from pipeline.submodels.drive.reading import read_recordings
 from pipeline.submodels.drive.records import (
     BLOCK,
     AxisRecord,
+    DriveFitSettings,
+    DrivePrior,
     DriveRecords,
     Recording,
     blocks_of,

@@ -7,12 +7,7 @@ import pytest
 
 from pipeline.gcode.moves import Kind
 from pipeline.submodels.control.fit import ControlFitSettings, identify_control, planned
-from pipeline.submodels.control.parameters import (
-    BY_UNIT,
-    control_of,
-    expected,
-    free_parameters,
-)
+from pipeline.submodels.control.parameters import BY_UNIT, control_of, expected, free_parameters
 from pipeline.submodels.control.segments import observe, rapid_rates
 from tests.submodels.control.part_programs import (
     axis,
@@ -110,11 +105,6 @@ def test_intervals_cover_the_truth(part, tmp_path, seeds):
         many += int(fit.determined.sum())
     assert many >= 0.95 * seeds * 15
     assert cover >= 0.9 * many
-
-
-def test_the_same_logs_give_the_same_control(found, part, tmp_path):
-    again = identify_control(logged(part, tmp_path, 0), start(), SETTINGS)
-    np.testing.assert_array_equal(found.values, again.values)
 
 
 UNEXCITED = {
@@ -256,12 +246,6 @@ def test_rapid_rates_are_read_at_any_override(part, tmp_path):
             true = truth().axes[letter].rapid_speed
             assert rate.low <= true <= rate.high
         assert "X" in told
-
-
-def test_short_rapids_tell_no_rate(tmp_path):
-    moves = moves_of(["G21 G90", *rapids((5, 8, 10)), "M30"], tmp_path)
-    assert rapid_rates(logged(moves, tmp_path, 7)) == {}
-    assert rapid_rates([]) == {}
 
 
 def test_a_line_of_several_rapids_tells_no_rate(tmp_path):

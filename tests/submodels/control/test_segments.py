@@ -13,7 +13,7 @@ from pipeline.submodels.control.fit import planned
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import Run, Series
 from pipeline.submodels.control.segments import TOGETHER, WAITS, clusters, observe, shares
-from pipeline.submodels.control.times import DWELL, MatchedRun, predicted
+from pipeline.submodels.control.submodel import DWELL, MatchedRun, predicted
 from pipeline.twin.control import WHOLE, planned_program, time_interval
 from tests.submodels.control.part_programs import exciting, moves_of, rapids, truth
 from tests.submodels.control.polled_logs import ALONE, Operated, Polling, logged_runs, polled_log

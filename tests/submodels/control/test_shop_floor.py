@@ -15,7 +15,7 @@ from pipeline.schema.verdict import Verdict
 from pipeline.shop.control.records import write_control
 from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.__main__ import run
-from pipeline.submodels.control.times import NAIVE, OVERRIDE_ONLY, TIME
+from pipeline.submodels.control.submodel import NAIVE, OVERRIDE_ONLY, TIME
 from pipeline.twin.control import WHOLE, ControlModelFile
 from tests.small_project import MACHINE, ROOT, inside, params, store
 

@@ -18,17 +18,15 @@ from pipeline.submodels.control.fit import ControlFitSettings, identify_control
 from pipeline.submodels.control.submodel import (
     FITTED,
     FROM_SPEEDS,
+    NAIVE,
     NOT_DETERMINED,
+    OVERRIDE_ONLY,
     SUBMODEL,
+    TIME,
+    WAIT,
     ControlLimits,
     Fitting,
     Judging,
-)
-from pipeline.submodels.control.times import (
-    NAIVE,
-    OVERRIDE_ONLY,
-    TIME,
-    WAIT,
     naive_times,
     time_bands,
 )

@@ -6,7 +6,7 @@ benchmark's record; ``PI`` an integral and velocity feed-forward, which tell all
 """
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,20 +19,32 @@ from pipeline.machine.axis.drive_parameters import (
     FrictionParameters,
     ServoParameters,
 )
+from pipeline.schema.drive import DriveModel, FeedDrive, Servo
+from pipeline.schema.structure import structured
 from pipeline.submodels.drive.comparison import (
     _added,
     axis_comparison,
     following_comparison,
-    in_unit_of_drive,
 )
 from pipeline.submodels.drive.disturbance import Disturbance, disturbance_of, law_fits
-from pipeline.submodels.drive.mechanics.feed_drive import identify_feed_drive
-from pipeline.submodels.drive.prior import AxisPrior, DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
-from pipeline.submodels.drive.servo.fit import identify_servo
+from pipeline.submodels.drive.feed_drive import identify_feed_drive
+from pipeline.submodels.drive.records import (
+    AxisConstants,
+    AxisPrior,
+    AxisRecord,
+    DriveFitSettings,
+    DrivePrior,
+    Recording,
+)
+from pipeline.submodels.drive.servo_fit import identify_servo
+from pipeline.submodels.drive.submodel import SUBMODEL
 from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive
+from tests.submodels.drive.shown_drives import shown
+from tests.submodels.drive.test_judging import judged, stored
+from tests.submodels.made_pages import made, words
 
+__all__ = ["judged"]
 PERIOD = 1e-3
 STEPS = 10
 """Steps of the mechanics in a sample."""
@@ -319,11 +331,6 @@ def test_places_that_a_loop_does_not_tell_apart_are_said_unless_the_unit_tells(d
     assert told.entry == "command" and "do not tell" not in told.words
 
 
-def test_the_unit_of_the_drive_is_that_of_the_recording(drives):
-    one = recorded(EMPS, "force", 4, 40.0, 1.0, 0, "N")
-    assert in_unit_of_drive(one, "X", drives["EMPS"]) is one
-
-
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 
 
@@ -365,3 +372,49 @@ def test_pulses_on_the_benchmarks_own_record_enter_where_they_were_added():
         assert seen.entry == entry and (unit == "m" or f"as if in {unit}" in seen.words), seen
     noise = replace(record, load=shape)
     assert found_in(replace(one, axes={"X": noise}), drive).entry == "none"
+
+
+VOLT = EMPS.kv
+"""Command for one m/s at the speed command [V s/m]."""
+KINDS = {
+    "speed-mm": ("speed", 1 / VOLT, 1e-3, "N", "the speed command", "as if in mm/s, not in N"),
+    "command": ("command", 1.0, 1 / EMPS.kf, "kN", "command of the motor", "in N, not in kN"),
+    "command-turned": ("command", 1.0, -1.0, "V", "command of the motor", "sign is the opposite"),
+    "force-turned": ("force", EMPS.kf, -1.0, "N", "as a force", "sign is the opposite"),
+    "force-kN": ("force", EMPS.kf, 1e3, "N", "as a force", "as if in kN, not in N"),
+}
+"""Entry, size in SI, SI per unit of the channel, declared unit; words for entry and cause."""
+
+
+@pytest.fixture(scope="module")
+def model(drives) -> DriveModel:
+    """The drive as identified from recordings without pulses, as its file has it."""
+    drive = drives["EMPS"]
+    assert drive.servo is not None
+    found = stored([replace(recorded(EMPS, None, 1000), name="train.csv")])
+    servo = {k: v for k, v in asdict(drive.servo).items() if v != float("inf")}
+    axis = replace(
+        found.axes["X"], command_unit=drive.command_unit, force_unit=drive.force_unit,
+        feed_drive=structured(asdict(drive.feed_drive), FeedDrive, "feed_drive"),
+        servo=Servo(**servo),
+    )  # fmt: skip
+    return replace(found, axes={"X": axis})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_verdict_and_page_name_entry_and_cause(kind, judged, model):
+    entry, size, per_unit, unit, place, cause = KINDS[kind]
+    one = replace(recorded(EMPS, entry, 31, size, per_unit, 0, unit), name="pulses.csv")
+    found = judged([one], model=model).verdict
+    (case,) = found.cases
+    assert place in case.facts["disturbance X enters at"].value
+    assert cause in case.facts["disturbance X, cause"].value and cause in case.note
+    factor = case.facts["disturbance X, factor"].value
+    assert factor == pytest.approx(per_unit, rel=0.05)
+    assert following_error(found) < 20  # of its own size, with the pulses where they enter [%]
+    page = made(SUBMODEL, shown(model=model, verdict=found, predictions=None, truth=None))
+    assert "disturbance X, factor" in str(page) and cause in words(page)
+
+
+def following_error(verdict) -> float:
+    return next(iter(verdict.of("following error X", group="pulses.csv"))).relative_percent

@@ -6,16 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.drive.mechanics.feed_drive import genetic_dynamics
-from pipeline.submodels.drive.mechanics.inverse_dynamics import (
-    all_observable,
-    jacobian,
-    least_squares_dynamics,
-    modelled_force,
-    regressors,
-)
-from pipeline.submodels.drive.mechanics.motion import Motion
-from pipeline.submodels.drive.mechanics.uncertainty import (
+from pipeline.submodels.drive.feed_drive import genetic_dynamics
+from pipeline.submodels.drive.identifiability import (
     PositionDisturbance,
     dynamics_uncertainty,
     instrumental,
@@ -23,6 +15,14 @@ from pipeline.submodels.drive.mechanics.uncertainty import (
     position_disturbance,
     scores_covariance,
 )
+from pipeline.submodels.drive.inverse_dynamics import (
+    all_observable,
+    jacobian,
+    least_squares_dynamics,
+    modelled_force,
+    regressors,
+)
+from pipeline.submodels.drive.motion import Motion
 from pipeline.submodels.statistics import block_numbers, correlation_rows
 
 TRUE = {"mass": 120.0, "viscous_positive": 300.0, "viscous_negative": 250.0,

@@ -11,10 +11,14 @@ from pipeline.schema.store import json_text, parsed
 from pipeline.search.genetic import GeneticSettings
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.drive.model import identify_drives, left_out
-from pipeline.submodels.drive.prior import DriveFitSettings, DrivePrior
-from pipeline.submodels.drive.records import AxisChannels, DriveRecords, Recording
+from pipeline.submodels.drive.records import (
+    AxisChannels,
+    DriveFitSettings,
+    DrivePrior,
+    DriveRecords,
+    Recording,
+)
 from pipeline.submodels.drive.submodel import SUBMODEL, Fitting, drive_case
-from pipeline.twin.drive import identified_drives
 from tests.submodels.drive.simulated_axis import SPEEDS, SimulatedAxis, recording
 
 AXIS = SimulatedAxis()
@@ -58,10 +62,6 @@ def test_parameters_are_determined_or_open_with_a_remedy(model):
     assert not static.determined and static.value is static.interval_95 is None
     assert static.remedy.startswith("record strokes")
     assert {"position_scale", "velocity_scale"} <= set(parameters)
-
-
-def test_the_drive_is_ready_for_the_twin(model):
-    assert identified_drives(model)["X"].feed_drive.mass == pytest.approx(AXIS.mass, rel=0.02)
 
 
 def test_points_and_curve_agree_and_are_in_the_reports_units(model):

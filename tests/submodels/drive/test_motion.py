@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.submodels.drive.mechanics.motion import (
+from pipeline.submodels.drive.motion import (
     NOISE,
     PRESLIDING,
     SURVIVES,

@@ -61,8 +61,9 @@ def measured(record: np.ndarray, seed: int, speed_noise: float = 0.5) -> np.ndar
     return record + noise * np.array([0.3, 0.3, 0.05, 0.05, speed_noise])[:, None]
 
 
-def identified(record: np.ndarray) -> MotorFit:
-    return identify_motor(*record, period=PERIOD, widest=WIDEST)
+def identified(record: np.ndarray, *, held: bool = False) -> MotorFit:
+    signals = dict(zip(("u_d", "u_q", "i_d", "i_q", "w_e"), record, strict=True))
+    return identify_motor(signals, period=PERIOD, widest=WIDEST, held=held)
 
 
 def test_without_noise_the_parameters_are_exact(excited: np.ndarray) -> None:
@@ -93,8 +94,7 @@ def test_voltages_that_are_held_are_integrated_as_held(excited: np.ndarray) -> N
 
     i = stepped(u_d, u_q)
     record = np.array([u_d, u_q, *i, speed(T[:3000])])
-    right = identify_motor(*record, period=PERIOD, widest=WIDEST, held=True)
-    wrong = identify_motor(*record, period=PERIOD, widest=WIDEST)
+    right, wrong = identified(record, held=True), identified(record)
     # the currents bend at every sample: 4e-4 of the inductances, the second order of the period
     assert np.abs(right.values[:4] / TRUE - 1).max() < 1e-3
     assert np.abs(wrong.values[:4] / TRUE - 1).max() > 3e-3
@@ -245,14 +245,10 @@ def test_modulated_integrals_are_those_of_quadrature(order: int, held: bool) -> 
 
 
 @pytest.mark.parametrize(
-    ("current", "speed", "period", "words"),
-    [
-        (np.ones(64), np.ones(64), 1e-3, "record of 64 samples has no window of 65"),
-        (np.full(100, np.nan), np.ones(100), 1e-3, "no window of 65 finite ones"),
-        (np.ones(0), np.ones(0), 1e-3, "record of 0 samples"),
-    ],
-)
-def test_what_is_no_record_is_refused(current, speed, period: float, words: str) -> None:
-    with pytest.raises(ValueError) as refused:
-        identify_motor(*[current] * 4, speed, period=period, widest=WIDEST)
-    assert words in str(refused.value)
+    ("record", "words"),
+    [(np.ones((5, 64)), "record of 64 samples has no window of 65"),
+     (np.full((5, 100), np.nan), "no window of 65 finite ones")],
+)  # fmt: skip
+def test_what_is_no_record_is_refused(record: np.ndarray, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        identified(record)

@@ -13,9 +13,9 @@ from pipeline.machine.axis.drive_parameters import (
     ServoParameters,
     drive_row,
 )
+from pipeline.submodels.drive import presliding
+from pipeline.submodels.drive.presliding import PreslidingFit, identify_presliding
 from pipeline.submodels.drive.records import AxisRecord, Recording
-from pipeline.submodels.drive.servo import presliding
-from pipeline.submodels.drive.servo.presliding import identify_presliding
 from tests.machine.steps import simulate_drive
 from tests.twin.axes import DriveParameters
 
@@ -35,6 +35,17 @@ def traced(reference, load=None, stiffness: float = STIFFNESS, loss: float = 0.0
     row = drive_row(SERVO, SCREW)[np.newaxis]
     found = simulate(reference, STEP, row, load=load, spring=(stiffness, loss))
     return found.position[0], found.command[0]
+
+
+def found_in(reference, loss: float = 0.0, noise: float = 0.03) -> PreslidingFit:
+    """What is found of a closed loop that is recorded at 1 kHz with a noise of the current [A]."""
+    position, command = traced(reference, loss=loss)
+    noisy = command[::4] + noise * np.random.default_rng(4).standard_normal(len(command) // 4)
+    record = AxisRecord(command=noisy, position=position[::4], reference=reference[::4])
+    one = Recording(name="loop", trained=True, period=4 * STEP, axes={"X": record})
+    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    assert found is not None
+    return found
 
 
 def test_rules_move_the_gains_by_their_spans() -> None:
@@ -84,16 +95,9 @@ def test_an_axis_that_stands_gives_way_and_its_integral_takes_the_load_over() ->
 
 
 def test_the_stiffness_is_recovered_from_a_recorded_closed_loop() -> None:
-    """At 1 kHz with noise of 0.03 A: within 10 % and inside its interval's neighbourhood."""
-    reference = reversals()
-    position, command = traced(reference)
-    noise = 0.03 * np.random.default_rng(4).standard_normal(len(command) // 4)
-    record = AxisRecord(
-        command=command[::4] + noise, position=position[::4], reference=reference[::4]
-    )
-    one = Recording(name="reversals", trained=True, period=4 * STEP, axes={"X": record})
-    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
-    assert found is not None and found.stiffness.determined
+    """Within 10 % and inside its interval's neighbourhood."""
+    found = found_in(reversals())
+    assert found.stiffness.determined
     assert found.stiffness.value == pytest.approx(STIFFNESS, rel=0.1)
     assert found.stiffness.low < found.stiffness.value < found.stiffness.high
 
@@ -117,15 +121,8 @@ def test_the_command_of_a_standing_axis_falls_by_the_time_of_friction() -> None:
 @pytest.mark.parametrize("time", [0.5, 3.0, None])
 def test_the_time_is_recovered_from_standstills(time: float | None) -> None:
     """Within 5 %; where friction holds, none is determined and the remedy says what to record."""
-    reference = standstills()
-    position, command = traced(reference, loss=0.0 if time is None else 1 / time)
-    noise = 0.03 * np.random.default_rng(4).standard_normal(len(command) // 4)
-    record = AxisRecord(
-        command=command[::4] + noise, position=position[::4], reference=reference[::4]
-    )
-    one = Recording(name="standstills", trained=True, period=4 * STEP, axes={"X": record})
-    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
-    assert found is not None and found.time is not None
+    found = found_in(standstills(), loss=0.0 if time is None else 1 / time)
+    assert found.time is not None
     if time is None:
         parameter = found.parameters("N")["presliding_time"]
         assert parameter.value is None and "standing for some seconds" in parameter.remedy
@@ -138,17 +135,13 @@ def test_the_valley_is_followed_to_the_value_that_all_together_give(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """As when every value is tried in every round, which go on until no more than 1 % changes."""
-    reference = standstills()
-    position, command = traced(reference, loss=1 / 3.0)
-    record = AxisRecord(command=command[::4], position=position[::4], reference=reference[::4])
-    one = Recording(name="standstills", trained=True, period=4 * STEP, axes={"X": record})
-    found = identify_presliding([one], "X", SERVO, SCREW, 0.5)
+    found = found_in(standstills(), 1 / 3.0, noise=0.0)
     some = presliding._nearest
     monkeypatch.setattr(presliding, "COARSE", 1)
     monkeypatch.setattr(presliding, "_nearest", lambda *given: some(*given[:-1], None))
-    assert found is not None and found.time is not None and found.time.determined
-    whole = identify_presliding([one], "X", SERVO, SCREW, 0.5)
-    assert whole is not None and whole.time is not None and whole.time.determined
+    whole = found_in(standstills(), 1 / 3.0, noise=0.0)
+    assert found.time is not None and whole.time is not None
+    assert found.time.determined and whole.time.determined
     assert found.stiffness.value == pytest.approx(whole.stiffness.value, rel=1e-4)
     assert found.time.value == pytest.approx(whole.time.value, rel=1e-4)
 

@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.search.genetic import GeneticSettings
-from pipeline.submodels.drive.prior import DriveFitSettings
-from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
-from pipeline.submodels.drive.servo.equation import TERMS, Nominal
-from pipeline.submodels.drive.servo.fit import FITTED, NONE_SEEN, _at_end, identify_servo
+from pipeline.submodels.drive.records import AxisConstants, AxisRecord, DriveFitSettings, Recording
+from pipeline.submodels.drive.servo_equation import TERMS, Nominal
+from pipeline.submodels.drive.servo_fit import FITTED, NONE_SEEN, _at_end, identify_servo
 from tests.submodels.drive.servo_rig import PERIOD, Rig, recorded, recording, strokes
 
 ALONE = DriveFitSettings(compare=False)
@@ -21,11 +20,7 @@ SCALES = {"position_scale": 0.8, "velocity_scale": 1.2, "integral_scale": 0.9}
 FORWARD = {"velocity_feedforward": 0.7, "acceleration_feedforward": 0.9}
 BIAS = 0.02
 """What the twin asks of a scale factor [1]."""
-KINDS = {
-    "P": Rig(integral_gain=0.0),
-    "PI": Rig(),
-    "PI with feed-forward": Rig(**FORWARD),
-}
+KINDS = {"P": Rig(integral_gain=0.0), "PI": Rig(), "PI with feed-forward": Rig(**FORWARD)}
 DIRECTIONS = {
     "": {},
     "coarse encoder, slow filter": {"step_written": 1e-6, "step_seen": 1e-7, "average": 4},

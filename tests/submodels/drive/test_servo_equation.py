@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.submodels.drive.records import AxisConstants
-from pipeline.submodels.drive.servo.equation import (
+from pipeline.submodels.drive.servo_equation import (
     NODES,
     TERMS,
     Nominal,
@@ -18,7 +18,7 @@ from pipeline.submodels.drive.servo.equation import (
     servo_equation,
     servo_low_passed,
 )
-from pipeline.submodels.drive.servo.search import closed_forms
+from pipeline.submodels.drive.servo_fit import closed_forms
 
 H = 1e-3
 T = 6000

@@ -17,7 +17,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Tracked
-from pipeline.submodels.drive.servo.equation import servo_low_passed
+from pipeline.submodels.drive.servo_equation import servo_low_passed
 from pipeline.submodels.statistics import block_numbers, uncertainty_of
 
 NAME = "loop_gain"

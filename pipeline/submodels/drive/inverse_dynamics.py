@@ -17,13 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.motion import (
-    Motion,
-    eroded,
-    first_difference,
-    gaussian,
-    reach,
-)
+from pipeline.submodels.drive.motion import Motion, eroded, first_difference, gaussian, reach
 
 LINEAR = (
     "mass", "viscous_positive", "viscous_negative", "coulomb_level_positive",

@@ -29,8 +29,8 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import RecursiveMass
 from pipeline.schema.model import significant
 from pipeline.schema.ranges import Positive, Range, Ranged
-from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit
-from pipeline.submodels.drive.mechanics.motion import motion
+from pipeline.submodels.drive.feed_drive import FeedDriveFit
+from pipeline.submodels.drive.motion import motion
 from pipeline.submodels.drive.records import Recording
 
 
@@ -80,20 +80,10 @@ class RecursiveTrace:
 def recursive_inertia(
     speed: ArrayLike, torque: ArrayLike, period: float, settings: RecursiveSettings
 ) -> RecursiveTrace:
-    """Inertia, damping and load torque at every sample of a record.
+    """Inertia, damping and load torque at every sample of a record, sampled with ``period`` [s].
 
-    For a linear axis: mass [kg], damping [N s/m] and load [N] from velocity and force.
-
-    Parameters
-    ----------
-    speed : array_like, shape (T,)
-        w [rad/s], or v [m/s].
-    torque : array_like, shape (T,)
-        T_e [N m], or the force [N], held from its sample to the next.
-    period : float
-        T [s].
-    settings : RecursiveSettings
-        Memory and thresholds of the estimator.
+    By w [rad/s] and T_e [N m], held from its sample to the next, (T,) each; for a linear axis mass
+    [kg], damping [N s/m] and load [N] by velocity [m/s] and force [N].
     """
     w = np.ascontiguousarray(speed, dtype=np.float64)
     m = np.ascontiguousarray(torque, dtype=np.float64)

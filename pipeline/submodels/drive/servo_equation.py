@@ -28,7 +28,7 @@ import numpy as np
 
 from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.mechanics.motion import first_difference
+from pipeline.submodels.drive.motion import first_difference
 from pipeline.submodels.drive.records import AxisConstants, Recording, Tracked
 
 TERMS = (

@@ -17,8 +17,8 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import Method
-from pipeline.submodels.drive.mechanics.inverse_dynamics import DIRECTIONS, Dynamics
-from pipeline.submodels.drive.prior import Coulomb
+from pipeline.submodels.drive.inverse_dynamics import DIRECTIONS, Dynamics
+from pipeline.submodels.drive.records import Coulomb
 from pipeline.submodels.statistics import Factor
 
 GRAVITY = 0.5

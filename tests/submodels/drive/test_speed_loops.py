@@ -9,7 +9,9 @@ import nbformat
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.speed_trial import (
+from pipeline.machine.axis.three_loop import servo_axis, servo_motor
+from pipeline.schema.si import RPM
+from pipeline.submodels.drive.speed_loops import (
     TUNED,
     SpeedTrial,
     compare_speed_loops,
@@ -21,8 +23,6 @@ from pipeline.machine.axis.speed_trial import (
     tuned,
     with_speed_loop,
 )
-from pipeline.machine.axis.three_loop_axis import servo_axis, servo_motor
-from pipeline.schema.si import RPM
 from tests.small_project import ROOT
 from tests.test_notebooks import executed, images
 
