@@ -10,8 +10,13 @@ from numba import njit
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability import semi_discretisation_kernel
-from pipeline.cutting.stability.directional import RegenerativeCut, in_plane
-from pipeline.cutting.stability.semi_discretisation import DepthLimits, arrays, settled_limits
+from pipeline.cutting.stability.semi_discretisation import (
+    DepthLimits,
+    RegenerativeCut,
+    arrays,
+    in_plane,
+    settled_limits,
+)
 from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.cutting.tool import Tool
 

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 import yaml
 
-from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_sizes import odd_sizes
+from pipeline.cutting.tool import Tool, odd_sizes
 
 ROOT = Path(__file__).parents[2]
 TABLES = sorted((ROOT / "conf/tool").glob("*.yaml"))

@@ -3,8 +3,7 @@
 import numpy as np
 
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engaged_arc
-from pipeline.cutting.engagement.height_map import HeightMap, height_map
-from pipeline.cutting.engagement.stock import Box
+from pipeline.cutting.engagement.stock import Box, HeightMap, height_map
 from pipeline.cutting.tool import Tool
 
 MM = 1e-3
@@ -50,7 +49,7 @@ def cleared(stock: HeightMap, where, height_mm: float | None = None) -> HeightMa
     """The stock with the columns at which ``where(x, y)`` [mm] lowered to a height."""
     from dataclasses import replace
 
-    from pipeline.cutting.engagement.height_map import rows_of
+    from pipeline.cutting.engagement.stock import rows_of
 
     heights = stock.heights.copy()
     low = stock.floor if height_mm is None else height_mm * MM

@@ -17,8 +17,7 @@ from math import ceil, floor, pi
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.stability.directional import RegenerativeCut, mean_matrix
-from pipeline.cutting.stability.semi_discretisation import eigenvalues
+from pipeline.cutting.stability.semi_discretisation import RegenerativeCut, eigenvalues, mean_matrix
 from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, Mode, modal_receptance
 from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats

@@ -16,8 +16,8 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.cutting.economics.material import not_negative
 from pipeline.cutting.economics.spindle_power import SpindleDrive, shaft_power
-from pipeline.cutting.economics.tool_life import not_negative
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
@@ -174,7 +174,7 @@ def part_cost(
     times : array_like, shape (..., B)
         Block times, in the cut or not [s].
     wear : array_like, shape (..., B)
-        Share of the tool's life [1], see :func:`pipeline.cutting.economics.tool_life.wear`; 0 in
+        Share of the tool's life [1], see :func:`pipeline.cutting.economics.material.wear`; 0 in
         air, NaN where the life is not determined.
     life_prices : array_like, shape (B,) or ()
         Cost of one life of each block's tool, :func:`life_price`.

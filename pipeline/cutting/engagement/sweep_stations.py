@@ -10,8 +10,8 @@ from math import ceil, exp, floor, sqrt
 
 import numpy as np
 
+from pipeline.cutting.engagement.end_rings import write_ring
 from pipeline.cutting.engagement.sweep_columns import SKIN, sweep
-from pipeline.cutting.engagement.sweep_rings import write_ring
 from pipeline.cutting.engagement.sweep_workspace import STEPS, LinearSegment
 from pipeline.kernels import compiled
 

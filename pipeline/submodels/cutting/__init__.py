@@ -11,10 +11,8 @@ spindle's load; ``submodel`` is the contract, ``page`` what a maintenance lead r
 
 __all__ = [
     "coefficients",
-    "conditions",
     "fit",
     "identify",
-    "kienzle",
     "model",
     "page",
     "recordings",

@@ -22,17 +22,16 @@ from pipeline.schema.cutting import (
 from pipeline.schema.model import Correlation, Model, Parameter
 from pipeline.schema.si import MM
 from pipeline.submodels.cutting.coefficients import (
+    kienzle,
     mean_regression,
-    mean_tangential,
     modes,
     parameters,
 )
-from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
-from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
+from pipeline.submodels.cutting.regression import Estimate, digits
 from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
@@ -291,23 +290,6 @@ def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
         )
         for one in model.residuals
     )
-
-
-def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
-    """Kienzle's constants from the mean tangential forces of three feeds or more."""
-    force, share = mean_tangential(cuts)
-    try:
-        constants = kienzle_by_force(force, [one.conditions for one in cuts], share)
-    except ValueError as error:
-        why, _, remedy = str(error).partition(": ")
-        return {
-            name: Parameter(
-                value=None, unit=unit, interval_95=None, determined=False, method=why,
-                remedy=remedy,
-            )
-            for name, unit in zip(NAMES, UNITS, strict=True)
-        }  # fmt: skip
-    return kienzle_parameters(constants, widest)
 
 
 def recording_row(one: CuttingRecording) -> CutRecording:

@@ -17,8 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import local_lines
-from pipeline.cutting.force.mean_force import COEFFICIENTS
+from pipeline.cutting.force.force_law import COEFFICIENTS, local_lines
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread, TermsTried

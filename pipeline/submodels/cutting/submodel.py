@@ -17,7 +17,6 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import ALIKE, CutModel, restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
@@ -26,6 +25,7 @@ from pipeline.submodels.cutting.recordings import (
     read_recordings,
     with_revolution,
 )
+from pipeline.submodels.cutting.recordings import conditions_of as cut_conditions
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.settings import (
     CuttingFitSettings,

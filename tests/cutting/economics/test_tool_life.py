@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.cutting.economics.tool_life import (
+from pipeline.cutting.economics.material import (
     Taylor,
     cutting_speed,
     fastest,

@@ -6,8 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from pipeline.cutting.engagement.engagement import Engagement, ToolPath
-from pipeline.cutting.engagement.immersions import immersions
+from pipeline.cutting.engagement.engagement import Engagement, ToolPath, immersions
 from tests.cutting.stability.test_margins import PROGRAM
 
 

@@ -8,14 +8,14 @@ import pytest
 import yaml
 
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.force.chisel import (
+from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.load_table import (
     chisel_engaged,
     chisel_length,
     chisel_rake,
     chisel_thrust,
+    load_table,
 )
-from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.load_table import load_table
 from pipeline.cutting.tool import Tool
 from pipeline.parameters import structure
 from tests.cutting.force.test_load_table import arc, blocks

@@ -1,4 +1,4 @@
-"""Force law and arcs with a chip: textbook numbers and limits."""
+"""Force law: textbook numbers and limits."""
 
 import numpy as np
 import pytest
@@ -6,19 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.mean_force import cutting_arcs
 from tests.cutting.closed_forms import edge_forces
-
-
-@given(st.floats(-20.0, 20.0), st.floats(0.0, 2 * np.pi))
-def test_cutting_arcs_hold_what_of_an_arc_has_a_chip(phi_st: float, apart: float) -> None:
-    """The chip over the arcs is that over the whole, wherever in the turns it lies."""
-    begin, end = cutting_arcs(phi_st, phi_st + apart)
-    phi = phi_st + (np.arange(4000) + 0.5) * (apart / 4000)
-    whole = np.maximum(np.sin(phi), 0).sum() * apart / 4000
-    # the middle rule errs by a step squared where the chip begins
-    assert (np.cos(begin) - np.cos(end)).sum() == pytest.approx(whole, abs=5e-6)
-    assert (begin >= 0).all() and (end <= np.pi).all() and (end >= begin).all()
 
 
 def test_units_of_tables() -> None:

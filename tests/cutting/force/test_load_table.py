@@ -8,8 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage
-from pipeline.cutting.engagement.height_map import height_map
-from pipeline.cutting.engagement.stock import Box
+from pipeline.cutting.engagement.stock import Box, height_map
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, load_table
 from pipeline.cutting.force.waveform import profile_waveform

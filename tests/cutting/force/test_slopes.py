@@ -63,7 +63,7 @@ def errors(law: ForceLaw, kind: Kind, flutes: int, runout: float, down: float) -
     tables = [load_table(cut, [of], [law], F_Z).loads([F_Z]) for of in (one, plain)]
     angle = np.array([np.cos(one.runout_angle), np.sin(one.runout_angle)])
     with_runout, without = drawn_loads(
-        edge_turn(one, *heights, slope=slope), [np.concatenate([law.cutting, law.edge])] * 2,
+        edge_turn(one, *heights, slope=slope), [law.constants] * 2,
         [one.runout * angle, 0 * angle], [F_Z], m_c=law.m_c,
     )[0]  # fmt: skip
     found = np.array([

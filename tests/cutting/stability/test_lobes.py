@@ -6,8 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from pipeline.cutting.stability.directional import mean_matrix
-from pipeline.cutting.stability.semi_discretisation import eigenvalues
+from pipeline.cutting.stability.semi_discretisation import eigenvalues, mean_matrix
 from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, modal_receptance
 from tests.cutting.chatter import DOWN, STEADY, X, Y
 from tests.cutting.zero_order import lobes

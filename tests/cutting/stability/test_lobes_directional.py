@@ -10,17 +10,16 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.waveform import basis
-from pipeline.cutting.stability.directional import (
+from pipeline.cutting.stability.semi_discretisation import (
     RegenerativeCut,
+    arrays,
     mean_matrix,
     stiffness,
 )
-from pipeline.cutting.stability.semi_discretisation import arrays
 from pipeline.cutting.stability.semi_discretisation_kernel import fill_weights
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, STEADY, X, Y, regenerative_cut
-from tests.cutting.closed_forms import edge_forces
+from tests.cutting.closed_forms import basis, edge_forces
 
 angles = st.floats(0.0, 2 * pi)
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.engagement.immersions import Immersions
+from pipeline.cutting.engagement.engagement import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.margins import MOST, ROUNDED, margin, stability_table
 from pipeline.cutting.stability.semi_discretisation import least_depth

@@ -16,11 +16,12 @@ from pipeline.submodels.cutting.spindle_load.levels import (
     LoadScale,
     levels,
     load_levels,
+    no_load,
     resolution,
     runs,
     settled,
+    specific_force,
 )
-from pipeline.submodels.cutting.spindle_load.power import no_load, specific_force
 from tests.cutting.closed_forms import mean_torque
 from tests.submodels.cutting.spindle_loads import (
     DRIVE,

@@ -12,24 +12,26 @@ from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.schema.cutting import CutLevel, NoLoadPoint, SpindleLoad
 from pipeline.schema.model import LeftOut, Parameter
 from pipeline.schema.si import MINUTE
-from pipeline.submodels.cutting.estimate import Estimate, digits
-from pipeline.submodels.cutting.regression import Regression
-from pipeline.submodels.cutting.spindle_load.levels import Levels, LoadLog, load_levels
-from pipeline.submodels.cutting.spindle_load.power import (
+from pipeline.submodels.cutting.regression import Estimate, Regression, digits
+from pipeline.submodels.cutting.settings import LoadCut, SpindleLoadRecords
+from pipeline.submodels.cutting.spindle_load.levels import (
+    Levels,
+    LoadLog,
     NoLoad,
     SpecificForce,
+    load_levels,
     no_load,
     specific_force,
 )
-from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
 from pipeline.submodels.cutting.spindle_load.readings import (
+    Lines,
     Readings,
     cut_log,
     no_load_log,
+    program_lines,
     read_log,
     unused_lines,
 )
-from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
 
 FEWEST = 5
 """Readings of a level, at least, for its noise."""
