@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.end_rings import EndRings, whole_ends
 from pipeline.cutting.engagement.stock import HeightMap
+from pipeline.cutting.engagement.sweep_stations import PIECE, SCALARS, STATE, sweep_path
 from pipeline.cutting.engagement.sweep_workspace import (
     STEPS,
     Grid,
@@ -226,22 +227,14 @@ def engage(
     columns, left = _sweep(path, tools, stock, bins)
     piece, rise = columns.piece, path.end[:, 2] - path.start[:, 2]
     engagement = Engagement(
-        piece=piece,
-        block=path.block[piece],
-        tool=path.tool[piece],
-        along=columns.along,
-        length=columns.length,
-        lower=columns.lower,
-        upper=columns.upper,
-        volume=columns.volume,
-        slope=rise[piece] / path.length[piece],
-        feed=path.feed[piece],
-        blocks=int(path.block[-1]) + 1 if len(path) else 0,
-        resolution=stock.cell,
+        piece=piece, block=path.block[piece], tool=path.tool[piece], along=columns.along,
+        length=columns.length, lower=columns.lower, upper=columns.upper, volume=columns.volume,
+        slope=rise[piece] / path.length[piece], feed=path.feed[piece],
+        blocks=int(path.block[-1]) + 1 if len(path) else 0, resolution=stock.cell,
         rings=EndRings(
             station=np.flatnonzero(columns.ring), inner=columns.inner, outer=columns.outer
         ),
-    )
+    )  # fmt: skip
     return engagement, left
 
 
@@ -249,8 +242,6 @@ def _sweep(
     path: ToolPath, tools: Sequence[Tool], stock: HeightMap, bins: int
 ) -> tuple[StationColumns, HeightMap]:
     """Stations of a path at ``bins`` angles, and the stock that it leaves."""
-    from pipeline.cutting.engagement.sweep_stations import PIECE, SCALARS, STATE, sweep_path
-
     grid, profiles, counts = grid_of(stock, tools), tool_profiles(tools), sweep_counts(bins)
     station, out = station_accumulator(bins, SCALARS), station_buffer(_ROWS, bins)
     state = np.zeros(STATE, np.int64)
@@ -358,15 +349,12 @@ def immersions(path: ToolPath, engagement: Engagement) -> Immersions:
     unjudged = np.zeros(engagement.blocks, dtype=np.bool_)
     unjudged[engagement.block[~kept & (height > 0.0).any(axis=1)]] = True
     return Immersions(
-        block=engagement.block[kept],
-        tool=engagement.tool[kept],
+        block=engagement.block[kept], tool=engagement.tool[kept],
         depth=np.where(engaged, height, 0.0).max(axis=1, initial=0.0)[kept],
         entry=np.minimum(entry, pi - LEAST_ARC),
         exit=np.minimum(np.maximum(exit, entry + LEAST_ARC), pi),
-        feed_direction=np.arctan2(move[:, 1], move[:, 0])[kept],
-        direction=turning[kept],
-        blocks=engagement.blocks,
-        unjudged=unjudged,
+        feed_direction=np.arctan2(move[:, 1], move[:, 0])[kept], direction=turning[kept],
+        blocks=engagement.blocks, unjudged=unjudged,
         lowest=np.where(engaged, engagement.lower, np.inf).min(axis=1, initial=np.inf)[kept],
         highest=np.where(engaged, engagement.upper, 0.0).max(axis=1, initial=0.0)[kept],
-    )
+    )  # fmt: skip

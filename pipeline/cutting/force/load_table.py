@@ -45,6 +45,14 @@ from pipeline.cutting.force.edge import (
     radius_differences,
 )
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.profile_kernel import (
+    AXIAL,
+    COLUMNS,
+    FINEST,
+    FORCE,
+    look_up,
+    station_loads,
+)
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.si import DEGREE
@@ -195,12 +203,9 @@ class LoadTable:
         feeds = self._feeds(f_z)
         if feeds.ndim != 1:
             raise ValueError(f"load table: f_z has shape {feeds.shape}: give one row of feeds")
-        return _loads(
-            feeds[self.block],
-            self.station_values[:, self.station],
-            self.scale[self.block],
-            self.exponent[self.block],
-        )
+        block = self.block
+        values = self.station_values[:, self.station]
+        return _loads(feeds[block], values, self.scale[block], self.exponent[block])
 
     def mean_forces(self, station: Rows, f_z: Floats) -> Floats:
         """Mean force over a turn at places of some stations, and the standard deviation of each
@@ -233,18 +238,16 @@ def load_table(
     """Tabulate the loads of all blocks.
 
     The bottom of a flat end cuts where the motion goes down, as edges from the axis to the rim; a
-    drill cuts with its lips and its chisel edge.  In full material both take a mean torque of     N
+    drill cuts with its lips and its chisel edge.  In full material both take a mean torque of N
     K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
     and edge terms for each length of lip; the chisel edge adds its own.  In a hole of diameter d
-    the flat of     an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads
-    without a model,     of thread mills, are 0.
+    the flat of an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads
+    without a model, of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
     for each; ``nodes`` is K, from 3. ValueError when the arguments do not go together, or a value
     is out of its range.
     """
-    from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
-
     most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
     order, station, tool = _different(engagement)
     values = np.zeros((len(order), nodes + 1, COLUMNS))
@@ -330,8 +333,6 @@ def _station_values(
     engagement: Engagement, rows: Rows, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
     """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
-    from pipeline.cutting.force.profile_kernel import AXIAL, COLUMNS, FINEST, FORCE, station_loads
-
     lower, upper, slope = (
         column[rows] for column in (engagement.lower, engagement.upper, engagement.slope)
     )
@@ -379,8 +380,6 @@ def _loads(f_z: Floats, values: Floats, scale: Floats, exponent: Floats) -> Bloc
 
 
 def _look_up(f_z: Floats, values: Floats, scale: Floats, exponent: Floats, out: Floats) -> None:
-    from pipeline.cutting.force.profile_kernel import look_up
-
     many = f_z.shape[-1]
     if f_z.size:
         look_up(f_z.reshape(-1, many), values, scale, exponent, out.reshape(-1, many))

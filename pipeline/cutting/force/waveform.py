@@ -28,7 +28,7 @@ with a chip counts, so that the forces change without jumps when runout or helix
 corners are integrated in the same slices, force by force.
 """
 
-from math import ceil, cos, floor, pi, sin
+from math import ceil, cos, floor, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -62,6 +62,7 @@ from pipeline.cutting.force.edge import (
     thickness,
 )
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.profile_kernel import TURN, profile_forces
 from pipeline.cutting.tool import Tool
 from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats
@@ -137,8 +138,6 @@ def profile_basis(
     below at each angle, (F,) each [m], all of it by default.  ValueError when a value is not finite
     or shapes do not go together.
     """
-    from pipeline.cutting.force.profile_kernel import profile_forces
-
     theta = _angles(angles, f_z)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     if low.shape != high.shape or low.ndim != 1 or not len(low):
@@ -181,9 +180,6 @@ def _angles(angles: ArrayLike, f_z: float) -> Floats:
     if not np.isfinite(f_z):
         raise ValueError(f"waveform: f_z = {f_z} must be finite")
     return theta
-
-
-TURN = 2 * pi
 
 
 @compiled

@@ -36,12 +36,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import cos, pi, sin
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work, first_limits
 from pipeline.cutting.stability.tip_dynamics import Mode, modal_receptance
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats, Ints
@@ -196,9 +197,6 @@ def _first(phi: ArrayLike) -> Floats:
     return np.stack([np.sin(phi) ** 2 / 2, phi / 2 - wave, phi / 2 + wave])
 
 
-if TYPE_CHECKING:
-    from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
-
 KRYLOV = 8
 """Dimensions of the Krylov space besides those of the modes' states."""
 CELLS_PER_WAVE = 6
@@ -217,10 +215,8 @@ _AROUND = np.linspace(-8.0, 8.0, 65)
 """Half widths of a mode's peak where its receptance is looked at."""
 
 
-def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> "tuple[Tip, Cut, Work]":
+def arrays(modes: Sequence[Mode], cut: RegenerativeCut, cells: int) -> tuple[Tip, Cut, Work]:
     """Arguments of the kernels, with arrays for up to ``cells``."""
-    from pipeline.cutting.stability.semi_discretisation_kernel import Cut, Tip, Work
-
     used = sorted({mode.axis for mode in modes})
     many, size = len(used), len(modes)
     states = 2 * size + cells * many
@@ -263,31 +259,15 @@ def settled_limits(
     modes: Sequence[Mode], cut: RegenerativeCut, n: Floats, *, highest: float,
     tolerance: float = 0.01, ratio: float = 1.2,
 ) -> DepthLimits:  # fmt: skip
-    """Least depth at which chatter begins, at each spindle speed.
+    """Least depth at which chatter begins, at each spindle speed ``n`` (S,), above 0 [1/s].
 
-    The depth limit is nan where a cut holds more than 256 waves of the highest mode, as at one
-    tooth a second, that of the finest cells where it does not settle: ``error`` is above
-    ``tolerance`` there.
-
-    Parameters
-    ----------
-    modes : sequence of Mode
-        At least one mode of the tip.
-    cut : RegenerativeCut
-        Cut, its depth and speed open.
-    n : ndarray, shape (S,)
-        Spindle speeds [1/s], above 0.
-    highest : float
-        Greatest depth of the search [m], above 0.
-    tolerance : float
-        The cells are doubled until the limit's estimated error before extrapolation is below this
-        share of it [1]; after it about a tenth of that is left.
-    ratio : float
-        Ratio of neighbouring depths of the first search, above 1; a narrow region of chatter
-        between two of them shows as a local maximum of the spectral radius.
+    It is searched up to ``highest`` [m].  The depth limit is nan where a cut holds more than 256
+    waves of the highest mode, as at one tooth a second, that of the finest cells where it does not
+    settle: ``error`` is above ``tolerance`` there.  The cells are doubled until the limit's
+    estimated error before extrapolation is below this share of it [1]; after it about a tenth of
+    that is left.  ``ratio`` is that of neighbouring depths of the first search, above 1; a narrow
+    region of chatter between two of them shows as a local maximum of the spectral radius.
     """
-    from pipeline.cutting.stability.semi_discretisation_kernel import first_limits
-
     first = first_cells(modes, cut, n, highest)
     limit, error, used = np.full(len(n), np.nan), np.full(len(n), np.inf), first.copy()
     least = BELOW * stable_depth(modes, cut)
@@ -332,15 +312,7 @@ def stable_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:
 
 
 def eigenvalues(matrix: Floats, response: Complexes) -> Complexes:
-    """Both eigenvalues of A Phi [1/m], in no order; shape (F, 2).
-
-    Parameters
-    ----------
-    matrix : ndarray, shape (2, 2)
-        A [N/m^2].
-    response : ndarray of complex, shape (F, 2, 2)
-        Phi [m/N].
-    """
+    """Both eigenvalues of A Phi [1/m], (F, 2), in no order, of A (2, 2) and Phi (F, 2, 2)."""
     product = matrix @ response
     half = (product[:, 0, 0] + product[:, 1, 1]) / 2
     apart = (product[:, 0, 0] - product[:, 1, 1]) / 2

@@ -233,18 +233,14 @@ def coefficients(
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
     helix = fit.problem.geometry(fit.x).helix
-    if not fit.problem.terms.helix:
-        reason = f"{helix / DEGREE:g} deg was taken: the records do not tell another"
-        return Estimate(
-            name="helix", unit="deg", value=helix / DEGREE, half_width=0.0, determined=False,
-            method="given", reason=reason,
-        )  # fmt: skip
     half = uncertainty.half_width({"tan_helix": 1.0}) * np.cos(helix) ** 2 / DEGREE
+    sought = fit.problem.terms.helix
     return Estimate(
-        name="helix", unit="deg", value=helix / DEGREE, half_width=half,
-        determined=bool(half <= HELIX_DEG), method=HARMONICS,
-        reason="its 95 % interval is wider than 10 deg",
-        remedy="record a deeper cut, in which the edge lags further",
+        name="helix", unit="deg", value=helix / DEGREE, half_width=half if sought else 0.0,
+        determined=bool(sought and half <= HELIX_DEG), method=HARMONICS if sought else "given",
+        reason="its 95 % interval is wider than 10 deg" if sought
+        else f"{helix / DEGREE:g} deg was taken: the records do not tell another",
+        remedy="record a deeper cut, in which the edge lags further" if sought else "",
     )  # fmt: skip
 
 
@@ -255,22 +251,23 @@ def modes(fit: Fit, uncertainty: FitUncertainty, widest: float) -> dict[int, lis
         return {}
     natural, damping = channel_modes
     highest = max(cut.conditions.speed * cut.harmonics for cut in fit.problem.cuts)
-    by_direction = {}
-    for k in range(3):
-        rows = []
-        for what, values, unit in (("natural", natural, "Hz"), ("damping", damping, "1")):
-            half = uncertainty.half_width({f"log_{what}{k}": 1.0})
-            name = "natural_frequency_Hz" if what == "natural" else "damping"
-            rows.append(
-                Estimate(
-                    name=name, unit=unit, value=float(values[k]), lowest=0.0,
-                    half_width=half * float(values[k]), method=HARMONICS,
-                    determined=bool(half <= widest and natural[k] <= highest),
-                    reason=f"the channel shows no mode of its own below {highest:.0f} Hz",
-                )
-            )  # fmt: skip
-        by_direction[k] = rows
-    return by_direction
+    names = (
+        ("natural_frequency_Hz", "Hz", "natural", natural),
+        ("damping", "1", "damping", damping),
+    )
+    return {
+        k: [
+            Estimate(
+                name=name, unit=unit, value=float(values[k]), lowest=0.0,
+                half_width=half * float(values[k]), method=HARMONICS,
+                determined=bool(half <= widest and natural[k] <= highest),
+                reason=f"the channel shows no mode of its own below {highest:.0f} Hz",
+            )
+            for name, unit, what, values in names
+            for half in [uncertainty.half_width({f"log_{what}{k}": 1.0})]
+        ]
+        for k in range(3)
+    }  # fmt: skip
 
 
 HOW = "linear regression of the mean forces"

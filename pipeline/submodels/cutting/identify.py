@@ -218,29 +218,25 @@ def cutting_model(
         groups[COEFFICIENTS] = _parameters(estimates) | kienzle(identified.cuts, widest)
         groups[MEAN_FORCE] = _parameters(identified.mean_force)
         for direction, rows in modes(fit, uncertainty, widest).items():
-            groups[CHANNEL + _channel(setup, direction)] = _parameters(rows)
+            channel: str = getattr(setup.dynamometer, DIRECTIONS[direction])
+            groups[CHANNEL + channel.removeprefix("-")] = _parameters(rows)
         facts = _facts(identified, identified.serving or fit, uncertainty)
         correlation = _correlation(uncertainty.names, uncertainty.covariance)
         terms = tuple(selection.tried)
+        names = [one.name for one in identified.training]
         folds = tuple(
-            _fold(one, fold_model, [r.name for r in identified.training])
+            FoldModel(left_out=tuple(names[k] for k in one.left_out), prediction=stored(fold_model),
+                      fitted_on=tuple(n for k, n in enumerate(names) if k not in one.left_out))
             for one, fold_model in zip(selection.folds, identified.folds, strict=True)
-        )
+        )  # fmt: skip
     faults = named_faults(identified.recordings, identified.references, setup, settings)
     if spindle is not None:
         groups[SPINDLE] = spindle.parameters
     plain = identified.mean_values
     return CuttingModel(
-        **vars(replace(head, parameters=groups)),
-        method=settings.method,
-        reason=identified.reason,
-        material=setup.material,
-        tool=asdict(setup.tool),
-        remarks=remarks,
-        correlation=correlation,
-        fit=facts,
-        terms=terms,
-        methods=tuple(identified.methods),
+        **vars(replace(head, parameters=groups)), method=settings.method, reason=identified.reason,
+        material=setup.material, tool=asdict(setup.tool), remarks=remarks, correlation=correlation,
+        fit=facts, terms=terms, methods=tuple(identified.methods), folds=folds,
         residual_conditions=() if model is None else _residual_conditions(model),
         recordings=tuple(
             replace(recording_row(one), fault=faults.get(one.name, ""))
@@ -248,9 +244,8 @@ def cutting_model(
         ),
         prediction=None if model is None else stored(model),
         plain=None if plain is None else stored(plain_model(setup.tool, np.array(plain))),
-        folds=folds,
         spindle=None if spindle is None else spindle.facts,
-    )
+    )  # fmt: skip
 
 
 def _facts(
@@ -266,14 +261,6 @@ def _facts(
     )
 
 
-def _fold(fold: Fold, model: CutModel, names: Sequence[str]) -> FoldModel:
-    return FoldModel(
-        left_out=tuple(names[k] for k in fold.left_out),
-        fitted_on=tuple(name for k, name in enumerate(names) if k not in fold.left_out),
-        prediction=stored(model),
-    )
-
-
 def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
     """Conditions of the waveform residual; empty where it is not part of the model."""
     return tuple(
@@ -283,13 +270,11 @@ def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
             entry_deg=digits(float(np.degrees(one.conditions.phi_st))),
             exit_deg=digits(float(np.degrees(one.conditions.phi_ex))),
             feeds_per_tooth_mm=tuple(digits(f / MM) for f in one.feeds),
-            holds_for_mm=(
-                digits(min(one.feeds) / BEYOND / MM),
-                digits(max(one.feeds) * BEYOND / MM),
-            ),
+            holds_for_mm=(digits(min(one.feeds) / BEYOND / MM),
+                          digits(max(one.feeds) * BEYOND / MM)),
         )
         for one in model.residuals
-    )
+    )  # fmt: skip
 
 
 def recording_row(one: CuttingRecording) -> CutRecording:
@@ -312,11 +297,6 @@ def recording_row(one: CuttingRecording) -> CutRecording:
         entry_deg=digits(float(np.degrees(c.phi_st))),
         exit_deg=digits(float(np.degrees(c.phi_ex))),
     )
-
-
-def _channel(setup: CuttingSetup, direction: int) -> str:
-    name: str = getattr(setup.dynamometer, DIRECTIONS[direction])
-    return name.removeprefix("-")
 
 
 def _parameters(rows: Sequence[Estimate]) -> dict[str, Parameter]:

@@ -10,7 +10,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import load_table
 from pipeline.cutting.tool import Kind, Tool
 from tests.cutting.plain_forces import plain_forces
-from tests.cutting.stations import BINS, arc, stations
+from tests.cutting.tool_paths import BINS, arc, stations
 
 F_Z = 5e-5
 BARS = [0.02, 0.03, 0.02, 0.02]

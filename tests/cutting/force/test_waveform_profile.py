@@ -12,7 +12,7 @@ from pipeline.cutting.force.waveform import profile_basis, profile_waveform
 from pipeline.cutting.tool import Tool
 from tests.cutting.closed_forms import basis, torque_basis
 from tests.cutting.plain_forces import plain_forces
-from tests.cutting.stations import BINS, arc, random_profile
+from tests.cutting.tool_paths import BINS, arc, random_profile
 
 STRAIGHT = Tool(kind="flat", diameter_mm=10.0, flutes=4, helix_deg=0.0)
 TURN = 2 * np.pi

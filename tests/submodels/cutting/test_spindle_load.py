@@ -43,7 +43,7 @@ from tests.submodels.cutting.spindle_load_logs import (
     stock,
     write_bench,
 )
-from tests.submodels.cutting.spindle_loads import cut_rates
+from tests.submodels.cutting.test_spindle_power import cut_rates
 
 TOOL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
 HEAD = "G21 G17 G40 G80 G90 G54\nT1 M6\nS6000 M3\n"

@@ -56,10 +56,7 @@ class Levels:
 
     def where(self, mask: Bools) -> "Levels":
         """The levels that a mask selects."""
-        return Levels(
-            speed=self.speed[mask], power=self.power[mask], deviation=self.deviation[mask],
-            removal=self.removal[mask], edge=self.edge[mask], samples=self.samples[mask],
-        )  # fmt: skip
+        return Levels(**{name: column[mask] for name, column in vars(self).items()})
 
 
 def settled(
