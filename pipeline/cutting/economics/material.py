@@ -126,8 +126,7 @@ def cutting_speed(diameter: ArrayLike, n: ArrayLike) -> Floats:
     >>> round(float(cutting_speed(6e-3, 8000 / 60)) * 60, 2)  # 6 mm at 8000 rpm, in m/min
     150.8
     """
-    speed: Floats = np.pi * np.asarray(diameter, dtype=np.float64) * np.asarray(n)
-    return speed
+    return np.pi * np.asarray(diameter, dtype=np.float64) * np.asarray(n)
 
 
 def life(
@@ -184,8 +183,7 @@ def fastest(
     """
     with np.errstate(divide="ignore", over="ignore"):  # without end: need not last
         speeds = [(life(end, 1.0, conditions) / lasting) ** end.n for end in taylor.ends]
-    slowest: Floats = np.min(speeds, axis=0)
-    return slowest
+    return np.min(speeds, axis=0)
 
 
 def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, ArrayLike]) -> Floats:
@@ -198,8 +196,7 @@ def _wear_rate(taylor: Taylor, v_c: ArrayLike, conditions: Mapping[Condition, Ar
         if name not in conditions:
             raise ValueError(f"tool life depends on {name} here: give it, in metres")
         load = load * (not_negative(name, conditions[name]) / (reference * MM)) ** exponent
-    rate: Floats = load ** (1.0 / taylor.n) / MINUTE
-    return rate
+    return load ** (1.0 / taylor.n) / MINUTE
 
 
 Letter = Literal["P", "M", "K", "N", "S", "H"]

@@ -46,8 +46,7 @@ class EndRings:
     @property
     def width(self) -> Floats:
         """Greatest length of the edge that each ring has at an angle [m]; shape (P,)."""
-        width: Floats = (self.outer - self.inner).max(axis=1, initial=0.0).astype(np.float64)
-        return width
+        return (self.outer - self.inner).max(axis=1, initial=0.0).astype(np.float64)
 
     @property
     def around_the_axis(self) -> NDArray[np.bool_]:

@@ -68,8 +68,7 @@ class ToolPath:
     @property
     def length(self) -> Floats:
         """Length of each piece [m]; shape (Q,)."""
-        length: Floats = np.linalg.norm(self.end - self.start, axis=1)
-        return length
+        return np.linalg.norm(self.end - self.start, axis=1)
 
 
 def engaged_arc(depth: NDArray[np.floating]) -> tuple[Floats, Floats]:
@@ -118,8 +117,7 @@ def _within(at: Ints, share: Floats, bins: int) -> Floats:
     width = 2 * np.pi / bins
     begin, end = np.cos(at * width), np.cos((at + 1) * width)
     front = np.arccos(np.clip(begin + share * (end - begin), -1, 1))
-    angle: Floats = np.where(at * width < np.pi, front, 2 * np.pi - front)
-    return angle
+    return np.where(at * width < np.pi, front, 2 * np.pi - front)
 
 
 def _missing(depth: NDArray[np.floating], row: Ints, at: Ints, beside: Ints) -> Floats:
@@ -127,8 +125,7 @@ def _missing(depth: NDArray[np.floating], row: Ints, at: Ints, beside: Ints) -> 
     bins = depth.shape[1]
     here, there = depth[row, at % bins], depth[row, beside % bins]
     share = np.divide(here, there, out=np.ones(len(row)), where=there > 0)
-    missing: Floats = 1 - np.minimum(share, 1.0)
-    return missing
+    return 1 - np.minimum(share, 1.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -218,13 +218,10 @@ def rows_of(grid: HeightMap) -> Iterator[tuple[Floats, Floats]]:
 
 
 def _inside(stock: Box | Cylinder, x: Floats, y: Floats) -> Bools:
-    inside: Bools
-    if isinstance(stock, Cylinder):
-        r = stock.diameter_mm / 2 * MM
-        inside = (x - stock.x_mm * MM) ** 2 + (y - stock.y_mm * MM) ** 2 <= r * r
-    else:
-        inside = (x <= stock.x_mm[1] * MM) & (y <= stock.y_mm[1] * MM)
-    return inside
+    if isinstance(stock, Box):
+        return (x <= stock.x_mm[1] * MM) & (y <= stock.y_mm[1] * MM)
+    r = stock.diameter_mm / 2 * MM
+    return (x - stock.x_mm * MM) ** 2 + (y - stock.y_mm * MM) ** 2 <= r * r
 
 
 _LOST_SHARE = 0.01
@@ -248,14 +245,12 @@ def mesh_map(stock: Mesh, resolution_m: float) -> HeightMap:
     filled = grid.volume - exact
     if filled <= _LOST_SHARE * exact:
         return grid
-    return replace(
-        grid,
-        notice=(
-            f"stock {stock.path}: the height map holds {filled / exact:.1%} more material than the "
-            "mesh, because what is under its highest surface counts as full: undercuts and "
-            "cavities are not modelled, or the resolution is too coarse"
-        ),
+    notice = (
+        f"stock {stock.path}: the height map holds {filled / exact:.1%} more material than the "
+        "mesh, because what is under its highest surface counts as full: undercuts and "
+        "cavities are not modelled, or the resolution is too coarse"
     )
+    return replace(grid, notice=notice)
 
 
 def _closed_mesh(stock: Mesh) -> "trimesh.Trimesh":

@@ -125,8 +125,7 @@ def _powers(feeds: Floats, teeth: int, m_c: float) -> Floats:
     if m_c == 0.0 or not len(feeds):
         return np.empty(0)
     share = np.linspace(0.0, 1.0, POWERS) ** 2
-    powers: Floats = (share * teeth * feeds[-1]) ** (1.0 - m_c)
-    return powers
+    return (share * teeth * feeds[-1]) ** (1.0 - m_c)
 
 
 @compiled

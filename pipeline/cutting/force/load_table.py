@@ -218,8 +218,7 @@ class LoadTable:
         node = np.minimum(np.sqrt(u), self.station_force.shape[2] - 2).astype(np.intp)
         share = (u - node**2) / (2 * node + 1)
         low, high = (self.station_force[:, unique, node + step] for step in (0, 1))
-        forces: Floats = np.where(f_z > 0, low + share * (high - low), 0.0).T
-        return forces
+        return np.where(f_z > 0, low + share * (high - low), 0.0).T
 
     def _feeds(self, f_z: ArrayLike) -> Floats:
         feeds = np.ascontiguousarray(f_z, dtype=np.float64)

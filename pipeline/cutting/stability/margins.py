@@ -127,8 +127,7 @@ def _allowed(tip: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest: floa
     limit = settled_limits(tip, cut, n, highest=highest).depth_limit
     slow = np.isnan(limit)
     limit[slow] = least_depth(tip, cut)
-    allowed: Floats = np.minimum(ROUNDED * limit, highest)
-    return allowed
+    return np.minimum(ROUNDED * limit, highest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

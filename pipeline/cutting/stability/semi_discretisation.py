@@ -144,8 +144,7 @@ def _slope(law: ForceLaw, thickness: float | None) -> float:
             f"force_law.m_c = {law.m_c}: how the force grows depends on the chip's thickness, "
             f"which is {thickness}; give the mean thickness of the chip, above 0 m"
         )
-    factor: float = (1.0 - law.m_c) * thickness ** (-law.m_c)
-    return factor
+    return (1.0 - law.m_c) * thickness ** (-law.m_c)
 
 
 def mean_matrix(cut: RegenerativeCut) -> Floats:
@@ -154,8 +153,7 @@ def mean_matrix(cut: RegenerativeCut) -> Floats:
     Over a turn the helix shifts the force of each height, so that the mean does not depend on it.
     """
     once = _matrices(cut, _once(cut, np.array(cut.exit)))
-    mean: Floats = cut.turned @ once @ cut.turned.T / cut.pitch
-    return mean
+    return cut.turned @ once @ cut.turned.T / cut.pitch
 
 
 def harmonic_matrices(cut: RegenerativeCut, many: int) -> Complexes:
@@ -187,8 +185,7 @@ def _once(cut: RegenerativeCut, phi: Floats) -> Floats:
     """Integrals of sin cos, sin^2, cos^2 over a tooth's engagement up to phi; (3,) + its shape."""
     clipped = np.clip(phi, cut.entry, cut.exit)
     entry = _first(cut.entry).reshape((3,) + (1,) * clipped.ndim)
-    once: Floats = _first(clipped) - entry
-    return once
+    return _first(clipped) - entry
 
 
 def _first(phi: ArrayLike) -> Floats:
@@ -287,8 +284,7 @@ def first_cells(modes: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest:
     wave = max(mode.natural_frequency_Hz for mode in modes)
     span = min(cut.exit - cut.entry + cut.lag * highest, cut.pitch) / (2 * pi * n)
     doubled = np.maximum(np.ceil(np.log2(CELLS_PER_WAVE * wave * span / LEAST_CELLS)), 0.0)
-    cells: Ints = (LEAST_CELLS * 2.0 ** np.minimum(doubled, 40.0)).astype(np.int64)
-    return cells
+    return (LEAST_CELLS * 2.0 ** np.minimum(doubled, 40.0)).astype(np.int64)
 
 
 def least_depth(modes: Sequence[Mode], cut: RegenerativeCut) -> float:

@@ -147,8 +147,7 @@ class FrequencyResponse:
         place = np.interp(frequency_Hz, self.frequency_Hz, np.arange(len(self.frequency_Hz)))
         low = np.minimum(place.astype(np.int64), len(self.frequency_Hz) - 2)
         share = (place - low)[..., None, None]
-        between: Complexes = self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
-        return between
+        return self.receptance[low] * (1 - share) + self.receptance[low + 1] * share
 
 
 def joined_responses(parts: Sequence[FrequencyResponse]) -> FrequencyResponse:

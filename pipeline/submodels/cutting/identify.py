@@ -194,12 +194,9 @@ def rms_error_percent(fit: Fit) -> float:
 
 
 def cutting_model(
-    head: Model,
-    identified: CuttingIdentification,
-    setup: CuttingSetup,
-    settings: CuttingFitSettings,
-    spindle: SpindleLoadResult | None,
-) -> CuttingModel:
+    head: Model, identified: CuttingIdentification, setup: CuttingSetup,
+    settings: CuttingFitSettings, spindle: SpindleLoadResult | None,
+) -> CuttingModel:  # fmt: skip
     """Model as it is stored, the parameters of ``head`` filled in."""
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
@@ -289,14 +286,10 @@ def recording_row(one: CuttingRecording) -> CutRecording:
         return row
     speed = c.speed if revolution is None else revolution.speed
     return replace(
-        row,
-        speed_rpm=round(60 * speed, 2),
-        feed_mm_min=digits(c.feed / MM * 60),
-        feed_per_tooth_mm=digits(c.f_z / MM),
-        axial_depth_mm=digits(c.a_p / MM),
-        entry_deg=digits(float(np.degrees(c.phi_st))),
-        exit_deg=digits(float(np.degrees(c.phi_ex))),
-    )
+        row, speed_rpm=round(60 * speed, 2), feed_mm_min=digits(c.feed / MM * 60),
+        feed_per_tooth_mm=digits(c.f_z / MM), axial_depth_mm=digits(c.a_p / MM),
+        entry_deg=digits(float(np.degrees(c.phi_st))), exit_deg=digits(float(np.degrees(c.phi_ex))),
+    )  # fmt: skip
 
 
 def _parameters(rows: Sequence[Estimate]) -> dict[str, Parameter]:

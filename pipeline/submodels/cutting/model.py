@@ -28,7 +28,6 @@ from pipeline.submodels.cutting.waveform import (
     ChipShape,
     CutHarmonics,
     columns,
-    orders,
     phase_shift,
     rotated,
     tooth_columns,
@@ -220,7 +219,7 @@ class CutModel:
         """Channel response to a force at each harmonic; shape (H + 1, 3) [1]."""
         if self.natural is None or self.damping is None:
             return np.ones((harmonics + 1, 3), dtype=np.complex128)
-        frequencies = orders(harmonics) * conditions.speed
+        frequencies = np.arange(harmonics + 1, dtype=np.float64) * conditions.speed
         return transfer(frequencies, self.natural, self.damping)
 
     def residual(self, conditions: CutConditions) -> WaveformResidual | None:

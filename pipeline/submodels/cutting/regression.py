@@ -53,7 +53,11 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     singular = np.linalg.svd(design / scale, compute_uv=False) if count else np.zeros(1)
     apart = freedom >= 0 and singular[0] < COLLINEAR * singular[-1]
     if freedom < 1 or not apart:
-        return _nothing(parameters, freedom)
+        return Regression(
+            values=np.full(parameters, np.nan), quantile=np.inf, freedom=freedom, share=np.nan,
+            covariance=np.full((parameters, parameters), np.inf),
+            half_width=np.full(parameters, np.inf),
+        )  # fmt: skip
     least = TINY * np.abs(readings).max(initial=TINY)
     covariance = covariance + least**2 * np.eye(count)  # readings without noise have no inverse
     share = _share(design / scale, readings, covariance, size, freedom)
@@ -63,24 +67,9 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     quantile = max(normal, student_quantile * np.sqrt(misfit / freedom))
     spread = spread / np.outer(scale, scale)
     return Regression(
-        values=values / scale,
-        covariance=spread,
-        half_width=quantile * np.sqrt(np.diag(spread)),
-        quantile=quantile,
-        freedom=freedom,
-        share=share,
-    )
-
-
-def _nothing(parameters: int, freedom: int) -> Regression:
-    return Regression(
-        values=np.full(parameters, np.nan),
-        covariance=np.full((parameters, parameters), np.inf),
-        half_width=np.full(parameters, np.inf),
-        quantile=np.inf,
-        freedom=freedom,
-        share=np.nan,
-    )
+        values=values / scale, covariance=spread, half_width=quantile * np.sqrt(np.diag(spread)),
+        quantile=quantile, freedom=freedom, share=share,
+    )  # fmt: skip
 
 
 def _solve(

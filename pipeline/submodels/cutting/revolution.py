@@ -258,8 +258,7 @@ def _wander(force: Floats, angle: Floats, lines: Complexes) -> Floats:
     denominator = np.bincount(block, (slope**2).sum(axis=1), count)
     ahead = numerator / np.maximum(denominator, 1e-300)
     ahead -= ahead.mean()
-    lead: Floats = np.interp(blocks, np.arange(count) + 0.5, np.clip(ahead, -0.5, 0.5))
-    return lead
+    return np.interp(blocks, np.arange(count) + 0.5, np.clip(ahead, -0.5, 0.5))
 
 
 def _coherent(force: Floats, angle: Floats, lines: Complexes) -> Floats:
@@ -281,8 +280,7 @@ def _revolutions(force: Floats, angle: Floats) -> Floats:
     first = np.ceil(angle[0] / (2 * np.pi))
     count = int(np.floor((angle[-1] - 2 * np.pi * first) / (2 * np.pi)))
     angles = 2 * np.pi * (first + np.arange(count * GRID) / GRID)
-    revolutions: Floats = CubicSpline(angle, force)(angles).reshape(count, GRID, force.shape[1])
-    return revolutions
+    return CubicSpline(angle, force)(angles).reshape(count, GRID, force.shape[1])
 
 
 def _scatter(spectra: Complexes, harmonics: int) -> Floats:

@@ -125,11 +125,6 @@ def mean_squares(lines: Complexes) -> Floats:
     return np.asarray(power.sum(axis=0))
 
 
-def orders(harmonics: int) -> Floats:
-    """Orders of the harmonics, 0 to H."""
-    return np.arange(harmonics + 1, dtype=np.float64)
-
-
 def rotated(spectrum: Complexes, phase: float) -> Complexes:
     """Harmonics of a revolution in which the first tooth is ``phase`` [rad] ahead."""
     phasors = np.exp(1j * phase * np.arange(len(spectrum)))
@@ -311,7 +306,7 @@ class Problem:
         for k, (cut, spectrum) in enumerate(pairs):
             shown = rotated(spectrum, float(x[k]))
             if modes is not None:
-                frequencies = orders(cut.harmonics) * cut.conditions.speed
+                frequencies = np.arange(cut.harmonics + 1, dtype=np.float64) * cut.conditions.speed
                 shown = shown * transfer(frequencies, *modes)[:, :, None]
             designs.append(shown)
         return designs

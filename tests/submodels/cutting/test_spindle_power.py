@@ -60,9 +60,9 @@ def no_load_log(random, speeds_rpm: list[float], *, step: float, noise: float) -
         power += [free_power(ramp) + 4e3, np.full(150, free_power(np.array(n)))]
         last = n
     n, P = np.concatenate(pieces), np.concatenate(power)
-    return LoadLog(
-        times=np.arange(len(n)) / 10, speed=n, load=shown(P, n, step, noise, random)
-    )  # fmt: skip
+    times, none = np.arange(len(n)) / 10, np.zeros(len(n))
+    return LoadLog(times=times, speed=n, load=shown(P, n, step, noise, random),
+                   cut=runs(settled(times, n)), removal=none, edge=none)  # fmt: skip
 
 
 def cut_log(
@@ -227,10 +227,7 @@ def test_rows_just_after_a_cut_began_do_not_count() -> None:
     np.testing.assert_allclose(found.deviation, 0.9 * 10e3 * 0.01 / np.sqrt(12))  # whole percents
 
 
-def test_loads_not_known_do_not_count_and_a_free_spindle_needs_no_cuts() -> None:
-    free = log(cut=None, removal=None, edge=None, load=np.full(24, 20.0))
-    found = load_levels(free, METER)
-    assert len(found) == 1 and found.removal[0] == 0.0
+def test_loads_not_known_do_not_count() -> None:
     holes = np.where(np.arange(24) % 2, np.nan, 20.0)
     assert load_levels(log(load=holes), METER).samples.tolist() == [5, 5]
     assert len(load_levels(log(speed=np.zeros(24)), METER)) == 0
@@ -248,7 +245,6 @@ def test_the_scale_is_said_in_words() -> None:
     [
         ({"load": np.zeros(3)}, "a column of the log has not the 24 rows"),
         ({"times": -np.arange(24.0)}, "do not rise: sort its rows"),
-        ({"edge": None}, "needs the removal rate and the edge rate"),
     ],
 )
 def test_logs_that_do_not_fit_together_are_refused(changes: dict[str, object], words: str) -> None:

@@ -93,7 +93,9 @@ def identify_spindle_load(
     idle, force = _identified(levels, reasons)
     facts = SpindleLoad(
         recordings=tuple(parts), reason="; ".join(reasons), assumed=records.scale.words,
-        range_rpm=None if idle is None else _range(idle),
+        range_rpm=None if idle is None else (
+            round(idle.lowest * MINUTE, 1), round(idle.highest * MINUTE, 1)
+        ),
         curve=() if idle is None else _curve(idle, records.scale_error),
         cuts=() if idle is None else _cuts(levels, idle),
         left_out=tuple(LeftOut(case=name, reason=why) for name, why in left_out.items()),
@@ -220,11 +222,6 @@ def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
         )
         for n, Q, P, s, samples in rows
     )  # fmt: skip
-
-
-def _range(idle: NoLoad) -> tuple[float, float]:
-    """Speeds between which the no-load power holds [rev/min]."""
-    return round(idle.lowest * MINUTE, 1), round(idle.highest * MINUTE, 1)
 
 
 def _curve(idle: NoLoad, scale_error: float) -> tuple[NoLoadPoint, ...]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, power_curve
 from pipeline.schema.arrays import Bools, Floats, Ints
@@ -130,14 +130,14 @@ def levels(
     n, P, q, Q, b = columns
     valid = (labels >= 0) & np.all(np.isfinite(columns), axis=0)
     _, member = np.unique(labels[valid], return_inverse=True)
-    means = [_means(c[valid], member) for c in (np.abs(n), Q, b)]
+    count = np.bincount(member)
+    means = [np.bincount(member, c[valid]) / count for c in (np.abs(n), Q, b)]
     kind = _alike(means)
     rows = [
         _level(P[valid], q[valid], member, kind[member] == k)
         for k in range(kind.max(initial=-1) + 1)
     ]
     power_, deviation, samples = (np.array([r[i] for r in rows]) for i in range(3))
-    count = np.bincount(member)
     each = [np.bincount(kind, m * count) / np.bincount(kind, count) for m in means]
     result = Levels(
         speed=each[0], power=power_, deviation=deviation, removal=each[1], edge=each[2],
@@ -146,23 +146,16 @@ def levels(
     return result.where(np.lexsort((result.removal, result.speed)))  # type: ignore[arg-type]
 
 
-def _means(values: Floats, member: Ints) -> Floats:
-    mean: Floats = np.bincount(member, values) / np.bincount(member)
-    return mean
-
-
 def _alike(means: list[Floats]) -> Ints:
     """Group of equal levels that each label is in, by speed, removal and edge rate."""
-    kinds: list[tuple[float, ...]] = []
-    kind = np.zeros(len(means[0]), dtype=np.int64)
-    for i, values in enumerate(zip(*means, strict=True)):
-        for k, other in enumerate(kinds):
-            if all(abs(v - o) <= ALIKE * max(v, o) for v, o in zip(values, other, strict=True)):
-                kind[i] = k
-                break
-        else:
-            kind[i] = len(kinds)
-            kinds.append(values)
+    rows = np.stack(means, axis=1)
+    kinds: list[Floats] = []
+    kind = np.zeros(len(rows), dtype=np.int64)
+    for i, row in enumerate(rows):
+        same = (k for k, other in enumerate(kinds)
+                if (np.abs(row - other) <= ALIKE * np.maximum(row, other)).all())  # fmt: skip
+        kind[i] = next(same, len(kinds))
+        kinds += [row] if kind[i] == len(kinds) else []
     return kind
 
 
@@ -224,8 +217,7 @@ class LoadScale:
         full: float | Floats = drive.rated_power
         if self.of == "available":
             full = power_curve(speed, rated=drive.rated_power, base_speed=drive.base_speed)
-        power: Floats = drive.efficiency * (np.asarray(load_percent) / 100 * full)
-        return power
+        return drive.efficiency * (np.asarray(load_percent) / 100 * full)
 
     @property
     def words(self) -> str:
@@ -248,38 +240,30 @@ class LoadLog:
     """Speed of the spindle [rev/s]; shape (T,)."""
     load: Floats
     """Load [%]; NaN where it is missing; shape (T,)."""
-    cut: NDArray[np.int64] | None = None
-    """Cut of each row, negative for none; None for a spindle without load; shape (T,)."""
-    removal: Floats | None = None
-    edge: Floats | None = None
-    """Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air; shape (T,)."""
+    cut: Ints
+    """Cut, or run of a spindle without load, of each row; negative for none; shape (T,)."""
+    removal: Floats
+    edge: Floats
+    """Rates of the cut [m^3/s], [m^2/s]; 0 for a line in air; shape (T,)."""
 
     def __post_init__(self) -> None:
         columns = (self.speed, self.load, self.cut, self.removal, self.edge)
-        if any(c is not None and len(c) != len(self.times) for c in columns):
+        if any(len(column) != len(self.times) for column in columns):
             raise ValueError(f"a column of the log has not the {len(self.times)} rows of its times")
         if np.any(~(np.diff(self.times) >= 0.0)):
             raise ValueError("the times of the log do not rise: sort its rows")
-        if self.cut is not None and (self.removal is None or self.edge is None):
-            raise ValueError("a log of cuts needs the removal rate and the edge rate of its rows")
 
 
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
     """Levels of a log: constant speed and cut for ``settle_s`` [s], the load's averaging time."""
     steady = settled(log.times, log.speed, settle_s=settle_s)
-    if log.cut is None:
-        label, removal, edge = runs(steady), np.zeros(1), np.zeros(1)
-    else:
-        cut = np.asarray(log.cut, dtype=np.int64)
-        begins = np.flatnonzero(np.diff(cut, prepend=cut[:1] - 1) != 0)
-        since = (
-            log.times - log.times[begins][np.searchsorted(begins, np.arange(len(cut)), "right") - 1]
-        )
-        label = np.where(steady & (since >= settle_s), cut, -1)
-        removal, edge = np.asarray(log.removal), np.asarray(log.edge)
+    begins = np.flatnonzero(np.diff(log.cut, prepend=log.cut[:1] - 1) != 0)
+    begun = begins[np.searchsorted(begins, np.arange(len(log.cut)), "right") - 1]
+    label = np.where(steady & (log.times - log.times[begun] >= settle_s), log.cut, -1)
     shown = log.load[np.isfinite(log.load)]
     step = scale.power(resolution(shown), log.speed)
-    return levels(label, log.speed, scale.power(log.load, log.speed), step, removal, edge)
+    power = scale.power(log.load, log.speed)
+    return levels(label, log.speed, power, step, log.removal, log.edge)
 
 
 TERMS = 3
@@ -300,15 +284,13 @@ class NoLoad:
 
     def power(self, n: ArrayLike) -> Floats:
         """P_0 at the speed n [rev/s], in W."""
-        power: Floats = powers(n, len(self.fit.values)) @ self.fit.values
-        return power
+        return powers(n, len(self.fit.values)) @ self.fit.values
 
     def half_width(self, n: ArrayLike) -> Floats:
         """Half of the 95 % interval of P_0 at the speed n [rev/s], in W."""
         rows = powers(n, len(self.fit.values))
         variance = np.einsum("...i,ij,...j->...", rows, self.fit.covariance, rows)
-        half: Floats = self.fit.quantile * np.sqrt(np.maximum(variance, 0.0))
-        return half
+        return self.fit.quantile * np.sqrt(np.maximum(variance, 0.0))
 
 
 def no_load(levels: Levels) -> NoLoad:
@@ -323,18 +305,13 @@ def no_load(levels: Levels) -> NoLoad:
     fit = regression(
         powers(idle.speed, terms), idle.power, np.diag(idle.deviation**2), np.abs(idle.power)
     )
-    return NoLoad(
-        fit=fit,
-        lowest=float(idle.speed.min()),
-        highest=float(idle.speed.max()),
-        levels=idle,
-    )
+    lowest, highest = float(idle.speed.min()), float(idle.speed.max())
+    return NoLoad(fit=fit, lowest=lowest, highest=highest, levels=idle)
 
 
 def powers(n: ArrayLike, terms: int) -> Floats:
     """1, n, n^2, … up to as many terms; shape of ``n`` + (terms,)."""
-    rows: Floats = np.asarray(n, dtype=np.float64)[..., None] ** np.arange(terms)
-    return rows
+    return np.asarray(n, dtype=np.float64)[..., None] ** np.arange(terms)
 
 
 BEYOND = 0.02
@@ -371,12 +348,8 @@ def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
     design = np.stack([cuts.removal, cuts.edge], axis=1)[:, :terms]
     fit = regression(design, power, covariance, np.abs(power))
     weight = np.full(len(cuts), 1.0 / cuts.removal.sum())
-    return SpecificForce(
-        value=float(weight @ power),
-        half_width=_together(weight, covariance, power, (fit, alone)),
-        fit=fit,
-        cuts=len(cuts),
-    )
+    half = _together(weight, covariance, power, (fit, alone))
+    return SpecificForce(value=float(weight @ power), half_width=half, fit=fit, cuts=len(cuts))
 
 
 def _cuts(levels: Levels, idle: NoLoad) -> Levels:
@@ -412,8 +385,7 @@ def _together(
     its measurement uncertainty.
     """
     determined = next((fit for fit in fits if np.isfinite(fit.half_width).all()), None)
-    share, quantile = (
-        (0.0, NORMAL) if determined is None else (determined.share, determined.quantile)
-    )
+    share = 0.0 if determined is None else determined.share
+    quantile = NORMAL if determined is None else determined.quantile
     variance = weight @ (covariance + np.diag((share * power) ** 2)) @ weight
     return quantile * float(np.sqrt(variance))

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage
-from pipeline.cutting.engagement.stock import Mesh, Stock, height_map, stock_of
+from pipeline.cutting.engagement.stock import Mesh, height_map, stock_of
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE, Kind, Moves
 from pipeline.gcode.setup import Setup
@@ -91,22 +91,16 @@ def program_lines(raw: Path, cut: LoadCut, setup: Setup) -> Lines:
         moves, numbers, chord=CHORD * resolution, offsets=setup.work_offsets
     ).pieces
     tools = [cut.tools[number] for number in numbers]
-    engagement, _ = engage(pieces, tools, height_map(_stock(raw, cut.stock), resolution))
+    stock = stock_of(cut.stock)
+    blank = replace(stock, path=raw / stock.path) if isinstance(stock, Mesh) else stock
+    engagement, _ = engage(pieces, tools, height_map(blank, resolution))
     lines = int(moves.line.max(initial=0)) + 1
     rapid, cuts = np.zeros(lines, dtype=bool), np.zeros(lines, dtype=bool)
     rapid[moves.line[(moves.kind == Kind.RAPID) & (moves.length > 0)]] = True
     cuts[moves.line[engagement.block]] = True
-    return Lines(
-        length=METRE * np.bincount(moves.line, moves.length, lines).astype(np.float64),
-        rapid=rapid,
-        cuts=cuts,
-        stretches=_stretches(moves, pieces, engagement, tools),
-    )
-
-
-def _stock(raw: Path, text: str) -> Stock:
-    stock = stock_of(text)
-    return replace(stock, path=raw / stock.path) if isinstance(stock, Mesh) else stock
+    length = METRE * np.bincount(moves.line, moves.length, lines).astype(np.float64)
+    stretches = _stretches(moves, pieces, engagement, tools)
+    return Lines(length=length, rapid=rapid, cuts=cuts, stretches=stretches)
 
 
 def _stretches(
@@ -161,8 +155,7 @@ def _length_before(moves: Moves, path: ToolPath) -> Floats:
     row = travelled[:-1] - travelled[starts]
     pieces = np.concatenate([[0.0], np.cumsum(path.length)])
     first = np.searchsorted(path.block, path.block)  # first piece of each piece's row
-    length: Floats = row[path.block] + pieces[:-1] - pieces[first]
-    return length
+    return row[path.block] + pieces[:-1] - pieces[first]
 
 
 def _edges(engagement: Engagement, tools: list[Tool]) -> Floats:
@@ -170,8 +163,7 @@ def _edges(engagement: Engagement, tools: list[Tool]) -> Floats:
     height = np.maximum(engagement.upper - engagement.lower, 0.0).sum(axis=1, dtype=np.float64)
     step = 2 * np.pi / engagement.upper.shape[1]
     teeth = np.array([tool.flutes * tool.radius for tool in tools])[engagement.tool]
-    edges: Floats = teeth * height * step
-    return edges
+    return teeth * height * step
 
 
 FASTEST, SLOWEST = 0.02, 2.0
@@ -223,13 +215,10 @@ def read_log(path: Path, items: LoadItems, name: str, *, cuts: bool) -> Readings
     times = np.arange(0.0, log.time[-1] + period / 2, period)
     line = log.held(items.line, times)
     return Readings(
-        period=period,
-        times=times,
-        line=np.where(np.isfinite(line), line, -1).astype(np.int64),
-        speed=log.held(items.speed, times) / 60,
-        load=log.held(items.load, times),
+        period=period, times=times, line=np.where(np.isfinite(line), line, -1).astype(np.int64),
+        speed=log.held(items.speed, times) / 60, load=log.held(items.load, times),
         feed=np.abs(log.held(items.feed, times)) * METRE,
-    )
+    )  # fmt: skip
 
 
 def _period(log: LogItems, items: list[str], name: str) -> float:
@@ -280,8 +269,7 @@ class _LineRuns:
     def matching(self) -> Bools:
         """Whether the log's path length matches the program's; shape (V,)."""
         allowed = SLACK * self.per_period + SHARE * self.programmed
-        matching: Bools = np.abs(self.programmed - self.travelled) <= allowed
-        return matching
+        return np.abs(self.programmed - self.travelled) <= allowed
 
     @property
     def conclusive(self) -> Bools:
@@ -344,8 +332,6 @@ def unused_lines(
     They ran otherwise than programmed, or at one feed for less than ``shortest_s`` [s].
     """
     logged = [number for number in sorted(lines.stretches) if (log.line == number).any()]
-    if labelled.cut is None or labelled.removal is None:
-        return logged
     cutting = (labelled.cut >= 0) & (labelled.removal > 0.0)
     long_enough = np.bincount(labelled.cut[cutting], minlength=1) * log.period >= shortest_s
     used = set(log.line[cutting][long_enough[labelled.cut[cutting]]].tolist())
@@ -358,13 +344,11 @@ def _line_runs(log: Readings, lines: Lines) -> _LineRuns:
     first = np.flatnonzero(begins)
     feed = np.nan_to_num(log.feed)
     return _LineRuns(
-        first=np.append(first, len(line)),
-        line=line[first],
-        programmed=lines.length[line[first]],
+        first=np.append(first, len(line)), line=line[first], programmed=lines.length[line[first]],
         travelled=np.add.reduceat(feed, first) * log.period,
         per_period=np.maximum.reduceat(feed, first) * log.period,
         fed=(line[first] > 0) & ~lines.rapid[line[first]],
-    )
+    )  # fmt: skip
 
 
 def _check_program(
@@ -408,5 +392,4 @@ def _steady_within(one: Stretch, position: Floats, uncertainty: float, feed: Flo
     if not inside.any():
         return np.zeros(len(position), dtype=np.bool_)
     median = float(np.median(feed[inside]))
-    steady: Bools = inside & (np.abs(feed - median) <= STEADY * median)
-    return steady
+    return inside & (np.abs(feed - median) <= STEADY * median)
