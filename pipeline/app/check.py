@@ -9,10 +9,16 @@ import numpy as np
 
 from pipeline.app.programs import check_program, machine_setup, setup_beside
 from pipeline.app.tables import read_catalogue, read_material, read_tools
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.catalogue import (
+    OPERATIONS,
+    CuttingCatalogue,
+    CuttingRange,
+    Operation,
+    listed_range,
+    tool_range,
+)
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_range import listed_range, tool_range
 from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import parse_program
 from pipeline.optimisation.operations import MAY_BE, operations_without_cut

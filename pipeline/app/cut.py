@@ -217,9 +217,8 @@ def _limited(table: ToolTable, given: ToolLimits) -> ToolTable:
 def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | None:
     """Modes of the tools' tips: of the option's response, else those of the machine's section."""
     if frf:
-        from pipeline.cutting.stability.frf_file import read_frf
         from pipeline.cutting.stability.modal_fit import fit_modes
-        from pipeline.cutting.stability.tip_dynamics import joined_responses
+        from pipeline.cutting.stability.tip_dynamics import joined_responses, read_frf
 
         parts = []
         for word in frf:

@@ -9,8 +9,7 @@ from pipeline.app.cut import REMEDY
 from pipeline.app.fleet import machine_parameters
 from pipeline.app.programs import machine_limits, machine_setup, read_moves, setup_beside
 from pipeline.app.tables import read_tools, section
-from pipeline.cutting.engagement.height_map import height_map
-from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.gcode.moves import METRE, Moves
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters

@@ -5,13 +5,4 @@ program, forces in the frame of the feed, vibration in that of the machine.  Sou
 each file; most of them follow Altintas, *Manufacturing Automation*, 2nd ed. 2012.
 """
 
-__all__ = [
-    "catalogue",
-    "economics",
-    "engagement",
-    "force",
-    "stability",
-    "tool",
-    "tool_range",
-    "tool_sizes",
-]
+__all__ = ["catalogue", "economics", "engagement", "force", "stability", "tool"]

@@ -6,9 +6,11 @@ a combination that no row covers is outside of the catalogue.
 
 Ranges are starting values of tool makers: the greatest value is what a maker recommends at most,
 the least one is where rubbing or a built-up edge is expected.  They are no property of a tool: its
-own range in the tool table goes first.
+own range in the tool table goes first, then the limits of the part, then the catalogue; feed for
+each tooth and cutting speed each have the first that knows them.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Annotated, Literal, get_args
@@ -275,16 +277,10 @@ class CuttingCatalogue:
             by_feed /= tool.flutes
         names = row.sources if factor is None else (*row.sources, factor.source)
         return CuttingRange(
-            feed_per_tooth_mm=_scaled(row.feed_mm[span], by_feed) if row.feed_mm else None,
-            cutting_speed_m_min=(
-                None
-                if row.cutting_speed_m_min is None
-                else _scaled(row.cutting_speed_m_min, by_speed)
-            ),
+            feed_per_tooth_mm=_scaled(row.feed_mm[span] if row.feed_mm else None, by_feed),
+            cutting_speed_m_min=_scaled(row.cutting_speed_m_min, by_speed),
             axial_depth_mm=row.axial_depth_mm(tool.diameter_mm),
-            radial_over_diameter=(
-                None if row.radial_over_diameter is None else _scaled(row.radial_over_diameter, 1.0)
-            ),
+            radial_over_diameter=_scaled(row.radial_over_diameter),
             sources=tuple(self.sources[name] for name in dict.fromkeys(names)),
         )
 
@@ -293,20 +289,15 @@ class CuttingCatalogue:
         if self._row(tool, material, operation) is not None:
             return ""
         kind = f"{_MATERIAL[tool.material]} {tool_type(tool, operation).replace('_', ' ')}"
-        where = f"ISO {material.iso}, group {material.group} of VDI 3323"
         rows = [row for row in self.rows if row.fits(tool, material, operation)]
-        if rows:
-            spans = " and ".join(
-                f"{row.diameter_mm[0]:g} to {row.diameter_mm[-1]:g} mm"
-                for row in sorted(rows, key=lambda row: row.diameter_mm)
-            )
-            return (
-                f"no row for a {kind} of {tool.diameter_mm:g} mm in {where}, "
-                f"{operation.replace('_', ' ')}: the catalogue has {spans}"
-            )
+        spans = " and ".join(
+            f"{row.diameter_mm[0]:g} to {row.diameter_mm[-1]:g} mm"
+            for row in sorted(rows, key=lambda row: row.diameter_mm)
+        )
         return (
-            f"no row for a {kind} of {tool.diameter_mm:g} mm in {where}, "
-            f"{operation.replace('_', ' ')}"
+            f"no row for a {kind} of {tool.diameter_mm:g} mm in ISO {material.iso}, group "
+            f"{material.group} of VDI 3323, {operation.replace('_', ' ')}"
+            f"{f': the catalogue has {spans}' if rows else ''}"
         )
 
     def by_width(
@@ -339,5 +330,73 @@ class CuttingCatalogue:
 _MATERIAL = {"carbide": "carbide", "hss": "high-speed steel"}
 
 
-def _scaled(span: tuple[float, ...], factor: float) -> tuple[float, float]:
-    return span[0] * factor, span[1] * factor
+def _scaled(span: Sequence[float] | None, factor: float = 1.0) -> Span | None:
+    return None if span is None else (span[0] * factor, span[1] * factor)
+
+
+LIKE: dict[Operation, tuple[Operation, ...]] = {
+    name: ("roughing", "finishing", "ball_finishing", "face_milling")
+    for name in ("lead", "ramping", "plunging", "finishing", "ball_finishing")
+}
+"""Operations whose values hold where the catalogue has none for one, the first that it has."""
+
+
+def tool_range(
+    tool: Tool, listed: CuttingRange | None = None,
+    *, cutting_speed_m_min: Sequence[float] | None = None,
+) -> CuttingRange:  # fmt: skip
+    """Feed and cutting-speed ranges of a tool, with their sources.
+
+    The tool table's own ranges go first, then ``cutting_speed_m_min`` of the part's limits, then
+    what the catalogue has (:func:`listed_range`).
+    """
+    f_z, v_c = _scaled(tool.feed_per_tooth_mm), _scaled(tool.cutting_speed_m_min)
+    sources = [] if f_z is None and v_c is None else ["tool table"]
+    if v_c is None and cutting_speed_m_min is not None:
+        v_c = _scaled(cutting_speed_m_min)
+        sources.append("limits")
+    axial = radial = None
+    if listed is not None and (f_z is None or v_c is None):
+        if f_z is None:  # the depth and width are those of the row whose feed it is
+            axial, radial = listed.axial_depth_mm, listed.radial_over_diameter
+        f_z, v_c = f_z or listed.feed_per_tooth_mm, v_c or listed.cutting_speed_m_min
+        sources += listed.sources
+    return CuttingRange(
+        feed_per_tooth_mm=f_z, cutting_speed_m_min=v_c, axial_depth_mm=axial,
+        radial_over_diameter=radial, sources=tuple(sources),
+    )  # fmt: skip
+
+
+def listed_range(
+    catalogue: CuttingCatalogue, material: Material, tool: Tool, operations: Sequence[Operation]
+) -> CuttingRange | None:
+    """Catalogue range of a tool in a material; None where it has none.
+
+    Entries and ramps are cut at the speed of the cut that they lead to, so that where they have no
+    row they have its values.
+
+    Of several operations, and of several widths of cut, the range is the widest, from the least to
+    the greatest of all that have one.
+    """
+    found = [one for name in operations for one in by_width(catalogue, material, tool, name)]
+    if len(found) < 2:
+        return found[0] if found else None
+    return CuttingRange(
+        feed_per_tooth_mm=_widest([one.feed_per_tooth_mm for one in found]),
+        cutting_speed_m_min=_widest([one.cutting_speed_m_min for one in found]),
+        sources=tuple(dict.fromkeys(name for one in found for name in one.sources)),
+    )
+
+
+def by_width(
+    catalogue: CuttingCatalogue, material: Material, tool: Tool, operation: Operation
+) -> tuple[CuttingRange, ...]:
+    """Ranges of one operation, or of the first similar operation with data; narrow cuts first."""
+    names = (operation, *LIKE.get(operation, ()))
+    ranges = (catalogue.by_width(tool, material, name) for name in names)
+    return next((found for found in ranges if found), ())
+
+
+def _widest(spans: Sequence[Span | None]) -> Span | None:
+    ends = [end for span in spans if span is not None for end in span]
+    return (min(ends), max(ends)) if ends else None

@@ -1,10 +1,14 @@
 """The tool: a milling cutter or a drill, its stiffness at the tip, and the tool table of a machine.
 
 Catalogues speak millimetre and degree, so do the fields; the properties are in SI, for formulas.
+Usual sizes are those of the tools on sale, micro tools and gun drills among them (catalogues of
+Sandvik Coromant, Tungaloy, Mitsubishi and botek), rounded outwards: what lies outside of them is
+either rare or written in metre, inch, or another unit than the table's.
 """
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Literal
 
 import numpy as np
@@ -250,18 +254,114 @@ def tip_stiffness(tool: Tool) -> float:
 
 
 def tip_deflection(tool: Tool, force: ArrayLike) -> Floats:
-    """Deflection of the tip under a force across the axis [m]; NaN without the tool's stickout.
-
-    Parameters
-    ----------
-    tool : Tool
-        Tool with stickout, flute length, diameters and modulus of elasticity.
-    force : array_like
-        Force on the tip, across the axis [N], any shape.
-    """
+    """Deflection of the tip under a force across the axis [N], in m; NaN without its stickout."""
     return np.asarray(force, dtype=np.float64) / tip_stiffness(tool)
 
 
 def _rigidity(tool: Tool, diameter: float) -> float:
     """3 E I [N m^2]."""
     return float(3 * tool.youngs_modulus * np.pi * diameter**4 / 64)
+
+
+LENGTH = {"metre": 1000.0, "inch": 25.4}
+"""Millimetre in one unit that lengths of tools are given in."""
+ANGLE = {"radian": 57.29578}
+"""Degree in one unit that angles are given in."""
+MICRO = {"mm": 1000.0, "metre": 1e6, "inch": 25_400.0}
+"""Micrometre in one unit that runout and wear are given in."""
+UsualRange = tuple[str, float | None, float, float, str, dict[str, float]]
+"""Field, its value, least and greatest usual value, their words, other units in the field's."""
+
+
+@dataclass(frozen=True)
+class OddSize:
+    """Value of a tool that no usual tool has."""
+
+    field: str
+    """Its name in the tool table."""
+    value: float
+    """Value as in the tool table."""
+    reason: str
+    """Finding, as the end of a sentence."""
+    units: tuple[str, ...] = ()
+    """Units in which the value would be usual."""
+    beside: str = ""
+    """Field that it does not go with; empty where the value is odd by itself."""
+
+    @property
+    def remedy(self) -> str:
+        """Remedy, as a sentence."""
+        meant = f"; {' or '.join(self.units)} seems to be meant" if self.units else ""
+        fields = f"{self.field} and {self.beside}" if self.beside else self.field
+        return f"Check {fields} and its unit{meant}; leave it where the tool is of that size."
+
+
+def odd_sizes(tool: Tool) -> tuple[OddSize, ...]:
+    """Values of ``tool`` outside of what is usual, at most one of each field.
+
+    Absolute sizes are compared first, then ratios to the diameter.
+
+    Examples
+    --------
+    A tool of 16 mm whose diameter alone is in metre:
+
+    >>> odd = odd_sizes(Tool(kind="flat", diameter_mm=0.016, flutes=3, flute_length_mm=3.0))
+    >>> [(one.field, one.value, one.units) for one in odd]
+    [('diameter_mm', 0.016, ('metre', 'inch'))]
+    """
+    odd: dict[str, OddSize] = {}
+    usual = [*((row, "") for row in _absolute_ranges(tool)), *_relative_ranges(tool)]
+    for (field, value, least, most, words, units), beside in usual:
+        if value is None or least <= value <= most:
+            continue
+        meant = tuple(unit for unit, factor in units.items() if least <= value * factor <= most)
+        side, bound = ("below", least) if value < least else ("above", most)
+        size = OddSize(field, value, f"{side} the {bound:.3g} {words}", meant, beside)
+        odd.setdefault(field, size)
+    if "diameter_mm" in odd:  # ratios to it say nothing more
+        return tuple(size for size in odd.values() if size.beside != "diameter_mm")
+    return tuple(odd.values())
+
+
+def _absolute_ranges(tool: Tool) -> list[UsualRange]:
+    least, most = (20.0, 500.0) if tool.role == "face_mill" else (0.1, 200.0)
+    speed = tool.cutting_speed_m_min
+    mm, degrees = "mm of usual tools", "degrees of usual tools"
+    return [
+        ("diameter_mm", tool.diameter_mm, least, most, mm, LENGTH),
+        ("flute_length_mm", tool.flute_length_mm, 0.05, 600.0, mm, LENGTH),
+        ("stickout_mm", tool.stickout_mm, 3.0, 600.0, mm, LENGTH),
+        ("shank_diameter_mm", tool.shank_diameter_mm, 1.0, 100.0, "mm of usual shanks", LENGTH),
+        ("youngs_modulus_GPa", tool.youngs_modulus_GPa, 60.0, 1200.0,
+         "GPa of steel, carbide and diamond", {"10^6 psi": 6.894757}),
+        ("helix_deg", abs(tool.helix_deg) or None, 1.4, 75.0, degrees, ANGLE),
+        ("runout_um", tool.runout_um or None, 0.1, 300.0, "um of usual holders", MICRO),
+        ("flank_wear_um", tool.flank_wear_um or None, 2.0, 1000.0, "um of worn tools", MICRO),
+        ("top_speed_rpm", tool.top_speed_rpm, 100.0, inf, "rev/min of usual tools",
+         {"rev/s": 60.0}),
+        ("cutting_speed_m_min", None if speed is None else speed[1], 1.5, inf,
+         "m/min of usual tools", {"m/s": 60.0}),
+    ]  # fmt: skip
+
+
+def _relative_ranges(tool: Tool) -> list[tuple[UsualRange, str]]:
+    """Ranges that depend on another size, as ranges of the value itself, and that size's field."""
+    diameter, flutes, f_z = tool.diameter_mm, tool.flute_length_mm, tool.feed_per_tooth_mm
+    drill, insert = tool.kind == "drill", tool.role != "" or tool.flutes >= 10 or diameter > 16
+    thick = max(diameter, tool.shank_diameter_mm or diameter)
+    short, long = 0.005 if insert else 0.15, 60.0 if drill else 15.0
+    corner = tool.corner_radius_mm if tool.kind == "bull_nose" else None
+    near, beside = f"mm that go with a diameter of {diameter:g} mm", "diameter_mm"
+    rows: list[tuple[str, float | None, float, float, str, str]] = [
+        ("flute_length_mm", flutes, short * diameter, long * diameter, near, beside),
+        ("stickout_mm", tool.stickout_mm, 0.3 * diameter, (60.0 if drill else 25.0) * thick, near,
+         beside),
+        ("stickout_mm", tool.stickout_mm, 0.7 * (flutes or 0.0), inf,
+         f"mm that go with flutes of {flutes or 0.0:g} mm", "flute_length_mm"),
+        ("shank_diameter_mm", tool.shank_diameter_mm, 0.1 * diameter, max(4.0 * diameter, 12.0),
+         near, beside),
+        ("corner_radius_mm", corner, 0.004 * diameter, inf, near, beside),
+        ("feed_per_tooth_mm", None if f_z is None else f_z[1], 0.0005 * min(diameter, 20.0),
+         0.25 * diameter, near, beside),
+    ]  # fmt: skip
+    return [((a, b, c, d, words, LENGTH), beside) for a, b, c, d, words, beside in rows]

@@ -9,10 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.catalogue import OPERATIONS, CuttingRange
-from pipeline.cutting.engagement.height_map import HeightMap
-from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
-from pipeline.cutting.tool_range import tool_range
+from pipeline.cutting.catalogue import OPERATIONS, CuttingRange, tool_range
+from pipeline.cutting.engagement.stock import Box, Cylinder, HeightMap, Stock
 from pipeline.machine.spindle import CUTTING
 from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
 from pipeline.optimisation.problem.arrays import feeds_per_minute

@@ -22,12 +22,17 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
-from pipeline.cutting.economics.material import Material
-from pipeline.cutting.economics.tool_life import Condition, cutting_speed, fastest
+from pipeline.cutting.catalogue import (
+    OPERATIONS,
+    CuttingCatalogue,
+    CuttingRange,
+    Operation,
+    by_width,
+    tool_range,
+)
+from pipeline.cutting.economics.material import Condition, Material, cutting_speed, fastest
 from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_range import by_width, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
 from pipeline.optimisation.operation_cuts import drills_on_one_side, long_in_air

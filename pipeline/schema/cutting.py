@@ -35,8 +35,6 @@ CHANNEL_FORCE = "force "
 """Prefix of a channel: quantity of the force that it measures."""
 OTHERS = "fitted on other recordings"
 """Regime of a training recording as a fit without it predicts it."""
-LOWEST, HIGHEST = "2.5 % of the revolutions", "97.5 % of the revolutions"
-"""Regimes that hold, as measured, the ends of what 95 % of the revolutions show."""
 MECHANICS, PLAIN = "mechanics", "plain"
 """Baselines: the model without the waveform residual; coefficients of the mean forces alone."""
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.cutting.engagement.clearance import BODIES, bodies, contacts
 from pipeline.cutting.engagement.engagement import engage
-from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.engagement.stock import HeightMap
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import AXES, METRE, FeedMode, Kind, Moves
 from pipeline.gcode.setup import MachineLimits, Setup

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.engagement.engagement import ToolPath, engage
-from pipeline.cutting.engagement.height_map import height_map
-from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.engagement.stock import height_map, stock_of
 from tests.cutting.tool_paths import BALL, BULL_NOSE, FLAT, TURN, through
 
 BLOCKS = 20_000

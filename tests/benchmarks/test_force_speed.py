@@ -11,7 +11,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import LoadTable, load_table
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import Kind, Tool
-from tests.cutting.stations import random_profile, stations
+from tests.cutting.tool_paths import random_profile, stations
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
 CUT = {"f_z": 5e-5, "a_p": 7e-3, "phi_st": 0.0, "phi_ex": np.pi}

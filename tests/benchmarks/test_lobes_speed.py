@@ -8,7 +8,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from pipeline.cutting.engagement.immersions import Immersions
+from pipeline.cutting.engagement.engagement import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.margins import StabilityTable, _kept, stability_table
 from pipeline.cutting.tool import Tool

@@ -12,7 +12,7 @@ from scipy.io import wavfile
 
 from pipeline.app.fleet import use_fleet
 from pipeline.app.machine import machine_text, propose
-from pipeline.cutting.stability.frf_file import read_frf
+from pipeline.cutting.stability.tip_dynamics import read_frf
 from pipeline.registry.store import client_of, experiment_of, versions
 from pipeline.signals.formats import (
     Batch,

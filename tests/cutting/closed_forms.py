@@ -9,10 +9,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.economics.tool_life import Taylor
-from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.mean_force import cutting_arcs, regressors
-from pipeline.cutting.force.waveform import SLICES, _window, basis
+from pipeline.cutting.economics.material import Taylor
+from pipeline.cutting.force import waveform as product
+from pipeline.cutting.force.force_law import ForceLaw, regressors
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import MINUTE
@@ -70,7 +69,7 @@ def mean_forces(
     :func:`regressors`.
     """
     design = regressors(flutes=flutes, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex)
-    return cast(Floats, design @ np.concatenate([law.cutting, law.edge]))
+    return cast(Floats, design @ law.constants)
 
 
 def mean_torque(
@@ -83,10 +82,8 @@ def mean_torque(
     angular speed it is K_tc MRR and the power of the edges' friction.
     """
     teeth, feed, depth, entry, leave = np.broadcast_arrays(flutes, f_z, a_p, phi_st, phi_ex)
-    entry, leave = cutting_arcs(entry, leave)
     each = law.K_tc * feed * (np.cos(entry) - np.cos(leave)) + law.K_te * (leave - entry)
-    torque = teeth * depth * np.asarray(radius) / (2 * np.pi) * each.sum(axis=0) * (feed > 0)
-    return cast(Floats, torque)
+    return cast(Floats, teeth * depth * np.asarray(radius) / (2 * np.pi) * each * (feed > 0))
 
 
 def speed_for_life(taylor: Taylor, lasting: ArrayLike) -> Floats:
@@ -104,14 +101,16 @@ def minimum_cost_speed(taylor: Taylor, change_time: float, life_price: float, ra
     return float(speed_for_life(taylor, (1.0 / taylor.n - 1.0) * (change_time + life_price / rate)))
 
 
+def basis(tool: Tool, **cut: Any) -> Floats:
+    """Forces without the torque for each coefficient; shape (T, 3, 6)."""
+    return product.basis(tool, **cut)[:, :3]
+
+
+def torque_basis(tool: Tool, **cut: Any) -> Floats:
+    """Torque that the cut takes for each coefficient; shape (T, 6)."""
+    return product.basis(tool, **cut)[:, 3]
+
+
 def waveform(law: ForceLaw, tool: Tool, **cut: Any) -> Floats:
     """F_x, F_y, F_z [N] under constant engagement; shape (T, 3), as `basis`."""
-    return basis(tool, m_c=law.m_c, **cut) @ np.concatenate([law.cutting, law.edge])
-
-
-def torque_basis(
-    tool: Tool, *, angles: ArrayLike, m_c: float = 0.0, slope: float = 0.0, slices: int = SLICES,
-    **cut: float,
-) -> Floats:  # fmt: skip
-    """Torque that the cut takes for each coefficient; shape (T, 6), [m] times those of `basis`."""
-    return _window(tool, angles, m_c=m_c, slope=slope, slices=slices, **cut)[:, 3]
+    return basis(tool, m_c=law.m_c, **cut) @ law.constants

@@ -13,10 +13,10 @@ from pipeline.cutting.catalogue import (
     CuttingCatalogue,
     CuttingRange,
     Operation,
+    listed_range,
 )
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import Tool, ToolTable
-from pipeline.cutting.tool_range import listed_range
 from pipeline.parameters import read_params, structure
 
 PARAMETERS = read_params()

@@ -3,9 +3,8 @@
 from dataclasses import replace
 
 from pipeline.cutting.economics.cost import CostRates
-from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.material import Material, Taylor
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool

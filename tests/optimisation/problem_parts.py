@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
-from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.material import Material, Taylor
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.machine.control.parameters import AuxiliaryParameters

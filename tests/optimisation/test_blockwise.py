@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
-from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.economics.material import Taylor
 from pipeline.cutting.engagement.stock import Box
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.program import parse_program

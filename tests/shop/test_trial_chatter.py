@@ -6,7 +6,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from pipeline.cutting.stability.directional import RegenerativeCut
+from pipeline.cutting.stability.semi_discretisation import RegenerativeCut
 from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.shop.cutting.parameters import Dynamometer, EndMill, Workpiece
 from pipeline.shop.parameters import Cutting, ShopParameters

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
-from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.material import Material, Taylor
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.economics.tool_life import Taylor
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.margins import ROUNDED
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics

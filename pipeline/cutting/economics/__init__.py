@@ -4,4 +4,4 @@ Formulas are in SI; parameters keep the units of tables (mm, m/min, kW, N/mm^2),
 say.  Tool life is Taylor's (1907), its optima Gilbert's (1950), the cost of a part that of Sim2023.
 """
 
-__all__ = ["cost", "material", "spindle_power", "tool_life"]
+__all__ = ["cost", "material", "spindle_power"]

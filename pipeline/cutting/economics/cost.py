@@ -10,14 +10,14 @@ where T_p / T_l is the share of tool life spent; here by block, so that each blo
 tool, speed and power.  Electricity is counted by the kWh, not by the hour.
 """
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, fields
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.cutting.economics.material import not_negative
 from pipeline.cutting.economics.spindle_power import SpindleDrive, shaft_power
-from pipeline.cutting.economics.tool_life import not_negative
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
@@ -37,24 +37,28 @@ class EnergyParameters(Ranged, section="energy"):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Energy:
-    """Electricity of each block [kWh]; arrays of shape (..., B)."""
+class ByBlock:
+    """Parts of an amount by block, arrays of shape (..., B); leading axes are a population's."""
+
+    @property
+    def block(self) -> Floats:
+        """All of it for each block; shape (..., B)."""
+        return cast(Floats, sum(getattr(self, part.name) for part in fields(self)))
+
+    @property
+    def total(self) -> Floats:
+        """All of it for the program; shape (...)."""
+        return cast(Floats, self.block.sum(axis=-1))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Energy(ByBlock):
+    """Electricity of each block [kWh]."""
 
     spindle: Floats
     drives: Floats
     coolant: Floats
     base: Floats
-
-    @property
-    def block(self) -> Floats:
-        """All of it for each block [kWh]; shape (..., B)."""
-        return self.spindle + self.drives + self.coolant + self.base
-
-    @property
-    def total(self) -> Floats:
-        """Electrical energy of the program [kWh]; shape (...)."""
-        total: Floats = self.block.sum(axis=-1)
-        return total
 
 
 def spindle_supply(cutting: ArrayLike, no_load: ArrayLike, drive: SpindleDrive) -> Floats:
@@ -130,28 +134,17 @@ class CostRates(Ranged, section="cost"):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PartCost:
-    """Cost of each block; leading axes are free, so that it holds a population."""
+class PartCost(ByBlock):
+    """Cost of each block; the total is C_p, NaN when the life of a cutting tool is unknown."""
 
     time: Floats
-    """Machine and operator while the program runs; shape (..., B)."""
+    """Machine and operator while the program runs."""
     tool: Floats
-    """Tools worn, C_t; NaN without a life; shape (..., B)."""
+    """Tools worn, C_t; NaN without a life."""
     change: Floats
-    """Machine and operator while worn tools are changed; NaN as ``tool``; shape (..., B)."""
+    """Machine and operator while worn tools are changed; NaN as ``tool``."""
     energy: Floats
-    """Electricity; shape (..., B)."""
-
-    @property
-    def block(self) -> Floats:
-        """All of it for each block; NaN without a tool life.  Shape (..., B)."""
-        return self.time + self.tool + self.change + self.energy
-
-    @property
-    def total(self) -> Floats:
-        """Part cost C_p; NaN when the life of a cutting tool is not determined; shape (...)."""
-        total: Floats = self.block.sum(axis=-1)
-        return total
+    """Electricity."""
 
 
 def life_price(tool: Tool) -> float:
@@ -165,21 +158,11 @@ def part_cost(
 ) -> PartCost:  # fmt: skip
     """Cost of each block of a program.
 
-    ValueError when one of them is negative, infinite, or NaN where that is not allowed.
-
-    Parameters
-    ----------
-    rates : CostRates
-        Prices of time and electricity.
-    times : array_like, shape (..., B)
-        Block times, in the cut or not [s].
-    wear : array_like, shape (..., B)
-        Share of the tool's life [1], see :func:`pipeline.cutting.economics.tool_life.wear`; 0 in
-        air, NaN where the life is not determined.
-    life_prices : array_like, shape (B,) or ()
-        Cost of one life of each block's tool, :func:`life_price`.
-    energy_kWh : array_like, shape (..., B)
-        Electrical energy [kWh].
+    ``times`` are the blocks', in the cut or not [s], ``energy_kWh`` their electricity, ``wear`` the
+    share of the tool's life [1] (:func:`pipeline.cutting.economics.material.wear`), 0 in air, NaN
+    where the life is not determined, each of shape (..., B); ``life_prices`` (B,) or () the cost of
+    one life of each block's tool (:func:`life_price`).  ValueError when one of them is negative,
+    infinite, or NaN where that is not allowed.
 
     Examples
     --------
@@ -189,10 +172,8 @@ def part_cost(
     (2.0, 1.0, 0.06)
     """
     spent, used = not_negative("times", times), not_negative("energy_kWh", energy_kWh)
-    share, price = (
-        not_negative("wear", wear, unknown=True),
-        not_negative("life_prices", life_prices),
-    )
+    share = not_negative("wear", wear, unknown=True)
+    price = not_negative("life_prices", life_prices)
     shape = np.broadcast_shapes(spent.shape, share.shape, used.shape)
     share = np.broadcast_to(share, shape)
     return PartCost(

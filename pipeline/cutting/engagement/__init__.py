@@ -4,4 +4,4 @@ Lengths are in metres, angles in radians, in the stock's frame with the tool's a
 of a tooth are those of milling (Altintas 2012, fig. 2.20), counted from the direction of feed.
 """
 
-__all__ = ["clearance", "end_rings", "engagement", "height_map", "immersions", "stock"]
+__all__ = ["clearance", "end_rings", "engagement", "stock"]

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.cutting.engagement.engagement import ToolPath, grid_of
-from pipeline.cutting.engagement.height_map import HeightMap
+from pipeline.cutting.engagement.stock import HeightMap
 from pipeline.cutting.engagement.sweep_columns import SKIN, cell_range, end_height
 from pipeline.cutting.engagement.sweep_workspace import tool_profiles
 from pipeline.cutting.tool import Tool

@@ -63,8 +63,8 @@ def swept_row(dy, fx, fy, length, radius):  # type: ignore[no-untyped-def]
     if half >= 0.0:
         low, high = min(low, length * fx - half), max(high, length * fx + half)
     # between the circles: |left| <= radius and 0 <= along <= length
-    begin, end = _between(-fy, dy * fx, -radius, radius)
-    first, last = _between(fx, dy * fy, 0.0, length)
+    begin, end = between(-fy, dy * fx, -radius, radius)
+    first, last = between(fx, dy * fy, 0.0, length)
     begin, end = max(begin, first), min(end, last)
     if begin <= end:
         low, high = min(low, begin), max(high, end)
@@ -72,7 +72,7 @@ def swept_row(dy, fx, fy, length, radius):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _between(factor, offset, low, high):  # type: ignore[no-untyped-def]
+def between(factor, offset, low, high):  # type: ignore[no-untyped-def]
     """Least and greatest x at which low <= factor x + offset <= high."""
     if abs(factor) < 1e-12:
         return (-inf, inf) if low <= offset <= high else (inf, -inf)

@@ -10,8 +10,8 @@ from math import ceil, exp, floor, sqrt
 
 import numpy as np
 
-from pipeline.cutting.engagement.sweep_columns import SKIN, sweep
-from pipeline.cutting.engagement.sweep_rings import write_ring
+from pipeline.cutting.engagement.end_rings import write_ring
+from pipeline.cutting.engagement.sweep_columns import SKIN, between, sweep
 from pipeline.cutting.engagement.sweep_workspace import STEPS, LinearSegment
 from pipeline.kernels import compiled
 
@@ -407,16 +407,7 @@ def _within(grid, radius, x, y, z, dx, dy, dz):  # type: ignore[no-untyped-def]
     """First and last part of a piece at which the tool may be in the stock."""
     rows, columns = grid.heights.shape
     wide, deep = columns * grid.cell, rows * grid.cell
-    enter, leave = _between(x, dx, grid.x0 - radius, grid.x0 + wide + radius)
-    enter_y, leave_y = _between(y, dy, grid.y0 - radius, grid.y0 + deep + radius)
-    enter_z, leave_z = _between(z, dz, min(z, z + dz) - 1.0, grid.top)
-    return max(enter, enter_y, enter_z), min(leave, leave_y, leave_z)
-
-
-@compiled
-def _between(begin, rise, low, high):  # type: ignore[no-untyped-def]
-    """First and last part, of 0 to 1, at which begin + part rise lies from ``low`` to ``high``."""
-    if rise == 0.0:
-        return (0.0, 1.0) if low <= begin <= high else (1.0, 0.0)
-    a, b = (low - begin) / rise, (high - begin) / rise
-    return max(min(a, b), 0.0), min(max(a, b), 1.0)
+    enter, leave = between(dx, x, grid.x0 - radius, grid.x0 + wide + radius)
+    enter_y, leave_y = between(dy, y, grid.y0 - radius, grid.y0 + deep + radius)
+    enter_z, leave_z = between(dz, z, min(z, z + dz) - 1.0, grid.top)
+    return max(enter, enter_y, enter_z, 0.0), min(leave, leave_y, leave_z, 1.0)

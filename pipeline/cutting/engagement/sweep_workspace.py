@@ -21,7 +21,7 @@ FLAT, ROUND, CONE = 0, 1, 2
 class Grid(NamedTuple):
     """A height map as the kernels take it; ``heights`` is what they cut.
 
-    The shifts of :class:`pipeline.cutting.engagement.height_map.HeightMap` go on for ``margin``
+    The shifts of :class:`pipeline.cutting.engagement.stock.HeightMap` go on for ``margin``
     cells around it: a tool at the edge meets air there, which counts as much as material.
     """
 

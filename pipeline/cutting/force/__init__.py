@@ -4,12 +4,4 @@ All in SI; x along the feed, y to its left, z up along the tool's axis.  F_x and
 tool, F_z as on the workpiece (Altintas, *Manufacturing Automation*, 2nd ed. 2012; Kienzle 1952).
 """
 
-__all__ = [
-    "chip_law",
-    "drawn_loads",
-    "force_law",
-    "load_table",
-    "mean_force",
-    "profile_kernel",
-    "waveform",
-]
+__all__ = ["drawn_loads", "force_law", "load_table", "profile_kernel", "waveform"]

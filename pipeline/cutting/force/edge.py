@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.cutting.tool import Tool
 from pipeline.kernels import compiled
-from pipeline.schema.arrays import Floats, Ints
+from pipeline.schema.arrays import Floats
 
 FACE, CORNER, SIDE = 0, 1, 2
 RADIUS, CORNER_RADIUS, LAG, CONE_COS, CONE_SIN, FACE_HEIGHT = range(6)
@@ -137,21 +137,6 @@ def thickness(each, cosine, sine, offset, differences):  # type: ignore[no-untyp
 
 
 @compiled
-def chip(sine, sin_kappa, cos_kappa, cos_lag, sin_lag, motion, runout, differences):  # type: ignore[no-untyped-def]
-    """Thickness of the chip at a point of the edge [m], below 0 where the tooth misses.
-
-    ``sine`` is of the point's own angle phi, ``motion`` holds f_z, cosine and sine of its slope;
-    else as :func:`thickness`.
-    """
-    each = motion[0] * (motion[1] * sine * sin_kappa - motion[2] * cos_kappa)
-    if runout == 0.0 or each <= 0.0:
-        return each
-    return thickness(
-        each, sin_kappa * cos_lag, sin_kappa * sin_lag, sin_kappa * runout, differences
-    )
-
-
-@compiled
 def cut_part(begin, end, h, after):  # type: ignore[no-untyped-def]
     """Begin and end of a tooth's chip of a nearly straight course; equal where there is none.
 
@@ -213,12 +198,6 @@ def edge_shape(tool: Tool) -> Floats:
     return np.array([tool.radius, tool.corner_radius, lag, cosine, sine, face])
 
 
-def element_counts(tool: Tool, *, slope: float, slices: int) -> Ints:
-    """Numbers of elements of the face, the corner and the side; shape (3,)."""
-    face = LIP if tool.kind == "drill" else int(slope < 0)
-    return np.array([face, slices, slices if tool.helix else 1])
-
-
 def radius_differences(tool: Tool) -> Floats:
     """Cosine and sine parts of r_j - r_(j-m), by which tooth j stands out over the m-th before it.
 
@@ -250,13 +229,10 @@ def motion(f_z: float, slope: float) -> Floats:
 
 
 def edge_elements(
-    tool: Tool, depth: tuple[float, float], *, slope: float, slices: int, side: bool = True
+    tool: Tool, depth: tuple[float, float], *, corner: int, side: int, slope: float = 0.0
 ) -> tuple[Floats, Floats]:
-    """Elements of the edge between two heights, with or without its side; their Gauss points."""
-    from pipeline.cutting.force.edge import divide
-
-    many = element_counts(tool, slope=slope, slices=slices)
-    many[2] *= side
+    """Elements of the edge between two heights, so many of its corner and side; Gauss points."""
+    many = np.array([LIP if tool.kind == "drill" else int(slope < 0), corner, side])
     elements, pairs = np.empty((many.sum(), 7)), np.empty((many.sum(), 2, 5))
     n = divide(edge_shape(tool), *depth, many, elements, pairs)
     return elements[:n], pairs[:n]

@@ -17,10 +17,19 @@ missed by 0.2 % as a rule and by 3 % at most.  The bins of an engagement are 5 d
 the mean height at their edges: where teeth without helix are in the material together for less
 than about 7 degrees, as of some face mills, that moment is smeared, and peaks are up to a third too
 low; means are not.
+
+Drills.  The chisel edge, the ridge between the lips with a strongly negative rake, is across the
+axis, so its chip is f_z thick whatever the point angle.  It is 0.18 D long for a standard point
+(Shaw and Oxford 1957, Trans. ASME 79; webs of 0.12 to 0.2 D, thinned ones less).  With plane flanks
+its rake is tan(gamma) = -tan(p / 2) sin(psi), p being the point angle and psi that between chisel
+edge and lips.  The specific force rises by 1 % with each degree of negative rake (tool makers'
+k_c = k_c1.1 h^-m_c (1 - gamma / 100)).  On a rake that steep metal stands before the edge; thrust
+is assumed to equal the cutting force there.  Published shares of the chisel edge in the thrust are
+40 to 70 %.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from math import ceil
 
 import numpy as np
@@ -28,7 +37,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.engagement.engagement import Engagement
-from pipeline.cutting.force.chisel import chisel_engaged, chisel_length, chisel_thrust
 from pipeline.cutting.force.edge import (
     LIP,
     bin_middles,
@@ -37,8 +45,67 @@ from pipeline.cutting.force.edge import (
     radius_differences,
 )
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.profile_kernel import (
+    AXIAL,
+    COLUMNS,
+    FINEST,
+    FORCE,
+    look_up,
+    station_loads,
+)
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Floats, Rows
+from pipeline.schema.si import DEGREE
+
+CHISEL_LENGTH = 0.18
+"""Length of the chisel edge over the diameter [1]."""
+CHISEL_ANGLE = 55.0 * DEGREE
+"""Acute angle between the chisel edge and the lips, seen along the axis [rad]."""
+POINTED = ("", "spot_drill", "centre_drill")
+"""Roles of drills that have a chisel edge; a tap or a countersink has none."""
+
+
+def chisel_length(tool: Tool) -> float:
+    """Length of the chisel edge [m]; 0 for tools without one."""
+    return CHISEL_LENGTH * tool.diameter if tool.kind == "drill" and tool.role in POINTED else 0.0
+
+
+def chisel_rake(tool: Tool) -> float:
+    """Rake angle at the chisel edge [deg], negative.
+
+    Examples
+    --------
+    >>> round(chisel_rake(Tool(kind="drill", diameter_mm=8.0, flutes=2, point_angle_deg=118.0)), 1)
+    -53.7
+    """
+    half = min(tool.point_angle / 2, 89 * DEGREE)
+    return -float(np.degrees(np.arctan(np.tan(half) * np.sin(CHISEL_ANGLE))))
+
+
+def chisel_thrust(tool: Tool, law: ForceLaw) -> float:
+    """Thrust that the chisel edge adds to that of lips up to the axis, over f_z^(1 - m_c).
+
+    All teeth together, in full material; the lips' own part below the chisel edge is taken off.
+    """
+    half = chisel_length(tool) / 2
+    power = 1.0 - law.m_c
+    tangential, radial = float(law.cutting[0]), float(law.cutting[1])
+    steeper = 1.0 - chisel_rake(tool) / 100
+    lips = radial * np.sin(tool.point_angle / 2) ** power
+    return float(tool.flutes * half * (steeper * tangential - lips))
+
+
+def chisel_engaged(tool: Tool, lower: Floats, upper: Floats) -> Floats:
+    """Share of a drill's chisel edge in material [1]; shape (S,).
+
+    ``lower`` and ``upper`` (S, F) are the heights on the tool between which there is material, by
+    angle [m].
+    """
+    half = chisel_length(tool) / 2
+    height = max(half / np.tan(tool.point_angle / 2), 1e-9)
+    inside = (np.minimum(upper, height) - lower) / height
+    return np.asarray(np.clip(inside, 0.0, 1.0).mean(axis=1))
+
 
 MEAN, RMS, TORQUE = 1, 2, 4
 
@@ -136,12 +203,9 @@ class LoadTable:
         feeds = self._feeds(f_z)
         if feeds.ndim != 1:
             raise ValueError(f"load table: f_z has shape {feeds.shape}: give one row of feeds")
-        return _loads(
-            feeds[self.block],
-            self.station_values[:, self.station],
-            self.scale[self.block],
-            self.exponent[self.block],
-        )
+        block = self.block
+        values = self.station_values[:, self.station]
+        return _loads(feeds[block], values, self.scale[block], self.exponent[block])
 
     def mean_forces(self, station: Rows, f_z: Floats) -> Floats:
         """Mean force over a turn at places of some stations, and the standard deviation of each
@@ -154,8 +218,7 @@ class LoadTable:
         node = np.minimum(np.sqrt(u), self.station_force.shape[2] - 2).astype(np.intp)
         share = (u - node**2) / (2 * node + 1)
         low, high = (self.station_force[:, unique, node + step] for step in (0, 1))
-        forces: Floats = np.where(f_z > 0, low + share * (high - low), 0.0).T
-        return forces
+        return np.where(f_z > 0, low + share * (high - low), 0.0).T
 
     def _feeds(self, f_z: ArrayLike) -> Floats:
         feeds = np.ascontiguousarray(f_z, dtype=np.float64)
@@ -174,19 +237,16 @@ def load_table(
     """Tabulate the loads of all blocks.
 
     The bottom of a flat end cuts where the motion goes down, as edges from the axis to the rim; a
-    drill cuts with its lips and its chisel edge.  In full material both take a mean torque of
-    N K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
-    and edge terms for each length of lip; the chisel edge adds its own
-    (:mod:`pipeline.cutting.force.chisel`).  In a hole of diameter d the flat of
-    an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads without a model,
-    of thread mills, are 0.
+    drill cuts with its lips and its chisel edge.  In full material both take a mean torque of N
+    K_tc f_z D^2 / 8 and lips a thrust of N K_rc f_z D / 2 sin(point_angle / 2), 1 for a flat end,
+    and edge terms for each length of lip; the chisel edge adds its own.  In a hole of diameter d
+    the flat of an end cuts with what is outside of it: N K_tc f_z (D^2 - d^2) / 8.  Loads
+    without a model, of thread mills, are 0.
 
     ``f_z_max`` is the greatest feed per tooth that will be looked up [m], one for all tools or one
     for each; ``nodes`` is K, from 3. ValueError when the arguments do not go together, or a value
     is out of its range.
     """
-    from pipeline.cutting.force.profile_kernel import COLUMNS, FORCE
-
     most = _greatest(engagement, tools, force_laws, f_z_max, nodes)
     order, station, tool = _different(engagement)
     values = np.zeros((len(order), nodes + 1, COLUMNS))
@@ -272,8 +332,6 @@ def _station_values(
     engagement: Engagement, rows: Rows, tool: Tool, law: ForceLaw, f_z_max: float, nodes: int
 ) -> Floats:
     """Loads and mean forces of the stations ``rows`` at the nodes; shape (S, nodes + 1, 12)."""
-    from pipeline.cutting.force.profile_kernel import COLUMNS, FINEST, station_loads
-
     lower, upper, slope = (
         column[rows] for column in (engagement.lower, engagement.upper, engagement.slope)
     )
@@ -285,7 +343,7 @@ def _station_values(
     angles = tool.flutes * ceil(ANGLES / tool.flutes)
     out = np.empty((len(lower), nodes + 1, COLUMNS))
     station_loads(
-        lower, upper, ring, inner, outer, slope, shape, np.concatenate([law.cutting, law.edge]),
+        lower, upper, ring, inner, outer, slope, shape, law.constants,
         power, feeds, tool.runout if tool.flutes > 1 else 0.0, radius_differences(tool), many,
         np.empty((most, 7)), np.empty((most, 2, 5)), np.empty(3), bin_middles(bins),
         piece_buffer(most, shape, float(upper.max()), bins),
@@ -293,24 +351,13 @@ def _station_values(
     )  # fmt: skip
     if chisel_length(tool):
         low, high, down = (np.asarray(one, dtype=np.float64) for one in (lower, upper, slope))
-        _add_chisel(out, tool, law, lower=low, upper=high, slope=down, feeds=feeds)
+        steep = np.clip(-down, 0.0, 1.0) ** power * chisel_engaged(tool, low, high)
+        # in proportion to f_z^(1 - m_c), as the thrust of the lips
+        scaled = f_z_max**power * (np.arange(nodes + 1) / (nodes - 1)) ** 2
+        thrust = chisel_thrust(tool, law) * steep[:, None] * scaled
+        out[:, :, AXIAL] += thrust
+        out[:, :, FORCE + 2] -= thrust
     return out
-
-
-def _add_chisel(
-    out: Floats, tool: Tool, law: ForceLaw, *, lower: Floats, upper: Floats, slope: Floats,
-    feeds: Floats,
-) -> None:  # fmt: skip
-    """Add the thrust of the chisel edge, in proportion to f_z^(1 - m_c) as that of the lips."""
-    from pipeline.cutting.force.profile_kernel import AXIAL, FORCE
-
-    power = 1.0 - law.m_c
-    nodes = len(feeds)
-    scaled = feeds[-1] ** power * (np.arange(nodes + 1) / (nodes - 1)) ** 2
-    down = np.clip(-slope, 0.0, 1.0) ** power * chisel_engaged(tool, lower, upper)
-    thrust = chisel_thrust(tool, law) * down[:, None] * scaled
-    out[:, :, AXIAL] += thrust
-    out[:, :, FORCE + 2] -= thrust
 
 
 def _rings(engagement: Engagement, rows: Rows) -> tuple[Rows, Floats, Floats]:
@@ -327,15 +374,11 @@ def _loads(f_z: Floats, values: Floats, scale: Floats, exponent: Floats) -> Bloc
     out = np.empty((6, *f_z.shape))
     for one, result in zip(values, out, strict=True):
         _look_up(f_z, one, scale, exponent, result)
-    peak, mean, rms, axial, torque, peak_torque = out
-    return BlockLoads(
-        peak=peak, mean=mean, rms=rms, axial=axial, torque=torque, peak_torque=peak_torque
-    )
+    names = (field.name for field in fields(BlockLoads))
+    return BlockLoads(**dict(zip(names, out, strict=True)))
 
 
 def _look_up(f_z: Floats, values: Floats, scale: Floats, exponent: Floats, out: Floats) -> None:
-    from pipeline.cutting.force.profile_kernel import look_up
-
     many = f_z.shape[-1]
     if f_z.size:
         look_up(f_z.reshape(-1, many), values, scale, exponent, out.reshape(-1, many))

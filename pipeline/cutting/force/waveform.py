@@ -20,25 +20,51 @@ Runout moves the tool's axis parallel to the spindle's: a tooth's edge is r_j = 
 cos(runout_angle + 2 pi j / N + z tan(helix) / R) farther out, and its chip is the material between
 it and the surfaces of the last N teeth, min over m of m f_z sin(phi) + r_j - r_(j-m), never below
 0 (Kline and DeVor 1983).  Teeth move on circles, not trochoids: an error of order f_z / R.
+
+The side is a cylinder, so that six sums give all forces under constant engagement: of h cos(phi),
+h sin(phi), h, cos(phi), sin(phi) and 1 over the edge in the material.  The edge is divided into
+equal slices, each integrated at two Gauss points.  Where the chip ends within a slice only the part
+with a chip counts, so that the forces change without jumps when runout or helix do.  Faces and
+corners are integrated in the same slices, force by force.
 """
 
-from math import floor, pi
-from typing import cast
+from math import ceil, cos, floor, sin
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.engagement.end_rings import whole_ring
 from pipeline.cutting.force.edge import (
+    ARM,
+    COS_KAPPA,
+    COS_LAG,
+    FACE_HEIGHT,
+    FROM,
+    GAUSS,
+    LAG,
+    LAG_FROM,
+    LAG_TO,
+    PART,
+    SIN_KAPPA,
+    SIN_LAG,
+    TO,
+    add_force,
+    along,
     bin_middles,
+    cut_part,
     edge_elements,
     edge_shape,
+    grown,
     motion,
     piece_buffer,
+    place_pair,
     radius_differences,
+    thickness,
 )
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.profile_kernel import TURN, profile_forces
 from pipeline.cutting.tool import Tool
+from pipeline.kernels import compiled
 from pipeline.schema.arrays import Floats
 
 SLICES = 16
@@ -47,9 +73,17 @@ SLICES = 16
 
 def basis(
     tool: Tool, *, f_z: float, a_p: float, phi_st: float, phi_ex: float, angles: ArrayLike,
-    m_c: float = 0.0, growth: float = 0.0, slope: float = 0.0, slices: int = SLICES,
+    m_c: float = 0.0, growth: float = 0.0, slices: int = SLICES,
 ) -> Floats:  # fmt: skip
-    """Forces per coefficient of the law, under constant engagement; F_z as on the workpiece.
+    """Forces and torque per coefficient of the law, under constant engagement; shape (T, 4, 6).
+
+    Rows are F_x, F_y, F_z as on the workpiece, and the torque that the cut takes; columns K_tc,
+    K_rc, K_ac, K_te, K_re, K_ae: [m^2] or [m] with ``m_c = 0``, [m] times those of the torque.
+    Teeth are in the material from ``phi_st`` to ``phi_ex``, 0 to pi [rad], at all heights up to
+    ``a_p`` [m]; no forces where the feed per tooth ``f_z`` [m] is 0 or below.  ``angles`` (T,) are
+    the spindle's [rad], ``m_c`` the exponent of the chip thickness [1], ``growth`` the thickness
+    over which the edge part grows, as 1 - exp(-h / growth) [m]; 0: at once, below 0: along a
+    straight line up to -growth.  ValueError when a value is not finite or out of its range.
 
     Errors are those of slices of length d [rad of lag].  Without runout each has d^4 / 4320 of its
     force: with m_c = 0 and 16 slices below 1e-7 of the greatest force in all where the lag of the
@@ -57,34 +91,7 @@ def basis(
     ends with nothing is not smooth: 2.5e-5 at 0.8 rad, 1.6e-4 at 4 rad.  With runout a slice where
     a tooth begins to miss its chip errs by d^2 / 12 or so: 16 slices over 1.7 rad or less leave
     below 0.7 % of the edge part (0.1 % in RMS) and 0.07 % of the cutting part.  Without helix and
-    corner there is nothing to divide.  ValueError when a value is not finite or out of its range.
-
-    Parameters
-    ----------
-    tool : Tool
-        Tool with helix, runout and form.
-    f_z : float
-        Feed per tooth [m]; no forces where it is 0 or below.
-    a_p : float
-        Axial depth of cut [m].
-    phi_st, phi_ex : float
-        Entry and exit angle [rad], at most 2 pi apart, the same at all heights.
-    angles : array_like, shape (T,)
-        Spindle angles [rad].
-    m_c : float
-        Exponent of the chip thickness [1].
-    growth : float
-        Thickness over which the edge part grows, as 1 - exp(-h / growth) [m]; 0: at once, below 0:
-        along a straight line up to -growth.
-    slope : float
-        dz / ds of the motion, from -1 (plunge) to 1.
-    slices : int
-        Slices of the edge's corner and of its side.
-
-    Returns
-    -------
-    ndarray, shape (T, 3, 6)
-        F_x, F_y, F_z for K_tc, K_rc, K_ac, K_te, K_re, K_ae: [m^2] or [m] with ``m_c = 0``.
+    corner there is nothing to divide.
 
     Examples
     --------
@@ -93,11 +100,28 @@ def basis(
     >>> np.round(design[0] * [1e8, 1e8, 1e8, 1e3, 1e3, 1e3], 6)[1].tolist()
     [5.0, -0.0, 0.0, 1.0, -0.0, 0.0]
     """
-    each = _window(
-        tool, angles, f_z=f_z, a_p=a_p, phi_st=phi_st, phi_ex=phi_ex, m_c=m_c, slope=slope,
-        slices=slices, growth=growth,
-    )  # fmt: skip
-    return each[:, :3]
+    theta = _angles(angles, f_z)
+    if not (np.isfinite(a_p) and a_p >= 0):
+        raise ValueError(f"waveform: a_p = {a_p} must be finite and at least 0")
+    if not 0.0 <= phi_st <= phi_ex <= np.pi + 1e-9:
+        raise ValueError(
+            f"waveform: phi_st = {phi_st} to phi_ex = {phi_ex} must lie from 0 to pi rad"
+        )
+    out = np.zeros((len(theta), 4, 6))
+    if not (f_z > 0 and a_p > 0 and phi_ex > phi_st):
+        return out
+    args = (f_z, tool.runout, 1.0 - m_c, growth, radius_differences(tool))
+    shape = edge_shape(tool)
+    bottom = max(tool.corner_radius, shape[FACE_HEIGHT])
+    many, lag = slices if tool.helix else 1, shape[LAG]
+    if bottom > 0.0:
+        elements, pairs = edge_elements(tool, (0.0, a_p), corner=slices, side=0)
+        window_forces(theta, phi_st, phi_ex, shape, elements, pairs, *args, np.empty((2, 5)), out)
+    if a_p > bottom:
+        side_forces(theta, phi_st, phi_ex, a_p - bottom, tool.radius,
+                    lag * (bottom - shape[FACE_HEIGHT]), lag * (a_p - bottom) / many, *args,
+                    np.empty((many, 4)), np.empty(6), out)  # fmt: skip
+    return out
 
 
 def profile_basis(
@@ -107,24 +131,14 @@ def profile_basis(
 ) -> Floats:  # fmt: skip
     """Forces and torque per coefficient at one station, shape (T, 4, 6); units as :func:`basis`.
 
-    ValueError when a value is not finite or out of its range.
-
-    Parameters
-    ----------
-    tool, f_z, angles, m_c, slope
-        Parameters of :func:`basis`.
-    lower, upper : array_like, shape (F,)
-        Part in the material, as heights above the tip [m] at the angles (k + 1/2) 2 pi / F; a
-        value holds over its whole bin of angle.
-    slices : int
-        Slices of the edge's corner and of its side, divided by bins as well.
-    ring : tuple of ndarray, optional
-        Inner and outer radii of the part of a flat end that has material below at each angle, two
-        of shape (F,) [m]; all of it by default.
+    ``lower`` and ``upper`` (F,) are the part in the material, as heights above the tip [m] at the
+    angles (k + 1/2) 2 pi / F; a value holds over its whole bin of angle.  ``slope`` is dz / ds of
+    the motion, from -1 (plunge) to 1; ``slices`` of the edge's corner and of its side are divided
+    by bins as well; ``ring`` are inner and outer radii of the part of a flat end that has material
+    below at each angle, (F,) each [m], all of it by default.  ValueError when a value is not finite
+    or shapes do not go together.
     """
-    from pipeline.cutting.force.profile_kernel import profile_forces
-
-    _check(f_z, m_c, slope, slices)
+    theta = _angles(angles, f_z)
     low, high = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     if low.shape != high.shape or low.ndim != 1 or not len(low):
         raise ValueError(
@@ -133,12 +147,12 @@ def profile_basis(
         )
     if not (np.isfinite(low).all() and np.isfinite(high).all()):
         raise ValueError("waveform: a height of the profile is not finite")
-    theta = _angles(angles)
     out = np.zeros((len(theta), 4, 6))
     there = high > low
     if f_z > 0 and there.any():
         depth = (max(float(low[there].min()), 0.0), float(high[there].max()))
-        elements, _ = edge_elements(tool, depth, slope=slope, slices=slices)
+        side = slices if tool.helix else 1
+        elements, _ = edge_elements(tool, depth, corner=slices, side=side, slope=slope)
         shape = edge_shape(tool)
         profile_forces(theta, low, high, *(ring or whole_ring(len(low))), shape, elements,
                        motion(f_z, slope), tool.runout, 1.0 - m_c, radius_differences(tool),
@@ -156,69 +170,211 @@ def profile_waveform(
         tool, f_z=f_z, lower=lower, upper=upper, angles=angles, m_c=law.m_c, slope=slope,
         slices=slices, ring=ring,
     )  # fmt: skip
-    return cast(Floats, each @ np.concatenate([law.cutting, law.edge]))
+    return each @ law.constants
 
 
-def _window(
-    tool: Tool, angles: ArrayLike, *, f_z: float, a_p: float, phi_st: float, phi_ex: float,
-    m_c: float, slope: float, slices: int, growth: float = 0.0,
-) -> Floats:  # fmt: skip
-    """Forces and torque for each coefficient under constant engagement; shape (T, 4, 6)."""
-    from pipeline.cutting.force.edge import FACE_HEIGHT, LAG
-    from pipeline.cutting.force.waveform_kernel import side_forces, window_forces
-
-    _check(f_z, m_c, slope, slices)
-    if not (np.isfinite(a_p) and a_p >= 0):
-        raise ValueError(f"waveform: a_p = {a_p} must be finite and at least 0")
-    if not 0.0 <= phi_ex - phi_st <= 2 * np.pi + 1e-12:
-        raise ValueError(
-            f"waveform: phi_st = {phi_st} to phi_ex = {phi_ex} must be 0 to 2 pi rad long"
-        )
-    theta = _angles(angles)
-    out = np.zeros((len(theta), 4, 6))
-    if not (f_z > 0 and a_p > 0):
-        return out
-    args = (motion(f_z, slope), tool.runout, 1.0 - m_c, growth, radius_differences(tool))
-    shape = edge_shape(tool)
-    bottom = max(tool.corner_radius, shape[FACE_HEIGHT])
-    many, lag = slices if tool.helix else 1, shape[LAG]
-    for enter, leave in _windows(phi_st, phi_ex, slope):
-        if bottom > 0.0 or slope < 0.0:
-            elements, pairs = edge_elements(
-                tool, (0.0, a_p), slope=slope, slices=slices, side=False
-            )
-            window_forces(theta, enter, leave, shape, elements, pairs, *args, np.empty((2, 5)),
-                          out)  # fmt: skip
-        if a_p > bottom and slope > -1.0:
-            side_forces(theta, enter, leave, a_p - bottom, tool.radius,
-                        lag * (bottom - shape[FACE_HEIGHT]), lag * (a_p - bottom) / many,
-                        f_z * np.sqrt(1.0 - slope**2), *args[1:], np.empty((many, 4)), np.empty(6),
-                        out)  # fmt: skip
-    return out
-
-
-def _windows(phi_st: float, phi_ex: float, slope: float) -> list[tuple[float, float]]:
-    """Arcs where teeth may have a chip: from 0 to pi of each turn, on a slope anywhere."""
-    arcs = [(phi_st, phi_ex)]
-    if slope == 0.0:  # as mean_force.cutting_arcs, which is for many at once
-        zero = 2 * pi * floor(phi_st / (2 * pi))
-        arcs = [(max(phi_st - z, 0.0), min(phi_ex - z, pi)) for z in (zero, zero + 2 * pi)]
-    return [(begin, end) for begin, end in arcs if end > begin]
-
-
-def _check(f_z: float, m_c: float, slope: float, slices: int) -> None:
-    if not np.isfinite(f_z):
-        raise ValueError(f"waveform: f_z = {f_z} must be finite")
-    if not 0.0 <= m_c < 1.0:
-        raise ValueError(f"waveform: m_c = {m_c} is out of its range, 0 to below 1")
-    if not -1.0 <= slope <= 1.0:
-        raise ValueError(f"waveform: slope = {slope} must be from -1 to 1: it is dz / ds")
-    if not (slices >= 1 and slices % 1 == 0):
-        raise ValueError(f"waveform: slices = {slices} must be a whole number of at least 1")
-
-
-def _angles(angles: ArrayLike) -> Floats:
+def _angles(angles: ArrayLike, f_z: float) -> Floats:
     theta = np.ascontiguousarray(angles, dtype=np.float64)
     if theta.ndim != 1 or not np.isfinite(theta).all():
         raise ValueError("waveform: angles must be a row of finite values [rad]")
+    if not np.isfinite(f_z):
+        raise ValueError(f"waveform: f_z = {f_z} must be finite")
     return theta
+
+
+@compiled
+def side_forces(  # type: ignore[no-untyped-def]
+    angles, phi_st, phi_ex, depth, radius, lag, step, f_z, runout, exponent, growth, differences,
+    points, sums, out,
+):  # fmt: skip
+    """Add forces and torque of the side under constant engagement to ``out``; shape (T, 4, 6).
+
+    Rows are F_x, F_y, F_z and the torque, columns the coefficients.  ``depth`` [m] is the side's,
+    ``lag`` [rad] that of its lower end, ``step`` [rad] of a slice; ``differences`` for each tooth
+    as :func:`pipeline.cutting.force.edge.thickness`.  ``points`` of shape (n, 4) has a row
+    for each slice, ``sums`` of (6,) is to work in.
+    """
+    many, slices = differences.shape[0], points.shape[0]
+    for e in range(slices):
+        points[e, 0], points[e, 1], points[e, 2], points[e, 3] = _lags(e, e + 1.0, lag, step)
+    least, most = min(lag, lag + step * slices), max(lag, lag + step * slices)
+    for t in range(angles.shape[0]):
+        sums[:] = 0.0
+        for j in range(many):
+            tip = angles[t] - TURN * j / many
+            tip -= TURN * floor(tip / TURN)
+            sine, cosine = sin(tip), cos(tip)
+            # the lag of what is in the window lies between these, for each turn of the edge
+            first = ceil((least - tip + phi_st) / TURN)
+            last = floor((most - tip + phi_ex) / TURN)
+            for turns in range(first, last + 1):
+                low, high = tip - phi_ex + TURN * turns, tip - phi_st + TURN * turns
+                if step == 0.0:
+                    begin, end = 0.0, (float(slices) if low < lag <= high else 0.0)
+                else:
+                    begin, end = (low - lag) / step, (high - lag) / step
+                    if step < 0.0:
+                        begin, end = end, begin
+                    begin, end = max(begin, 0.0), min(end, float(slices))
+                if begin < end:
+                    _slices(begin, end, sine, cosine, lag, step, depth / slices, f_z, runout,
+                            exponent, growth, differences[j], points, sums)  # fmt: skip
+        _spread(sums, radius, out[t])
+
+
+@compiled
+def _spread(sums, radius, out):  # type: ignore[no-untyped-def]
+    """Add the six sums where they belong among forces and coefficients."""
+    for k in range(2):
+        column, c, s, plain = 3 * k, sums[3 * k], sums[3 * k + 1], sums[3 * k + 2]
+        out[0, column] -= c
+        out[0, column + 1] -= s
+        out[1, column] += s
+        out[1, column + 1] -= c
+        out[2, column + 2] += plain
+        out[3, column] += radius * plain
+
+
+@compiled
+def _slices(  # type: ignore[no-untyped-def]
+    begin, end, sine, cosine, lag, step, width, f_z, runout, exponent, growth, differences,
+    points, out,
+):  # fmt: skip
+    """Add what one tooth has between two places on the edge, counted in slices."""
+    hc, hs, h0, ec, es, e0 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for e in range(int(begin), ceil(end)):
+        low, high = max(begin, float(e)), min(end, e + 1.0)
+        if high - low == 1.0:
+            cl, sl, cl2, sl2 = points[e, 0], points[e, 1], points[e, 2], points[e, 3]
+        else:
+            cl, sl, cl2, sl2 = _lags(low, high, lag, step)
+        s, s2 = sine * cl - cosine * sl, sine * cl2 - cosine * sl2
+        h = thickness(f_z * s, cl, sl, runout, differences)
+        h2 = thickness(f_z * s2, cl2, sl2, runout, differences)
+        start, stop = cut_part(low, high, h, h2)
+        if not stop > start:
+            continue
+        if start > low or stop < high:
+            low, high = start, stop
+            cl, sl, cl2, sl2 = _lags(low, high, lag, step)
+            s, s2 = sine * cl - cosine * sl, sine * cl2 - cosine * sl2
+            h = max(thickness(f_z * s, cl, sl, runout, differences), 0.0)
+            h2 = max(thickness(f_z * s2, cl2, sl2, runout, differences), 0.0)
+        c, c2 = cosine * cl + sine * sl, cosine * cl2 + sine * sl2
+        b = 0.5 * width * (high - low)
+        if growth != 0.0:
+            edge, edge2 = b * grown(h, growth), b * grown(h2, growth)
+            ec += edge * c + edge2 * c2
+            es += edge * s + edge2 * s2
+            e0 += edge + edge2
+        else:
+            ec += b * (c + c2)
+            es += b * (s + s2)
+            e0 += 2.0 * b
+        if exponent != 1.0:
+            h, h2 = h**exponent, h2**exponent
+        hc += b * (h * c + h2 * c2)
+        hs += b * (h * s + h2 * s2)
+        h0 += b * (h + h2)
+    out[0] += hc
+    out[1] += hs
+    out[2] += h0
+    out[3] += ec
+    out[4] += es
+    out[5] += e0
+
+
+@compiled
+def _lags(low, high, lag, step):  # type: ignore[no-untyped-def]
+    """Cosine and sine of the lags at both Gauss points between two places."""
+    middle, half = lag + 0.5 * step * (low + high), 0.5 * step * GAUSS * (high - low)
+    a, b = middle - half, middle + half
+    return cos(a), sin(a), cos(b), sin(b)
+
+
+@compiled
+def window_forces(  # type: ignore[no-untyped-def]
+    angles, phi_st, phi_ex, shape, elements, pairs, f_z, runout, exponent, growth, differences,
+    work, out,
+):  # fmt: skip
+    """Add forces of face and corner, engaged from ``phi_st`` to ``phi_ex``, to ``out``.
+
+    Rows and columns as :func:`side_forces`.  ``pairs`` of shape (n, 2, 5) are the Gauss points of
+    the elements, ``work`` of (2, 5) is to work in.
+    """
+    many = differences.shape[0]
+    least, most = 0.0, 0.0
+    for e in range(elements.shape[0]):
+        least = min(least, min(elements[e, LAG_FROM], elements[e, LAG_TO]))
+        most = max(most, max(elements[e, LAG_FROM], elements[e, LAG_TO]))
+    for t in range(angles.shape[0]):
+        for j in range(many):
+            tip = angles[t] - TURN * j / many
+            tip -= TURN * floor(tip / TURN)
+            sine, cosine = sin(tip), cos(tip)
+            # the lag of what is in the window lies between these, for each turn of the edge
+            first = ceil((least - tip + phi_st) / TURN)
+            last = floor((most - tip + phi_ex) / TURN)
+            for turns in range(int(first), int(last) + 1):
+                low, high = tip - phi_ex + TURN * turns, tip - phi_st + TURN * turns
+                for e in range(elements.shape[0]):
+                    _element(low, high, sine, cosine, shape, elements[e], pairs[e], f_z, runout,
+                             exponent, growth, differences[j], work, out[t])  # fmt: skip
+
+
+@compiled
+def _element(  # type: ignore[no-untyped-def]
+    low, high, sine, cosine, shape, one, pair, f_z, runout, exponent, growth, differences, work,
+    out,
+):  # fmt: skip
+    """Add what one element of one tooth has between two lags, as far as it has a chip."""
+    begin, end = min(one[LAG_FROM], one[LAG_TO]), max(one[LAG_FROM], one[LAG_TO])
+    if begin == end:
+        if not low < begin <= high:
+            return
+    elif begin >= high or end <= low:
+        return
+    p, p_end = one[FROM], one[TO]
+    if begin < low or end > high:
+        z = max(begin, low) / shape[LAG] + shape[FACE_HEIGHT]
+        z_end = min(end, high) / shape[LAG] + shape[FACE_HEIGHT]
+        p, p_end = along(one[PART], z, shape), along(one[PART], z_end, shape)
+        if p > p_end:
+            p, p_end = p_end, p
+        place_pair(one[PART], p, p_end, shape, work)
+        pair = work
+    _stretch(sine, cosine, one[PART], p, p_end, shape, pair, f_z, runout, exponent, growth,
+             differences, work, out)  # fmt: skip
+
+
+@compiled
+def _stretch(  # type: ignore[no-untyped-def]
+    sine, cosine, part, begin, end, shape, pair, f_z, runout, exponent, growth, differences,
+    work, out,
+):  # fmt: skip
+    """Add the force on a stretch of one tooth's edge, as far as it has a chip."""
+    h = _chip(sine, cosine, pair[0], f_z, runout, differences)
+    after = _chip(sine, cosine, pair[1], f_z, runout, differences)
+    start, stop = cut_part(begin, end, h, after)
+    if not stop > start:
+        return
+    if start > begin or stop < end:
+        begin, end = start, stop
+        place_pair(part, begin, end, shape, work)
+        pair = work
+        h = max(_chip(sine, cosine, pair[0], f_z, runout, differences), 0.0)
+        after = max(_chip(sine, cosine, pair[1], f_z, runout, differences), 0.0)
+    for k in range(2):
+        point, thick = pair[k], h if k == 0 else after
+        s = sine * point[COS_LAG] - cosine * point[SIN_LAG]
+        c = cosine * point[COS_LAG] + sine * point[SIN_LAG]
+        add_force(s, c, point[SIN_KAPPA], point[COS_KAPPA], point[ARM], thick,
+                  0.5 * (end - begin), exponent, growth, out)  # fmt: skip
+
+
+@compiled
+def _chip(sine, cosine, point, f_z, runout, differences):  # type: ignore[no-untyped-def]
+    """Thickness of the chip at a point of the edge [m], below 0 where the tooth misses."""
+    sk, cl, sl = point[SIN_KAPPA], point[COS_LAG], point[SIN_LAG]
+    each = f_z * ((sine * cl - cosine * sl) * sk)
+    return thickness(each, sk * cl, sk * sl, sk * runout, differences)

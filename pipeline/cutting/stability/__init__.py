@@ -4,6 +4,4 @@ Depths are in metres, spindle speeds in 1/s, responses in m/N in the machine's f
 Semi-discretisation is that of Insperger and Stepan 2004.
 """
 
-__all__ = [
-    "directional", "frf_file", "margins", "modal_fit", "semi_discretisation", "tip_dynamics",
-]  # fmt: skip
+__all__ = ["margins", "modal_fit", "semi_discretisation", "tip_dynamics"]

@@ -21,23 +21,26 @@ Speeds lie at nodes.  Between two nodes the lesser of both limits counts.
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from math import pi, tan
+from math import inf, isnan, pi, tan
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.cutting.engagement.immersions import Immersions
+from pipeline.cutting.engagement.engagement import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.directional import RegenerativeCut, in_plane, stiffness
 from pipeline.cutting.stability.semi_discretisation import (
     BELOW,
     KEPT,
+    RegenerativeCut,
+    in_plane,
     least_depth,
     settled_limits,
     stable_depth,
+    stiffness,
 )
 from pipeline.cutting.stability.tip_dynamics import Mode
 from pipeline.cutting.tool import Tool
+from pipeline.kernels import compiled
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats, Ints
 
@@ -124,8 +127,7 @@ def _allowed(tip: Sequence[Mode], cut: RegenerativeCut, n: Floats, highest: floa
     limit = settled_limits(tip, cut, n, highest=highest).depth_limit
     slow = np.isnan(limit)
     limit[slow] = least_depth(tip, cut)
-    allowed: Floats = np.minimum(ROUNDED * limit, highest)
-    return allowed
+    return np.minimum(ROUNDED * limit, highest)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -155,8 +157,6 @@ class StabilityTable:
         speed, and NaN where nothing in the material could be computed. ValueError when a speed is
         outside of the table, or the number of blocks is another one.
         """
-        from pipeline.cutting.stability.stability_kernel import fill_margins, mark_missing
-
         given = np.asarray(speed_rpm, dtype=np.float64)
         blocks = len(self.judged)
         if given.ndim not in (1, 2) or given.shape[-1] != blocks:
@@ -291,3 +291,34 @@ def _cut(law: ForceLaw, tool: Tool, row: Sequence[int], thickness: float | None)
         entry=entry * step, exit=exit * step, feed_direction=feed * FEED,
         direction=1 if sense > 0 else -1, lag=abs(tan(tool.helix)) / tool.radius,
     )  # fmt: skip
+
+
+@compiled
+def mark_missing(below, above, table, kind, block, missing):  # type: ignore[no-untyped-def]
+    """Mark what of ``table`` (K, C), nan where it is not known, the nodes of the blocks ask for.
+
+    ``below``, ``above`` (P, B) are the nodes of the speed beside each block's; ``kind``, ``block``
+    (N,) those of the stations.
+    """
+    for p in range(below.shape[0]):
+        for i in range(block.shape[0]):
+            for c in (below[p, block[i]], above[p, block[i]]):
+                if isnan(table[kind[i], c]):
+                    missing[kind[i], c] = True
+
+
+@compiled
+def fill_margins(below, above, table, kind, depth, block, most, out):  # type: ignore[no-untyped-def]
+    """Lower ``out`` (P, B) to the least margin of each block's stations, ``most`` at most.
+
+    The lesser limit of both nodes counts; parameters as of :func:`mark_missing`, ``depth`` [m].
+    """
+    for p in range(below.shape[0]):
+        for i in range(block.shape[0]):
+            b = block[i]
+            limit = min(table[kind[i], below[p, b]], table[kind[i], above[p, b]])
+            margin = limit / depth[i] - 1.0
+            if margin < inf:
+                margin = min(margin, most)
+            if margin < out[p, b]:
+                out[p, b] = margin

@@ -204,8 +204,7 @@ def _weight(frequency: Floats, measured: Complexes) -> Floats:
     size = np.abs(off) / np.sqrt(1.0 + share**2 + (1.0 - share) ** 2)
     noise = np.pad(median_filter(size, min(_NEAR, len(size)), mode="nearest"), 1, mode="edge")
     floor = CLOSE * np.hypot(np.abs(measured), STIFF * _top(measured))
-    weight: Floats = 1.0 / np.hypot(noise / np.sqrt(np.log(2.0)), floor)
-    return weight
+    return 1.0 / np.hypot(noise / np.sqrt(np.log(2.0)), floor)
 
 
 # Parameters of M modes: logarithms of natural frequency [Hz], damping [1] and compliance [m/N] in
@@ -222,8 +221,7 @@ def _modes(found: Floats, name: str) -> list[Mode]:
 def _sum(found: Floats, frequency: Floats) -> Complexes:
     natural, damping, compliance = np.exp(found).T[:, :, None]
     r = frequency / natural
-    total: Complexes = (compliance / (1.0 - r * r + 2j * damping * r)).sum(axis=0)
-    return total
+    return (compliance / (1.0 - r * r + 2j * damping * r)).sum(axis=0)
 
 
 def _slopes(found: Floats, frequency: Floats) -> Complexes:

@@ -289,8 +289,9 @@ def _spectral(matrix, size, square):  # type: ignore[no-untyped-def]
 
 
 @compiled
-def _crossing(tip, cut, n, low, at_low, high, at_high, cells, tolerance, work):  # type: ignore[no-untyped-def]
-    """Depth between ``low`` (stable) and ``high`` (not) where the growth is 0: Illinois' rule."""
+def _crossing(tip, cut, n, stable, not_stable, cells, tolerance, work):  # type: ignore[no-untyped-def]
+    """Depth where the growth is 0, by two depths with their growths: Illinois' rule."""
+    (low, at_low), (high, at_high) = stable, not_stable
     side = 0
     for _ in range(40):
         if high - low <= tolerance * high:
@@ -326,37 +327,31 @@ def _first(tip, cut, n, least, highest, ratio, cells, tolerance, work):  # type:
         here /= 2.0
         at_here = growth(tip, cut, n, here, cells, work)
         if at_here <= 0.0:
-            return _crossing(
-                tip, cut, n, here, at_here, before, at_before, cells, tolerance, work
-            ), 0.0  # fmt: skip
+            low, high = (here, at_here), (before, at_before)
+            return _crossing(tip, cut, n, low, high, cells, tolerance, work), 0.0
     most = at_here
     while here < highest:
         there = min(here * ratio, highest)
         at_there = growth(tip, cut, n, there, cells, work)
         if at_there > 0.0:
-            return _crossing(
-                tip, cut, n, here, at_here, there, at_there, cells, tolerance, work
-            ), 0.0  # fmt: skip
+            low, high = (here, at_here), (there, at_there)
+            return _crossing(tip, cut, n, low, high, cells, tolerance, work), 0.0
         if at_here >= at_before and at_here >= at_there and before > 0.0:
-            low, high = before, there
+            begin, end = before, there
             for _ in range(8):  # golden section
-                one, two = low + 0.382 * (high - low), low + 0.618 * (high - low)
+                one, two = begin + 0.382 * (end - begin), begin + 0.618 * (end - begin)
                 at_one = growth(tip, cut, n, one, cells, work)
-                if at_one > 0.0:
-                    return _crossing(
-                        tip, cut, n, before, at_before, one, at_one, cells, tolerance, work
-                    ), 0.0  # fmt: skip
-                at_two = growth(tip, cut, n, two, cells, work)
-                if at_two > 0.0:
-                    return _crossing(
-                        tip, cut, n, before, at_before, two, at_two, cells, tolerance, work
-                    ), 0.0  # fmt: skip
+                at_two = growth(tip, cut, n, two, cells, work) if at_one <= 0.0 else 0.0
+                if at_one > 0.0 or at_two > 0.0:
+                    high = (one, at_one) if at_one > 0.0 else (two, at_two)
+                    low = (before, at_before)
+                    return _crossing(tip, cut, n, low, high, cells, tolerance, work), 0.0
                 most = max(most, at_one, at_two)
                 if at_one > at_two:
-                    high = two
+                    end = two
                 else:
-                    low = one
-                if high - low < 0.01 * high:
+                    begin = one
+                if end - begin < 0.01 * end:
                     break
         before, at_before = here, at_here
         here, at_here = there, at_there
@@ -374,7 +369,7 @@ def _near(tip, cut, n, before, cells, tolerance, work):  # type: ignore[no-untyp
             continue
         at_high = growth(tip, cut, n, high, cells, work)
         if at_high > 0.0:
-            return _crossing(tip, cut, n, low, at_low, high, at_high, cells, tolerance, work)
+            return _crossing(tip, cut, n, (low, at_low), (high, at_high), cells, tolerance, work)
     return inf
 
 
@@ -382,20 +377,10 @@ def _near(tip, cut, n, before, cells, tolerance, work):  # type: ignore[no-untyp
 def first_limits(tip, cut, work, speeds, cells, depths, tolerance, out, error, last):  # type: ignore[no-untyped-def]
     """Fill ``out``, shape (S,), with the least depth of chatter at each speed [m]; inf without one.
 
-    Parameters
-    ----------
-    tip, cut, work
-        Modes, cut and work arrays.
-    speeds : ndarray, shape (S,)
-        Spindle speeds [1/s].
-    cells : int
-        R to begin with; it is doubled as long as ``work`` holds it, until the limit stays.
-    depths : tuple of float
-        Least and greatest depth of the search [m], and the ratio of neighbouring depths.
-    tolerance : float
-        Relative tolerance of the limit [1].
-    out, error, last : ndarray, shape (S,)
-        Filled; the estimated error before extrapolation over the limit, and the cells.
+    ``cells`` are those to begin with; they are doubled as long as ``work`` holds them, until the
+    limit stays within the share ``tolerance``.  ``depths`` are least and greatest depth of the
+    search [m], and the ratio of neighbouring ones.  ``error`` and ``last`` (S,) are filled with the
+    estimated error before extrapolation over the limit, and the cells.
     """
     least, highest, ratio = depths
     exact = 0.05 * tolerance

@@ -25,8 +25,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import laws_lines, outside_share
-from pipeline.cutting.force.force_law import N_MM, ForceLaw
+from pipeline.cutting.force.force_law import N_MM, ForceLaw, laws_lines, outside_share
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings

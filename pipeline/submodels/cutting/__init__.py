@@ -10,18 +10,6 @@ spindle's load; ``submodel`` is the contract, ``page`` what a maintenance lead r
 """
 
 __all__ = [
-    "coefficients",
-    "conditions",
-    "fit",
-    "identify",
-    "kienzle",
-    "model",
-    "page",
-    "recordings",
-    "revolution",
-    "selection",
-    "settings",
-    "spindle_load",
-    "submodel",
-    "waveform",
-]
+    "coefficients", "fit", "identify", "model", "page", "recordings", "revolution", "selection",
+    "settings", "spindle_load", "submodel", "waveform",
+]  # fmt: skip

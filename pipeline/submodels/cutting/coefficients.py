@@ -9,25 +9,148 @@ A slice of a tooth gives F_x = -F_t cos(phi) - F_r sin(phi) and F_y = F_t sin(ph
 The mean tangential force is thus not in the means alone: it depends on the distribution of the
 force over the arc.  That is taken from the linear-edge model of the mean forces, and scaled so that
 the modelled mean of F_y, which F_t carries, is the measured one.
+
+Kienzle's k_c1.1 and m_c come from cuts at several feeds, F_t = k_c1.1 b h^(1 - m_c), h in mm.  Over
+an arc the chip thickness is f_z sin(phi), so that the mean tangential force of all teeth over a
+revolution is (N a_p / 2 pi) k_c1.1 integral of (f_z sin phi)^(1 - m_c) dphi, not the force at the
+mean thickness.  The two constants are strongly correlated: k_c1.1 is the specific force at 1 mm,
+far from the chip thickness of milling.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import feeds
-from pipeline.cutting.force.force_law import N_MM, N_MM2
-from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
+from pipeline.cutting.force.force_law import COEFFICIENTS, N_MM, N_MM2, feeds, regressors
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CutConditions
 from pipeline.schema.model import Parameter
-from pipeline.schema.si import DEGREE
-from pipeline.submodels.cutting.estimate import Estimate
+from pipeline.schema.si import DEGREE, MM
 from pipeline.submodels.cutting.fit import Fit
 from pipeline.submodels.cutting.law_draws import KnownShape, coefficient_draws, law_draws
+from pipeline.submodels.cutting.regression import Estimate, digits, regression, undetermined
 from pipeline.submodels.cutting.runout import RoundedFit, runout
 from pipeline.submodels.cutting.selection import FitUncertainty
 from pipeline.submodels.cutting.waveform import PRIOR, CutHarmonics
+
+KIENZLE = {"kienzle.k_c11": "N/mm^2", "kienzle.m_c": "1"}
+"""Kienzle's two constants with their units."""
+NODES = 48
+"""Gauss nodes over an arc."""
+TYPICAL = 0.25
+"""Exponent m_c of most metals [1], to which its widest interval is relative."""
+LEAST_RATIO = 1.5
+"""Ratio of the thickest to the thinnest chip below which the exponent is undetermined [1]."""
+ITERATIONS = 30
+"""Linearisations of the exponent, at most."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kienzle:
+    """Kienzle's constants of a set of cuts."""
+
+    k_c11: float
+    """[N/mm^2]."""
+    m_c: float
+    """[1]."""
+    k_c11_interval: tuple[float, float]
+    m_c_interval: tuple[float, float]
+    """95 % intervals; that of k_c1.1 is not symmetric, it comes from its logarithm."""
+    cuts: int
+    """Number of cuts."""
+
+
+def kienzle_by_force(force: Floats, each: Sequence[CutConditions], deviation: Floats) -> Kienzle:
+    """Constants from the mean tangential force of all teeth over a revolution [N], one a cut.
+
+    It is the mean torque over R, or the mean cutting power over v_c; ``deviation`` is the standard
+    deviation of each, as a share [1]. ValueError when there are fewer than three cuts, a force is
+    not positive, or chips are too alike.
+    """
+    bad = ~(np.isfinite(force) & (force > 0.0))
+    if bad.any():
+        raise ValueError(f"mean tangential force = {force[bad][0]} of a cut must be positive")
+    feed = np.array([c.f_z for c in each])
+    if len(feed) < 3 or feed.max() < LEAST_RATIO * feed.min():
+        raise ValueError(
+            f"{len(feed)} cuts with chips of {feed.min() / MM:.3g} to {feed.max() / MM:.3g} mm do "
+            "not tell Kienzle's exponent: record 3 or more, the thickest "
+            f"{LEAST_RATIO:g} times the thinnest"
+        )
+    arc = np.array([(c.phi_st, c.phi_ex) for c in each]).T
+    width = np.array([c.flutes * c.a_p for c in each]) / MM
+    readings = np.log(force * 2 * np.pi / width)  # in N/mm^2 times mm
+    m_c = 0.25
+    for _ in range(ITERATIONS):
+        base, slope = _log_integral(feed / MM, arc[0], arc[1], m_c)
+        design = np.stack([np.ones_like(feed), slope], axis=1)
+        fit = regression(
+            design, readings - base + slope * m_c, np.diag(deviation**2), np.ones_like(feed)
+        )
+        step = float(fit.values[1]) - m_c
+        m_c = float(np.clip(m_c + step, -0.5, 0.95))
+        if abs(step) < 1e-10:
+            break
+    (level, m_c), (of_level, of_m_c) = fit.values.tolist(), fit.half_width.tolist()
+    return Kienzle(
+        k_c11=float(np.exp(level)), m_c=m_c,
+        k_c11_interval=(float(np.exp(level - of_level)), float(np.exp(level + of_level))),
+        m_c_interval=(m_c - of_m_c, m_c + of_m_c), cuts=len(feed),
+    )  # fmt: skip
+
+
+def kienzle_parameters(constants: Kienzle, widest: float) -> dict[str, Parameter]:
+    """Both constants as they are stored: value and interval, or why they are undetermined.
+
+    A half of the interval beyond the share ``widest`` of k_c1.1, or of a typical exponent, leaves
+    it undetermined.
+    """
+    (low, high), (least, most) = constants.k_c11_interval, constants.m_c_interval
+    cases = (
+        (constants.k_c11, (low, high), np.sqrt(high / low) - 1 <= widest),
+        (constants.m_c, (least, most), (most - least) / 2 <= widest * TYPICAL),
+    )
+    rows = {}
+    for (name, unit), (value, interval, narrow) in zip(KIENZLE.items(), cases, strict=True):
+        ends = (digits(interval[0]), digits(interval[1]))
+        if narrow:
+            method = f"nonlinear least squares in ln k_c1.1 and m_c on {constants.cuts} cuts"
+            rows[name] = Parameter(
+                value=digits(value), unit=unit, interval_95=ends, determined=True, method=method
+            )
+        else:
+            wide = f"the 95 % interval, {ends[0]:g} to {ends[1]:g}, is wider than asked"
+            rows[name] = undetermined(unit, wide)
+    return rows
+
+
+def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
+    """Kienzle's constants from the mean tangential forces of three feeds or more."""
+    force, share = mean_tangential(cuts)
+    try:
+        constants = kienzle_by_force(force, [cut.conditions for cut in cuts], share)
+    except ValueError as error:
+        why, _, remedy = str(error).partition(": ")
+        return {name: undetermined(unit, why, remedy) for name, unit in KIENZLE.items()}
+    return kienzle_parameters(constants, widest)
+
+
+def _log_integral(f_z: Floats, entry: Floats, leave: Floats, m_c: float) -> tuple[Floats, Floats]:
+    """Log of the integral of h^(1 - m_c) over the arc, h in mm, and its slope over m_c.
+
+    Substituting phi = (1 - cos t) / 2 of the arc removes the root singularity at a slot's ends, so
+    that few Gauss nodes suffice.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    t = (nodes + 1) * np.pi / 2
+    span = (leave - entry)[:, None]
+    h = f_z[:, None] * np.sin(entry[:, None] + span * (1 - np.cos(t)) / 2)
+    h = np.maximum(h, 1e-300)
+    share = weights * np.sin(t) * h ** (1 - m_c) * span
+    total = share.sum(axis=1)
+    return np.log(total * np.pi / 4), -(share * np.log(h)).sum(axis=1) / total
+
 
 UNITS = ("N/mm^2", "N/mm^2", "N/mm^2", "N/mm", "N/mm", "N/mm")
 """Units of the six coefficients as they are stored."""
@@ -110,18 +233,14 @@ def coefficients(
 
 def _helix(fit: Fit, uncertainty: FitUncertainty) -> Estimate:
     helix = fit.problem.geometry(fit.x).helix
-    if not fit.problem.terms.helix:
-        reason = f"{helix / DEGREE:g} deg was taken: the records do not tell another"
-        return Estimate(
-            name="helix", unit="deg", value=helix / DEGREE, half_width=0.0, determined=False,
-            method="given", reason=reason,
-        )  # fmt: skip
     half = uncertainty.half_width({"tan_helix": 1.0}) * np.cos(helix) ** 2 / DEGREE
+    sought = fit.problem.terms.helix
     return Estimate(
-        name="helix", unit="deg", value=helix / DEGREE, half_width=half,
-        determined=bool(half <= HELIX_DEG), method=HARMONICS,
-        reason="its 95 % interval is wider than 10 deg",
-        remedy="record a deeper cut, in which the edge lags further",
+        name="helix", unit="deg", value=helix / DEGREE, half_width=half if sought else 0.0,
+        determined=bool(sought and half <= HELIX_DEG), method=HARMONICS if sought else "given",
+        reason="its 95 % interval is wider than 10 deg" if sought
+        else f"{helix / DEGREE:g} deg was taken: the records do not tell another",
+        remedy="record a deeper cut, in which the edge lags further" if sought else "",
     )  # fmt: skip
 
 
@@ -132,22 +251,23 @@ def modes(fit: Fit, uncertainty: FitUncertainty, widest: float) -> dict[int, lis
         return {}
     natural, damping = channel_modes
     highest = max(cut.conditions.speed * cut.harmonics for cut in fit.problem.cuts)
-    by_direction = {}
-    for k in range(3):
-        rows = []
-        for what, values, unit in (("natural", natural, "Hz"), ("damping", damping, "1")):
-            half = uncertainty.half_width({f"log_{what}{k}": 1.0})
-            name = "natural_frequency_Hz" if what == "natural" else "damping"
-            rows.append(
-                Estimate(
-                    name=name, unit=unit, value=float(values[k]), lowest=0.0,
-                    half_width=half * float(values[k]), method=HARMONICS,
-                    determined=bool(half <= widest and natural[k] <= highest),
-                    reason=f"the channel shows no mode of its own below {highest:.0f} Hz",
-                )
-            )  # fmt: skip
-        by_direction[k] = rows
-    return by_direction
+    names = (
+        ("natural_frequency_Hz", "Hz", "natural", natural),
+        ("damping", "1", "damping", damping),
+    )
+    return {
+        k: [
+            Estimate(
+                name=name, unit=unit, value=float(values[k]), lowest=0.0,
+                half_width=half * float(values[k]), method=HARMONICS,
+                determined=bool(half <= widest and natural[k] <= highest),
+                reason=f"the channel shows no mode of its own below {highest:.0f} Hz",
+            )
+            for name, unit, what, values in names
+            for half in [uncertainty.half_width({f"log_{what}{k}": 1.0})]
+        ]
+        for k in range(3)
+    }  # fmt: skip
 
 
 HOW = "linear regression of the mean forces"

@@ -14,7 +14,6 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.schema.arrays import Floats
 from pipeline.submodels.cutting.model import CutModel
 from pipeline.submodels.cutting.recordings import (
     CuttingRecording,
@@ -88,16 +87,12 @@ def candidates() -> Iterator[Candidate]:
         yield Candidate(
             words=words, channels=factor * np.eye(3), moderate=0.01 < factor < 100,
         )  # fmt: skip
-    for speed in (2.0, 0.5):
-        words = f"its spindle speed is {_times(speed)} that stated"
+    for speed, times in ((2.0, "twice"), (0.5, "half of")):
+        words = f"its spindle speed is {times} that stated"
         yield Candidate(words=words, channels=np.eye(3), speed=speed)
-    for feed in (2.0, 0.5):
-        words = f"its feed is {_times(feed)} that stated"
+    for feed, times in ((2.0, "twice"), (0.5, "half of")):
+        words = f"its feed is {times} that stated"
         yield Candidate(words=words, channels=np.eye(3), feed=feed, moderate=True)
-
-
-def _times(factor: float) -> str:
-    return "twice" if factor > 1 else "half of"
 
 
 def _axes(swapped: bool, turned: Sequence[str]) -> str:
@@ -117,12 +112,10 @@ def named_faults(
     a revolution are not compared.
     """
     by_name = {one.name: one for one in recordings if one.revolution is not None}
-    found: dict[str, Explanation] = {}
-    for name, one in by_name.items():
-        if name in references:
-            explained = explanation(one, references[name], by_name, setup, settings)
-            if explained is not None:
-                found[name] = explained
+    found = {
+        name: explained for name, one in by_name.items() if name in references
+        if (explained := explanation(one, references[name], by_name, setup, settings)) is not None
+    }  # fmt: skip
     named: dict[str, str] = {}
     for name in sorted(found, key=lambda name: -found[name].ratio):
         others = references[name].fitted_on
@@ -147,6 +140,8 @@ def explanation(
     setup: CuttingSetup, settings: CuttingFitSettings,
 ) -> Explanation | None:  # fmt: skip
     """The fault that explains a recording beyond chance; None where none does."""
+    from scipy.special import fdtri
+
     cut, model = cut_harmonics(one, settings), reference.model
     before, share = _residual(model, cut)
     if share < FAR:
@@ -164,7 +159,8 @@ def explanation(
     if not good:
         return None
     after, left, other, best = min(good, key=lambda row: row[0])
-    critical = _critical(observations(other), LEVEL / len(every))
+    count = observations(other)  # chance passes this F ratio of two mean squares so rarely
+    critical = float(fdtri(count, count, 1.0 - LEVEL / len(every)))
     if before / after < critical:
         return None
     alike = [row[3].words for row in good if row[0] / after < critical and row[3] is not best]
@@ -192,21 +188,13 @@ def observations(cut: CutHarmonics) -> int:
     return max(int(carrying[0].sum() + 2 * carrying[1:].sum()), 2)
 
 
-def _critical(count: int, level: float) -> float:
-    """F ratio of two mean squares of ``count`` observations that chance passes so rarely."""
-    from scipy.special import fdtri
-
-    return float(fdtri(count, count, 1.0 - level))
-
-
 def _inside(cut: CutHarmonics, others: Sequence[CuttingRecording]) -> bool:
     """Whether feed and depth lie inside of those of the recordings of a fit."""
-    for name in ("f_z", "a_p"):
-        known: Floats = np.array([getattr(one.cut[0], name) for one in others])
-        value = getattr(cut.conditions, name)
-        if not len(known) or not known.min() / NEAR <= value <= known.max() * NEAR:
-            return False
-    return True
+    if not others:
+        return False
+    known = np.array([(one.cut[0].f_z, one.cut[0].a_p) for one in others])
+    here = np.array([cut.conditions.f_z, cut.conditions.a_p])
+    return bool(((known.min(0) / NEAR <= here) & (here <= known.max(0) * NEAR)).all())
 
 
 def _undone(

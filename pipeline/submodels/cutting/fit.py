@@ -85,7 +85,8 @@ def fit_waveform(
     tool: Tool, cuts: Sequence[CutHarmonics], terms: Terms, start: "Fit | None" = None
 ) -> Fit:
     """Optimum of a waveform's terms; ``start``: a fit of fewer terms or other recordings."""
-    problem = Problem(tool=tool, cuts=cuts, terms=terms, left_out=_first(cuts))
+    spread = np.mean([(np.abs(one.lines[1:]) ** 2).sum(axis=0) / one.harmonics for one in cuts], 0)
+    problem = Problem(tool=tool, cuts=cuts, terms=terms, left_out=FIRST**2 * spread)
     places = list(_starts(problem, start))
     descents = sorted(
         (_descent(problem, place, FEW) for place in places), key=lambda place: place.solved.cost
@@ -136,11 +137,6 @@ def left_out(problem: Problem, fit: Fit) -> Floats:
     count = sum(cut.harmonics for cut in problem.cuts)
     freedom = max(count - (len(fit.x) + problem.linear) / 6, 0.2 * count)
     return np.maximum(np.asarray(square) - scatter, 0.0) / freedom
-
-
-def _first(cuts: Sequence[CutHarmonics]) -> Floats:
-    spread = np.mean([(np.abs(one.lines[1:]) ** 2).sum(axis=0) / one.harmonics for one in cuts], 0)
-    return np.asarray(FIRST**2 * spread)
 
 
 def _starts(problem: Problem, start: Fit | None) -> Iterator[Floats]:

@@ -22,17 +22,16 @@ from pipeline.schema.cutting import (
 from pipeline.schema.model import Correlation, Model, Parameter
 from pipeline.schema.si import MM
 from pipeline.submodels.cutting.coefficients import (
+    kienzle,
     mean_regression,
-    mean_tangential,
     modes,
     parameters,
 )
-from pipeline.submodels.cutting.estimate import Estimate, digits
 from pipeline.submodels.cutting.faults import Reference, named_faults
 from pipeline.submodels.cutting.fit import Fit, genetic_fit
-from pipeline.submodels.cutting.kienzle import NAMES, UNITS, kienzle_by_force, kienzle_parameters
 from pipeline.submodels.cutting.model import BEYOND, CutModel, plain_model, stored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
+from pipeline.submodels.cutting.regression import Estimate, digits
 from pipeline.submodels.cutting.runout import RoundedFit, rounded_fit
 from pipeline.submodels.cutting.selection import (
     FitUncertainty,
@@ -195,12 +194,9 @@ def rms_error_percent(fit: Fit) -> float:
 
 
 def cutting_model(
-    head: Model,
-    identified: CuttingIdentification,
-    setup: CuttingSetup,
-    settings: CuttingFitSettings,
-    spindle: SpindleLoadResult | None,
-) -> CuttingModel:
+    head: Model, identified: CuttingIdentification, setup: CuttingSetup,
+    settings: CuttingFitSettings, spindle: SpindleLoadResult | None,
+) -> CuttingModel:  # fmt: skip
     """Model as it is stored, the parameters of ``head`` filled in."""
     fit, selection, model = identified.fit, identified.selection, identified.model
     uncertainty, not_sharp = identified.uncertainty, identified.not_sharp
@@ -219,29 +215,25 @@ def cutting_model(
         groups[COEFFICIENTS] = _parameters(estimates) | kienzle(identified.cuts, widest)
         groups[MEAN_FORCE] = _parameters(identified.mean_force)
         for direction, rows in modes(fit, uncertainty, widest).items():
-            groups[CHANNEL + _channel(setup, direction)] = _parameters(rows)
+            channel: str = getattr(setup.dynamometer, DIRECTIONS[direction])
+            groups[CHANNEL + channel.removeprefix("-")] = _parameters(rows)
         facts = _facts(identified, identified.serving or fit, uncertainty)
         correlation = _correlation(uncertainty.names, uncertainty.covariance)
         terms = tuple(selection.tried)
+        names = [one.name for one in identified.training]
         folds = tuple(
-            _fold(one, fold_model, [r.name for r in identified.training])
+            FoldModel(left_out=tuple(names[k] for k in one.left_out), prediction=stored(fold_model),
+                      fitted_on=tuple(n for k, n in enumerate(names) if k not in one.left_out))
             for one, fold_model in zip(selection.folds, identified.folds, strict=True)
-        )
+        )  # fmt: skip
     faults = named_faults(identified.recordings, identified.references, setup, settings)
     if spindle is not None:
         groups[SPINDLE] = spindle.parameters
     plain = identified.mean_values
     return CuttingModel(
-        **vars(replace(head, parameters=groups)),
-        method=settings.method,
-        reason=identified.reason,
-        material=setup.material,
-        tool=asdict(setup.tool),
-        remarks=remarks,
-        correlation=correlation,
-        fit=facts,
-        terms=terms,
-        methods=tuple(identified.methods),
+        **vars(replace(head, parameters=groups)), method=settings.method, reason=identified.reason,
+        material=setup.material, tool=asdict(setup.tool), remarks=remarks, correlation=correlation,
+        fit=facts, terms=terms, methods=tuple(identified.methods), folds=folds,
         residual_conditions=() if model is None else _residual_conditions(model),
         recordings=tuple(
             replace(recording_row(one), fault=faults.get(one.name, ""))
@@ -249,9 +241,8 @@ def cutting_model(
         ),
         prediction=None if model is None else stored(model),
         plain=None if plain is None else stored(plain_model(setup.tool, np.array(plain))),
-        folds=folds,
         spindle=None if spindle is None else spindle.facts,
-    )
+    )  # fmt: skip
 
 
 def _facts(
@@ -267,14 +258,6 @@ def _facts(
     )
 
 
-def _fold(fold: Fold, model: CutModel, names: Sequence[str]) -> FoldModel:
-    return FoldModel(
-        left_out=tuple(names[k] for k in fold.left_out),
-        fitted_on=tuple(name for k, name in enumerate(names) if k not in fold.left_out),
-        prediction=stored(model),
-    )
-
-
 def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
     """Conditions of the waveform residual; empty where it is not part of the model."""
     return tuple(
@@ -284,30 +267,11 @@ def _residual_conditions(model: CutModel) -> tuple[ResidualConditions, ...]:
             entry_deg=digits(float(np.degrees(one.conditions.phi_st))),
             exit_deg=digits(float(np.degrees(one.conditions.phi_ex))),
             feeds_per_tooth_mm=tuple(digits(f / MM) for f in one.feeds),
-            holds_for_mm=(
-                digits(min(one.feeds) / BEYOND / MM),
-                digits(max(one.feeds) * BEYOND / MM),
-            ),
+            holds_for_mm=(digits(min(one.feeds) / BEYOND / MM),
+                          digits(max(one.feeds) * BEYOND / MM)),
         )
         for one in model.residuals
-    )
-
-
-def kienzle(cuts: Sequence[CutHarmonics], widest: float) -> dict[str, Parameter]:
-    """Kienzle's constants from the mean tangential forces of three feeds or more."""
-    force, share = mean_tangential(cuts)
-    try:
-        constants = kienzle_by_force(force, [one.conditions for one in cuts], share)
-    except ValueError as error:
-        why, _, remedy = str(error).partition(": ")
-        return {
-            name: Parameter(
-                value=None, unit=unit, interval_95=None, determined=False, method=why,
-                remedy=remedy,
-            )
-            for name, unit in zip(NAMES, UNITS, strict=True)
-        }  # fmt: skip
-    return kienzle_parameters(constants, widest)
+    )  # fmt: skip
 
 
 def recording_row(one: CuttingRecording) -> CutRecording:
@@ -322,19 +286,10 @@ def recording_row(one: CuttingRecording) -> CutRecording:
         return row
     speed = c.speed if revolution is None else revolution.speed
     return replace(
-        row,
-        speed_rpm=round(60 * speed, 2),
-        feed_mm_min=digits(c.feed / MM * 60),
-        feed_per_tooth_mm=digits(c.f_z / MM),
-        axial_depth_mm=digits(c.a_p / MM),
-        entry_deg=digits(float(np.degrees(c.phi_st))),
-        exit_deg=digits(float(np.degrees(c.phi_ex))),
-    )
-
-
-def _channel(setup: CuttingSetup, direction: int) -> str:
-    name: str = getattr(setup.dynamometer, DIRECTIONS[direction])
-    return name.removeprefix("-")
+        row, speed_rpm=round(60 * speed, 2), feed_mm_min=digits(c.feed / MM * 60),
+        feed_per_tooth_mm=digits(c.f_z / MM), axial_depth_mm=digits(c.a_p / MM),
+        entry_deg=digits(float(np.degrees(c.phi_st))), exit_deg=digits(float(np.degrees(c.phi_ex))),
+    )  # fmt: skip
 
 
 def _parameters(rows: Sequence[Estimate]) -> dict[str, Parameter]:

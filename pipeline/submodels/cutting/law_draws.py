@@ -36,7 +36,7 @@ from typing import TypeVar
 import numpy as np
 from scipy.linalg import block_diag
 
-from pipeline.cutting.force.chip_law import design, feeds, local_lines
+from pipeline.cutting.force.force_law import design, feeds, local_lines
 from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.waveform import PRIOR, ChipShape, CutHarmonics

@@ -28,7 +28,6 @@ from pipeline.submodels.cutting.waveform import (
     ChipShape,
     CutHarmonics,
     columns,
-    orders,
     phase_shift,
     rotated,
     tooth_columns,
@@ -102,13 +101,11 @@ def waveform_residuals(
     """
     groups: list[list[int]] = []
     for k, cut in enumerate(cuts):
-        home = next(
-            (g for g in groups if same_but_feed(cuts[g[0]].conditions, cut.conditions)), None
-        )
+        alike = (g for g in groups if same_but_feed(cuts[g[0]].conditions, cut.conditions))
+        home = next(alike, None)
         if home is None:
-            groups.append([k])
-        else:
-            home.append(k)
+            groups.append(home := [])
+        home.append(k)
     residuals = [
         rotated(_clear(cut, cut.lines - model, zero), -phase)
         for cut, model, phase in zip(cuts, modelled, phases, strict=True)
@@ -169,11 +166,6 @@ class CutModel:
         default_factory=dict, repr=False
     )
 
-    @property
-    def teeth(self) -> bool:
-        """Whether single teeth have edge forces of their own."""
-        return len(self.values) > 6
-
     def law_departures(self, conditions: CutConditions, harmonics: int) -> Complexes:
         """Harmonics of the forces by each law beyond those of the model's; (D, H + 1, 3) [N].
 
@@ -212,7 +204,7 @@ class CutModel:
     def mechanics(self, conditions: CutConditions, harmonics: int) -> Complexes:
         """Harmonics of the forces on the tool by mechanics alone; shape (H + 1, 3) [N]."""
         forces = self.coefficient_columns(conditions, harmonics) @ self.values[:6]
-        if not self.teeth:
+        if len(self.values) == 6:  # no edge forces of single teeth
             return np.asarray(forces)
         table = tooth_columns(self.tool, self.geometry, conditions, harmonics, self.chip)
         teeth = table @ self.values[6:]
@@ -227,7 +219,7 @@ class CutModel:
         """Channel response to a force at each harmonic; shape (H + 1, 3) [1]."""
         if self.natural is None or self.damping is None:
             return np.ones((harmonics + 1, 3), dtype=np.complex128)
-        frequencies = orders(harmonics) * conditions.speed
+        frequencies = np.arange(harmonics + 1, dtype=np.float64) * conditions.speed
         return transfer(frequencies, self.natural, self.damping)
 
     def residual(self, conditions: CutConditions) -> WaveformResidual | None:
@@ -268,21 +260,15 @@ def plain_model(tool: Tool, coefficients: Floats) -> CutModel:
 def stored(model: CutModel) -> StoredCutModel:
     """The model as it is stored, in full precision."""
     return StoredCutModel(
-        tool=asdict(model.tool),
-        geometry=model.geometry,
-        values=tuple(model.values.tolist()),
+        tool=asdict(model.tool), geometry=model.geometry, values=tuple(model.values.tolist()),
         natural_Hz=None if model.natural is None else tuple(model.natural.tolist()),
         damping=None if model.damping is None else tuple(model.damping.tolist()),
-        left_out_N2=tuple(model.left_out.tolist()),
-        spread=model.spread,
-        growth_m=model.chip.growth,
-        exponent=model.chip.exponent,
+        left_out_N2=tuple(model.left_out.tolist()), spread=model.spread,
+        growth_m=model.chip.growth, exponent=model.chip.exponent,
         line=() if model.line is None else tuple(model.line.tolist()),
         residuals=tuple(
-            StoredResidual(
-                conditions=one.conditions, feeds_m=one.feeds,
-                constant_N=_pairs(one.constant), slope_N_m=_pairs(one.slope),
-            )
+            StoredResidual(conditions=one.conditions, feeds_m=one.feeds,
+                           constant_N=_pairs(one.constant), slope_N_m=_pairs(one.slope))
             for one in model.residuals
         ),
     )  # fmt: skip
@@ -292,20 +278,16 @@ def restored(document: StoredCutModel) -> CutModel:
     """The model that :func:`stored` wrote; ValueError when its tool is none."""
     natural, damping = document.natural_Hz, document.damping
     return CutModel(
-        tool=structured(document.tool, Tool, "prediction.tool"),
-        geometry=document.geometry,
+        tool=structured(document.tool, Tool, "prediction.tool"), geometry=document.geometry,
         values=np.array(document.values),
         natural=None if natural is None else np.array(natural),
         damping=None if damping is None else np.array(damping),
-        left_out=np.array(document.left_out_N2),
-        spread=document.spread,
+        left_out=np.array(document.left_out_N2), spread=document.spread,
         chip=ChipShape(growth=document.growth_m, exponent=document.exponent),
         line=np.array(document.line) if document.line else None,
         residuals=[
-            WaveformResidual(
-                conditions=one.conditions, feeds=one.feeds_m,
-                constant=_complex(one.constant_N), slope=_complex(one.slope_N_m),
-            )
+            WaveformResidual(conditions=one.conditions, feeds=one.feeds_m,
+                             constant=_complex(one.constant_N), slope=_complex(one.slope_N_m))
             for one in document.residuals
         ],
     )  # fmt: skip

@@ -12,7 +12,8 @@ from pipeline.charts.parameters import KnownValue, fit_words
 from pipeline.charts.sections import Block, Figure, Figures, Heading, present
 from pipeline.charts.sources import stated
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
-from pipeline.charts.tables import Column, Table, code, tabulated
+from pipeline.charts.tables import Column, code, tabulated
+from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import (
     CHANNEL,
     CHANNEL_FORCE,
@@ -58,9 +59,9 @@ OF_LOAD = {
     "K_te": "of it what the edges take, for each width in the cut",
 }
 """Meanings of those parameters that the spindle's load gives too."""
-METHODS = {"least_squares": "least squares", "genetic": "genetic search"}
-TERMS = {
-    "runout": "runout", "helix": "helix angle", "modes": "ringing of the dynamometer’s channels",
+TRIED = {
+    "least_squares": "least squares", "genetic": "genetic search", "runout": "runout",
+    "helix": "helix angle", "modes": "ringing of the dynamometer’s channels",
     "teeth": "an edge of its own for each tooth",
 }  # fmt: skip
 """Methods and terms of the model, in words."""
@@ -148,7 +149,10 @@ def content(shown: Seen) -> PageContent:
                         if model.coefficients else None),
             SPINDLE: present(*_spindle(shown, model)),
         },
-        figures=[] if model is None else [_recordings(shown, model)],
+        figures=[] if model is None else [tabulated(
+            f"Recordings of the cut ({len(model.recordings)})", model.recordings, RECORDED,
+            made_from(shown, "model.json"), folded=True,
+        )],
         tried=[] if model is None else list(_tried(model)),
         tried_where="on the training records, or on those left out",
         drawn=[Drawn(
@@ -175,21 +179,10 @@ def meaning(model: CuttingModel | None, group: str, name: str) -> str:
 
 
 def wear_note(group: str, name: str, before: Parameter, now: Parameter) -> str:
-    """Action on a parameter that grew beyond both intervals; else empty.
-
-    >>> def p(low, high):
-    ...     return Parameter(value=low, unit="um", interval_95=(low, high), determined=True,
-    ...                      method="")
-    >>> wear_note("", "runout", p(8.0, 12.0), p(15.0, 16.0))[:49]
-    'runout grew by more than both intervals allow: lo'
-    >>> wear_note("", "runout", p(15.0, 16.0), p(8.0, 12.0))
-    ''
-    """
+    """Action on a parameter that grew beyond both intervals; else empty."""
     full = f"{group} {name}".strip()
-    remedy = REMEDIES.get(full, "")
-    if not remedy or before.interval_95 is None or now.interval_95 is None:
-        return ""
-    if now.interval_95[0] <= before.interval_95[1]:
+    remedy, was, new = REMEDIES.get(full, ""), before.interval_95, now.interval_95
+    if not remedy or was is None or new is None or new[0] <= was[1]:
         return ""
     return (
         f"{full} grew by more than both intervals allow: look for {remedy}. "
@@ -284,12 +277,12 @@ def _conditions(row: ResidualConditions) -> str:
 def _tried(model: CuttingModel) -> Iterator[Tried]:
     """Optimisers on the same waveforms, and terms of the model on held-out recordings."""
     for row in model.methods:
-        yield Tried(task="search", label=METHODS.get(row.method, row.method), unit="%",
+        yield Tried(task="search", label=TRIED.get(row.method, row.method), unit="%",
                     error=row.rms_error_percent, evaluations=row.evaluations,
                     serves=row.method == model.method)  # fmt: skip
     several = [one.role for one in model.recordings].count("training") != 1
     for term in model.terms:
-        label = ", ".join(TERMS.get(one, one) for one in term.terms) or "coefficients alone"
+        label = ", ".join(TRIED.get(one, one) for one in term.terms) or "coefficients alone"
         yield Tried(task="terms beside the coefficients", label=label, serves=term.kept,
                     error=100 * term.value if several else term.value,
                     unit="%" if several else "criterion")  # fmt: skip
@@ -302,12 +295,6 @@ RECORDED: tuple[Column[CutRecording], ...] = (
     Column("what was done to it, or why not",
            lambda one: one.reason or one.fault or "; ".join(one.notes) or "–"),
 )  # fmt: skip
-
-
-def _recordings(shown: Seen, model: CuttingModel) -> Table | None:
-    caption = f"Recordings of the cut ({len(model.recordings)})"
-    return tabulated(caption, model.recordings, RECORDED, made_from(shown, "model.json"),
-                     folded=True)  # fmt: skip
 
 
 # ---- the spindle's load
@@ -323,8 +310,8 @@ def _spindle(shown: Seen, model: CuttingModel) -> list[Block | None]:
     spindle = model.spindle
     if spindle is None:
         return []
-    rows = [(name, "used", "; ".join(one.removeprefix(f"{name}: ") for one in spindle.notes
-                                     if one.startswith(f"{name}: ")) or "–")
+    notes = [note.partition(": ") for note in spindle.notes]
+    rows = [(name, "used", "; ".join(words for log, _, words in notes if log == name) or "–")
             for name in spindle.recordings]  # fmt: skip
     rows += [(lost.case, "left out", lost.reason.removeprefix(f"{lost.case} "))
              for lost in spindle.left_out]  # fmt: skip
@@ -367,26 +354,26 @@ def _no_load(shown: Seen, model: CuttingModel, spindle: SpindleLoad) -> Figures 
 
 def no_load_strip(model: CuttingModel, spindle: SpindleLoad) -> tuple[Strip, float]:
     """Levels of the no-load power with the fitted curve, and the top speed [rev/min]."""
-    levels = np.array([
-        (one.speed_rpm, one.power_W, one.half_width_95_W, one.measured_W)
-        for one in sorted(spindle.curve, key=lambda one: one.speed_rpm)
-    ], dtype=np.float64).reshape(-1, 4)  # fmt: skip
-    values = {k: model.spindle_parameters[name].value for k, name in enumerate(POLYNOMIAL)
-              if name in model.spindle_parameters}  # fmt: skip
-    known = {k: value for k, value in values.items() if value is not None}
+    points = sorted(spindle.curve, key=lambda one: one.speed_rpm)
+    at, fitted, half, measured = np.array([
+        (one.speed_rpm, one.power_W, one.half_width_95_W, one.measured_W) for one in points
+    ], dtype=np.float64).reshape(-1, 4).T  # fmt: skip
+    powers = [model.spindle_parameters[name].value for name in POLYNOMIAL
+              if name in model.spindle_parameters]  # fmt: skip
+    known = [value for value in powers if value is not None]
     curves, ends = [], spindle.range_rpm
-    if ends is not None and ends[0] < ends[1] and known and len(known) == len(values):
+    if ends is not None and ends[0] < ends[1] and known and len(known) == len(powers):
         speed = np.linspace(*ends, POINTS)
-        power = np.sum([v * (speed / 60.0) ** k for k, v in known.items()], axis=0)
+        power: Floats = np.asarray(
+            np.polynomial.polynomial.polyval(speed / 60.0, known), np.float64
+        )
         curves = [("modelled", speed, power)]
-    at, fitted, half, measured = levels.T
     strip = Strip(
         head="No-load power, W", height=220, zero=True, curves=curves,
         areas=[("s-band", at, fitted - half, fitted + half)] if len(at) > 1 else [],
         dots=[("p-positive", at, measured)] if len(at) else [],
     )  # fmt: skip
-    top = max([1.0, *at.tolist(), *([ends[1]] if ends else [])])
-    return strip, float(top)
+    return strip, float(max([1.0, *at.tolist(), *([ends[1]] if ends else [])]))
 
 
 # ---- the truth of a simulated machine
@@ -398,11 +385,11 @@ def _truth(shown: Seen) -> Iterator[KnownValue]:
     if model is None:
         return
     flutes = real(model.tool.get("flutes")) or 1.0
-    found = dict(model.coefficients)
+    found, of_load = dict(model.coefficients), model.spindle_parameters
     stored = stated(truth, "parameters")
     values: dict[str, Any] = dict(stored) if isinstance(stored, dict) else {}
-    if "specific_force" in model.spindle_parameters:
-        found["specific_force"] = model.spindle_parameters["specific_force"]
+    if "specific_force" in of_load:
+        found["specific_force"] = of_load["specific_force"]
         values["specific_force"] = stated(truth, "spindle", "specific_force")
     for name, value in values.items():
         true = real(value.get("value") if isinstance(value, dict) else value)

@@ -2,7 +2,7 @@
 
 The force in the plane of the feed is judged: its waveform as both of its components one after the
 other, whose RMSE is that of the vector; its peak and mean as the magnitude.  The channels of the
-dynamometer, a fit on the other recordings and the scatter of the revolutions are shown.  Beside the
+dynamometer and a fit on the other recordings are shown.  Beside the
 model stand mechanics alone, without the waveform residual, and the baseline.
 """
 
@@ -17,8 +17,6 @@ from pipeline.schema.cutting import (
     BY_LOAD_SHARE,
     CHANNEL_FORCE,
     CHANNELS,
-    HIGHEST,
-    LOWEST,
     MAGNITUDE,
     MEAN,
     MECHANICS,
@@ -33,7 +31,7 @@ from pipeline.submodels.contract import Prediction, Target
 from pipeline.submodels.cutting.coefficients import NORMAL_90, mean_tangential, tangential_by_load
 from pipeline.submodels.cutting.model import CutModel, restored
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics
-from pipeline.submodels.cutting.revolution import GRID, wave
+from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.settings import (
     CuttingFitSettings,
     CuttingLimits,
@@ -48,26 +46,23 @@ ANGLES = 720
 def force_targets(limits: CuttingLimits) -> tuple[Target, ...]:
     """Quantities of the judgement: the force in the plane has limits, its channels are shown."""
     beside = (MECHANICS, PLAIN)
-    waveform = {"relative_percent": limits.rms_percent}
-    magnitude = {"peak_percent": limits.peak_percent, "mean_percent": limits.mean_percent}
+    kept = {
+        PLANE: {"relative_percent": limits.rms_percent},
+        MAGNITUDE: {"peak_percent": limits.peak_percent, "mean_percent": limits.mean_percent},
+        PEAK: {}, MEAN: {},
+    }  # fmt: skip
     judged = [
-        Target(
-            quantity=quantity, unit="N", regime=regime, limits=kept, baselines=beside, widens=True
-        )
-        for regime in ("", OTHERS)
-        for quantity, kept in ((PLANE, waveform), (MAGNITUDE, magnitude))
-    ]
-    levels = [
-        Target(quantity=quantity, unit="N", regime=regime, baselines=beside, widens=True)
-        for regime in ("", OTHERS)
-        for quantity in (PEAK, MEAN)
-    ]
+        Target(quantity=quantity, unit="N", regime=regime, limits=kept[quantity],
+               baselines=beside, widens=True)
+        for pair in ((PLANE, MAGNITUDE), (PEAK, MEAN))
+        for regime in ("", OTHERS) for quantity in pair
+    ]  # fmt: skip
     loads = [Target(quantity=BY_LOAD, unit="N"), Target(quantity=BY_LOAD_SHARE, unit="%")]
     channels = [
         Target(quantity=CHANNEL_FORCE + name, unit="N", baselines=beside, widens=True)
         for name in CHANNELS
     ]
-    return (*judged, *levels, *loads, *channels)
+    return (*judged, *loads, *channels)
 
 
 class ForcePredictor:
@@ -93,7 +88,6 @@ class ForcePredictor:
         if recording.name in self.without and recording.role == "training":
             other = self.without[recording.name]
             parts += self._rows(recording, other, self.plain, OTHERS)
-        parts += self._scatter(recording)
         parts += self._by_load(recording)
         residual = self.model.residual(cut_harmonics(recording, self.settings).conditions)
         how = "mechanics" if residual is None else "mechanics and what they leave over"
@@ -151,30 +145,18 @@ class ForcePredictor:
         for quantity, scale in ((BY_LOAD, 1.0), (BY_LOAD_SHARE, 100 / measured)):
             values = {"measured": scale * measured, "predicted": scale * force}
             one = {name: np.array([value]) for name, value in values.items()}
-            rows = _table(quantity, "", np.zeros(1), one, np.array([scale * half]))
-            yield rows.assign(unit="N" if quantity == BY_LOAD else "%")
-
-    def _scatter(self, recording: CuttingRecording) -> Iterable[pd.DataFrame]:
-        """Ends of what 95 % of the revolutions show in each channel; they are not scored."""
-        _, revolution = recording.cut
-        rotation = self.setup.dynamometer.rotation
-        degrees = np.degrees(np.linspace(0.0, 2 * np.pi, GRID, endpoint=False))
-        ends = np.stack([revolution.low @ rotation, revolution.high @ rotation])
-        for regime, force in ((LOWEST, ends.min(axis=0)), (HIGHEST, ends.max(axis=0))):
-            for k, name in enumerate(CHANNELS):
-                measured = {"measured": force[:, k], "predicted": np.full(GRID, np.nan)}
-                rows = _table(CHANNEL_FORCE + name, regime, degrees, measured)
-                yield rows.assign(scored=False)
+            unit = "N" if quantity == BY_LOAD else "%"
+            yield _table(quantity, "", np.zeros(1), one, np.array([scale * half]), unit)
 
 
 def _table(
     quantity: str, regime: str, degrees: Floats, values: Mapping[str, Floats],
-    half: Floats | None = None,
+    half: Floats | None = None, unit: str = "N",
 ) -> pd.DataFrame:  # fmt: skip
     """Rows of one quantity over the angle; ``half`` is half of the 90 % prediction interval."""
     frame = pd.DataFrame({"t": degrees, **values})
     width = np.nan if half is None else half
     return frame.assign(
-        quantity=quantity, unit="N", regime=regime, scored=True,
+        quantity=quantity, unit=unit, regime=regime,
         low=frame["predicted"] - width, high=frame["predicted"] + width,
     )  # fmt: skip

@@ -1,9 +1,11 @@
-"""Dynamometer recordings: from the Parquet of a recording to its mean revolution."""
+"""Dynamometer recordings: from the Parquet of a recording to its conditions and mean revolution."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from math import acos, isfinite, pi
 from pathlib import Path
+from typing import Any, get_args
 
 import numpy as np
 
@@ -11,12 +13,20 @@ from pipeline.cutting.tool import Tool
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CHANNELS, CutConditions
+from pipeline.schema.si import MM
 from pipeline.schema.verdict import Role
 from pipeline.signals import recordings
+from pipeline.signals.conditions import Condition
 from pipeline.signals.recordings import Channel, Recording, Samples
-from pipeline.submodels.cutting.conditions import conditions_of
 from pipeline.submodels.cutting.revolution import Revolution, mean_revolution, steady_part
-from pipeline.submodels.cutting.settings import CuttingFitSettings, CuttingRecords, CuttingSetup
+from pipeline.submodels.cutting.settings import (
+    CONDITION_UNITS,
+    CuttingFitSettings,
+    CuttingRecords,
+    CuttingSetup,
+    Immersion,
+    StatedConditions,
+)
 from pipeline.submodels.cutting.waveform import CutHarmonics
 
 JITTER = 0.02
@@ -32,6 +42,8 @@ WEAK = 0.03
 DRIFT = 0.15
 """Greatest drift of a mean force over the recording, as a share of the RMS force [1]."""
 
+SAME = 1e-6
+"""Relative difference below which two statements agree [1]."""
 FLOOR = 2e-3
 """Least standard deviation of a harmonic over the RMS force [1]: the discretisation errs by it."""
 
@@ -259,3 +271,76 @@ def _check_channels(force: Floats, coherent: Floats) -> None:
                 f"its channel {name} shows next to nothing of the cut, {deviation[k]:.2g} N beside "
                 f"{deviation.max():.3g} N: check its cable and record it again"
             )
+
+
+def _stated(conditions: Mapping[str, Condition]) -> StatedConditions:
+    """Stated conditions, others left out; ValueError when a value is none of the condition."""
+    stated: dict[str, Any] = {}
+    for name, unit in CONDITION_UNITS.items():
+        one = conditions.get(name)
+        if one is None:
+            continue
+        if unit is None and one.value not in get_args(Immersion):
+            raise ValueError(f"its {name} by {one.source} is {one.value!r}: slot, up or down")
+        stated[name] = one.value if unit is None or one.unit == unit else one.to(unit)
+    return StatedConditions(**stated)
+
+
+def conditions_of(conditions: Mapping[str, Condition], tool: Tool) -> CutConditions:
+    """Conditions of a cut in SI; ValueError when they are incomplete, invalid or contradictory."""
+    stated = _stated(conditions)
+    speed = _positive("speed_rpm", stated.speed_rpm) / 60
+    a_p = _positive("axial_depth_mm", stated.axial_depth_mm) * MM
+    phi_st, phi_ex = _arc(stated, tool)
+    if stated.feed_mm_min is None and stated.feed_per_tooth_mm is None:
+        raise ValueError("its feed is not known: say feed_mm_min or feed_per_tooth_mm")
+    feeds = []
+    if stated.feed_mm_min is not None:
+        feeds.append(_positive("feed_mm_min", stated.feed_mm_min) * MM / (60 * tool.flutes * speed))
+    if stated.feed_per_tooth_mm is not None:
+        feeds.append(_positive("feed_per_tooth_mm", stated.feed_per_tooth_mm) * MM)
+    if abs(feeds[0] - feeds[-1]) > 0.01 * feeds[0]:
+        raise ValueError(
+            f"its feed_mm_min = {stated.feed_mm_min:g} is {feeds[0] / MM:.4g} mm for each tooth, "
+            f"its feed_per_tooth_mm {feeds[1] / MM:.4g}: correct one of them"
+        )
+    return CutConditions(
+        speed=speed, f_z=feeds[0], a_p=a_p, phi_st=phi_st, phi_ex=phi_ex, flutes=tool.flutes
+    )
+
+
+def _positive(name: str, value: float | None) -> float:
+    if value is None:
+        raise ValueError(f"its {name} is not known: say it in cutting_records")
+    if not (isfinite(value) and value > 0):
+        raise ValueError(f"its {name} = {value:g} must be finite and positive")
+    return value
+
+
+def _arc(stated: StatedConditions, tool: Tool) -> tuple[float, float]:
+    """Entry and exit angle of the teeth [rad]."""
+    if stated.entry_deg is not None and stated.exit_deg is not None:
+        if not 0 <= stated.entry_deg < stated.exit_deg <= 180:
+            raise ValueError(
+                f"its entry_deg = {stated.entry_deg:g} and exit_deg = {stated.exit_deg:g} must be "
+                "from 0 to 180, the entry first"
+            )
+        return stated.entry_deg * pi / 180, stated.exit_deg * pi / 180
+    if stated.immersion is None:
+        raise ValueError("its immersion is not known: say slot, up or down, or entry and exit")
+    width = stated.radial_depth_mm
+    if stated.immersion == "slot":
+        if width is not None and abs(width / tool.diameter_mm - 1) > 0.01:
+            raise ValueError(
+                f"its radial_depth_mm = {width:g} is not the diameter of the tool, "
+                f"{tool.diameter_mm:g}, as in a slot: correct one of them"
+            )
+        return 0.0, pi
+    width = _positive("radial_depth_mm", width)
+    if width > tool.diameter_mm * (1 + SAME):
+        raise ValueError(
+            f"its radial_depth_mm = {width:g} is more than the diameter of the tool, "
+            f"{tool.diameter_mm:g}: correct one of them"
+        )
+    swept = acos(max(1 - 2 * width / tool.diameter_mm, -1.0))
+    return (0.0, swept) if stated.immersion == "up" else (pi - swept, pi)

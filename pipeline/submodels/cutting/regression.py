@@ -1,9 +1,10 @@
-"""Linear regression on few readings, each with its own measurement uncertainty.
+"""Linear regression on few readings, and estimates of single parameters as they are stored.
 
-Noise and rounding of a reading are the least that its residual can be; where residuals are greater,
-the model misses something in proportion to the reading (a cut that took another force).  That share
-tau is estimated from the residuals (Paule and Mandel 1982).  Intervals are Student's with the few
-degrees of freedom there are, and never narrower than those of the measurement uncertainties.
+Each reading has its own uncertainty.  Noise and rounding of a reading are the least that its
+residual can be; where residuals are greater, the model misses something in proportion to the
+reading (a cut that took another force).  That share tau is estimated from the residuals (Paule and
+Mandel 1982).  Intervals are Student's with the few degrees of freedom there are, and never narrower
+than those of the measurement uncertainties.
 """
 
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.model import Parameter
 
 COLLINEAR = 1e8
 """Condition number of scaled columns from which the parameters are not separable."""
@@ -51,7 +53,11 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     singular = np.linalg.svd(design / scale, compute_uv=False) if count else np.zeros(1)
     apart = freedom >= 0 and singular[0] < COLLINEAR * singular[-1]
     if freedom < 1 or not apart:
-        return _nothing(parameters, freedom)
+        return Regression(
+            values=np.full(parameters, np.nan), quantile=np.inf, freedom=freedom, share=np.nan,
+            covariance=np.full((parameters, parameters), np.inf),
+            half_width=np.full(parameters, np.inf),
+        )  # fmt: skip
     least = TINY * np.abs(readings).max(initial=TINY)
     covariance = covariance + least**2 * np.eye(count)  # readings without noise have no inverse
     share = _share(design / scale, readings, covariance, size, freedom)
@@ -61,24 +67,9 @@ def regression(design: Floats, readings: Floats, covariance: Floats, size: Float
     quantile = max(normal, student_quantile * np.sqrt(misfit / freedom))
     spread = spread / np.outer(scale, scale)
     return Regression(
-        values=values / scale,
-        covariance=spread,
-        half_width=quantile * np.sqrt(np.diag(spread)),
-        quantile=quantile,
-        freedom=freedom,
-        share=share,
-    )
-
-
-def _nothing(parameters: int, freedom: int) -> Regression:
-    return Regression(
-        values=np.full(parameters, np.nan),
-        covariance=np.full((parameters, parameters), np.inf),
-        half_width=np.full(parameters, np.inf),
-        quantile=np.inf,
-        freedom=freedom,
-        share=np.nan,
-    )
+        values=values / scale, covariance=spread, half_width=quantile * np.sqrt(np.diag(spread)),
+        quantile=quantile, freedom=freedom, share=share,
+    )  # fmt: skip
 
 
 def _solve(
@@ -108,3 +99,48 @@ def _share(
     while excess(high) > 0.0 and high < 1e3:
         high *= 2.0
     return float(brentq(excess, 0.0, high, xtol=1e-6)) if excess(high) <= 0.0 else high
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """Estimate of one parameter, determined or not."""
+
+    name: str
+    unit: str
+    value: float
+    """Value in the unit."""
+    half_width: float
+    """Half of the 95 % interval, in the unit."""
+    determined: bool
+    """Whether the recordings determine it."""
+    method: str
+    reason: str = ""
+    remedy: str = ""
+    """Why they do not if so, and what to record then."""
+    remark: str = ""
+    """Remark on the meaning of a determined value."""
+    lowest: float = -np.inf
+    """Physical lower bound of its interval."""
+
+    @property
+    def parameter(self) -> Parameter:
+        """The estimate as it is stored, to five significant digits."""
+        if not (self.determined and np.isfinite(self.value) and np.isfinite(self.half_width)):
+            return undetermined(self.unit, self.reason or self.method, self.remedy)
+        low = max(self.value - self.half_width, self.lowest)
+        return Parameter(
+            value=digits(self.value), unit=self.unit, determined=True, method=self.method,
+            interval_95=(digits(low), digits(self.value + self.half_width)),
+        )  # fmt: skip
+
+
+def undetermined(unit: str, reason: str, remedy: str = "") -> Parameter:
+    """Parameter that the recordings do not determine."""
+    return Parameter(
+        value=None, unit=unit, interval_95=None, determined=False, method=reason, remedy=remedy
+    )
+
+
+def digits(value: float) -> float:
+    """A number to five significant digits."""
+    return float(f"{value:.5g}")

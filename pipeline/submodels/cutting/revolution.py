@@ -48,7 +48,8 @@ def steady_part(force: Floats, revolution: float, entry_length: float) -> Steady
     if count < 1:
         raise ValueError("it is shorter than one revolution of the spindle: record more")
     starts = (np.arange(count + 1) * revolution).astype(np.int64)
-    fluctuation = _by_revolution(force, starts)
+    # standard deviation within each revolution, all channels together
+    fluctuation = np.sqrt([force[a:b].var(axis=0).sum() for a, b in pairwise(starts)])
     strongest = float(np.percentile(fluctuation, 90))
     if strongest == 0.0:
         raise ValueError("its forces do not change: there is no cut in it")
@@ -56,21 +57,10 @@ def steady_part(force: Floats, revolution: float, entry_length: float) -> Steady
     zero, measured = _zero(force, starts, air)
     rms = np.sqrt(np.add.reduceat((force - zero) ** 2, starts[:-1], axis=0).sum(axis=1))
     rms /= np.sqrt(np.diff(np.append(starts[:-1], len(force))))
-    cut = ~air
-    inside = _inside(cut, entry_length / revolution)
-    plateau = _plateau(rms, inside)
+    first, last = _plateau(rms, _inside(~air, entry_length / revolution))
     return Steady(
-        first=int(starts[plateau[0]]),
-        last=int(starts[plateau[1]]),
-        zero=zero,
-        zero_measured=measured,
+        first=int(starts[first]), last=int(starts[last]), zero=zero, zero_measured=measured
     )
-
-
-def _by_revolution(force: Floats, starts: NDArray[np.int64]) -> Floats:
-    """Standard deviation within each revolution, all channels together; shape (R,)."""
-    deviations = [np.sqrt(force[a:b].var(axis=0).sum()) for a, b in pairwise(starts)]
-    return np.array(deviations)
 
 
 def _zero(force: Floats, starts: NDArray[np.int64], air: Bools) -> tuple[Floats, bool]:
@@ -150,9 +140,6 @@ class Revolution:
     scatter: Floats
     """Variance of ``lines`` from noise and from revolution to revolution, of real and imaginary
     part each [N^2]; shape (H + 1, C)."""
-    low: Floats
-    high: Floats
-    """Bounds of 95 % of the revolutions over the angle [N]; shape (GRID, C)."""
     count: int
     """Revolutions."""
     coherent: Floats
@@ -195,11 +182,9 @@ def mean_revolution(
         )
     revolutions = _revolutions(force, angle)
     spectra = np.fft.rfft(revolutions, axis=1)[:, : harmonics + 1] * 2 / GRID
-    low, high = np.percentile(revolutions, [2.5, 97.5], axis=0)
     return Revolution(
         speed=float((angle[-1] - angle[0]) / (len(angle) - 1) * rate / (2 * np.pi)), lines=lines,
-        scatter=_scatter(spectra, harmonics), low=low, high=high, count=len(revolutions),
-        coherent=coherent,
+        scatter=_scatter(spectra, harmonics), count=len(revolutions), coherent=coherent,
     )  # fmt: skip
 
 
@@ -240,19 +225,14 @@ def _speed(force: Floats, rate: float, speed: float, harmonics: int) -> float:
     )
 
 
-def _harmonic_table(angle: Floats, harmonics: int) -> Floats:
-    """1, cosines and sines of the harmonics; shape (2 H + 1, T)."""
-    phasors = _phasors(angle, harmonics + 1)
-    return np.concatenate([phasors.real, phasors[1:].imag])
-
-
 def _lines(force: Floats, angle: Floats, harmonics: int) -> Complexes:
     """Harmonics by least squares; shape (H + 1, C)."""
     size = 2 * harmonics + 1
     normal, right = np.zeros((size, size)), np.zeros((size, force.shape[1]))
     for first in range(0, len(force), COARSE):
         part = slice(first, first + COARSE)
-        table = _harmonic_table(angle[part], harmonics)
+        phasors = _phasors(angle[part], harmonics + 1)
+        table = np.concatenate([phasors.real, phasors[1:].imag])  # 1, cosines and sines
         normal += table @ table.T
         right += table @ force[part]
     # a grain of ridge: at few samples a revolution neighbouring harmonics are hard to tell apart
@@ -278,8 +258,7 @@ def _wander(force: Floats, angle: Floats, lines: Complexes) -> Floats:
     denominator = np.bincount(block, (slope**2).sum(axis=1), count)
     ahead = numerator / np.maximum(denominator, 1e-300)
     ahead -= ahead.mean()
-    lead: Floats = np.interp(blocks, np.arange(count) + 0.5, np.clip(ahead, -0.5, 0.5))
-    return lead
+    return np.interp(blocks, np.arange(count) + 0.5, np.clip(ahead, -0.5, 0.5))
 
 
 def _coherent(force: Floats, angle: Floats, lines: Complexes) -> Floats:
@@ -301,8 +280,7 @@ def _revolutions(force: Floats, angle: Floats) -> Floats:
     first = np.ceil(angle[0] / (2 * np.pi))
     count = int(np.floor((angle[-1] - 2 * np.pi * first) / (2 * np.pi)))
     angles = 2 * np.pi * (first + np.arange(count * GRID) / GRID)
-    revolutions: Floats = CubicSpline(angle, force)(angles).reshape(count, GRID, force.shape[1])
-    return revolutions
+    return CubicSpline(angle, force)(angles).reshape(count, GRID, force.shape[1])
 
 
 def _scatter(spectra: Complexes, harmonics: int) -> Floats:

@@ -23,9 +23,9 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import DEGREE, UM
-from pipeline.submodels.cutting.estimate import Estimate
 from pipeline.submodels.cutting.fit import Fit, fit_waveform
 from pipeline.submodels.cutting.law_draws import FittedLine, KnownShape, named_range
+from pipeline.submodels.cutting.regression import Estimate
 from pipeline.submodels.cutting.selection import (
     RIVAL,
     FitUncertainty,

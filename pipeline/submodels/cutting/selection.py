@@ -17,8 +17,7 @@ from itertools import product
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import local_lines
-from pipeline.cutting.force.mean_force import COEFFICIENTS
+from pipeline.cutting.force.force_law import COEFFICIENTS, local_lines
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread, TermsTried
@@ -34,6 +33,8 @@ from pipeline.submodels.cutting.waveform import (
     rotated,
 )
 
+NAMED = ("runout", "helix", "modes", "teeth")
+"""Terms that are compared."""
 RIVAL = 2.0
 """Error of rival terms over the least error, at most [1]; rivals widen the intervals."""
 RIVAL_CRITERION = 10.0
@@ -92,9 +93,10 @@ def select_model(
     with_residual = residual_helps(cuts, left_out, gain)
     kept = best.problem.terms
     tried = [
-        TermsTried(terms=_names(terms), value=value, kept=terms == kept)
+        TermsTried(terms=tuple(one for one in NAMED if getattr(terms, one)), value=value,
+                   kept=terms == kept)
         for terms, value in comparison.errors.items()
-    ]
+    ]  # fmt: skip
     rivals = [fits[terms] for terms in comparison.rivals(kept)]
     return Selection(
         fit=best, with_residual=with_residual, folds=left_out, rivals=rivals, tried=tried
@@ -105,13 +107,8 @@ def residual_helps(cuts: Sequence[CutHarmonics], folds: Sequence[Fold], gain: fl
     """Whether a waveform residual saves that share of the error on recordings left out."""
     if not folds:
         return False
-    return left_out_error(cuts, folds, with_residual=True) < (1 - gain) * left_out_error(
-        cuts, folds
-    )
-
-
-def _names(terms: Terms) -> tuple[str, ...]:
-    return tuple(one for one in ("runout", "helix", "modes", "teeth") if getattr(terms, one))
+    with_it, without = (left_out_error(cuts, folds, with_residual=one) for one in (True, False))
+    return with_it < (1 - gain) * without
 
 
 class _Comparison:
@@ -154,20 +151,13 @@ class _Comparison:
 
 def left_out_fits(fit: Fit, most: int) -> list[Fold]:
     """Fits of the same terms to parts of the recordings, at most so many; none of a single one."""
-    problem = fit.problem
-    folds = []
-    for out in _left_out_in_turn(len(problem.cuts), most):
-        rest = [cut for k, cut in enumerate(problem.cuts) if k not in out]
+    problem, count = fit.problem, len(fit.problem.cuts)
+    folds, many = [], min(count, most) if count > 1 else 0
+    for first in range(many):
+        rest = [cut for k, cut in enumerate(problem.cuts) if k % many != first]
         part = fit_waveform(problem.tool, rest, problem.terms, start=fit)
-        folds.append(Fold(left_out=tuple(out), fit=part))
+        folds.append(Fold(left_out=tuple(range(first, count, many)), fit=part))
     return folds
-
-
-def _left_out_in_turn(count: int, most: int) -> list[list[int]]:
-    if count < 2:
-        return []
-    folds = min(count, most)
-    return [list(range(k, count, folds)) for k in range(folds)]
 
 
 def left_out_error(
@@ -186,9 +176,8 @@ def left_out_error(
 
 def own_line(fit: Fit) -> Floats | None:
     """Straight line of a fit's law over its recordings [N/m^2], [N/m]; None where it is one."""
-    if fit.problem.chip(fit.x) == STRAIGHT:
-        return None
-    return straight_line(fit, [cut.conditions for cut in fit.problem.cuts])
+    straight = fit.problem.chip(fit.x) == STRAIGHT
+    return None if straight else straight_line(fit, [cut.conditions for cut in fit.problem.cuts])
 
 
 def straight_line(fit: Fit, each: Sequence[CutConditions]) -> Floats:
@@ -263,7 +252,9 @@ def fit_uncertainty(
     inverse = np.linalg.pinv(normal, rcond=1e-14, hermitian=True)
     covariance = np.asarray(inverse / np.outer(length, length), np.float64)
     freedom = max(len(slopes) - slopes.shape[1] - problem.linear, 1)
-    names = [*problem.names, *COEFFICIENTS, *_edges(fit)]
+    single = [f"{name}_tooth{k + 1}" for k in range((problem.linear - 6) // 3)
+              for name in COEFFICIENTS[3:]]  # fmt: skip
+    names = [*problem.names, *COEFFICIENTS, *single]
     quantile = float(stdtrit(freedom, 0.975))
     own = np.sqrt(np.diag(covariance))
     spread, differences = _jackknife(fit, folds, fewest), _rival_differences(fit, rivals)
@@ -326,18 +317,11 @@ def fitted_line(fit: Fit, factor: Floats) -> FittedLine:
     shown = [cut.lines for cut in fit.problem.cuts]
     edges = [one[..., 3 : len(COEFFICIENTS)] for one in fit.problem.designs(fit.x)]
     return FittedLine(
-        values=fit.values[:6] + step @ fit.solved.residuals[rows],
+        values=fit.values[:6] + step @ fit.solved.residuals[rows], reading=reading,
         covariance=inverse[part, part] * np.outer(wide, wide),
-        gain=np.stack(each(shown), axis=1),
-        edges=np.stack(each(edges), axis=1),
-        reading=reading,
+        gain=np.stack(each(shown), axis=1), edges=np.stack(each(edges), axis=1),
         crosstalk=np.stack([answer([mixed(one, *p) for one in shown]) for p in PAIRS], axis=1),
-    )
-
-
-def _edges(fit: Fit) -> list[str]:
-    count = (fit.problem.linear - 6) // 3
-    return [f"{name}_tooth{k + 1}" for k in range(count) for name in COEFFICIENTS[3:]]
+    )  # fmt: skip
 
 
 def _rival_differences(fit: Fit, rivals: Sequence[Fit]) -> dict[str, float]:

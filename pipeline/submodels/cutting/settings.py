@@ -1,19 +1,107 @@
-"""Settings of the cutting sub-model: tool and dynamometer setup, recordings, and the fit."""
+"""Settings of the cutting sub-model: tool and dynamometer, recordings, spindle load, and fit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from typing import Annotated, Literal
 
 import numpy as np
 
+from pipeline.cutting.economics.spindle_power import SpindleDrive
+from pipeline.cutting.engagement.stock import stock_of
 from pipeline.cutting.tool import Tool
+from pipeline.gcode.setup import Setup
 from pipeline.schema.arrays import Floats
 from pipeline.schema.cutting import CHANNELS
-from pipeline.schema.ranges import Positive, Range, Ranged
+from pipeline.schema.ranges import Positive, Range, Ranged, Share
 from pipeline.search.genetic import GeneticSettings
 from pipeline.signals.conditions import ConditionSources
-from pipeline.submodels.cutting.conditions import StatedConditions, condition_sources
-from pipeline.submodels.cutting.spindle_load.records import SpindleLoadRecords
+from pipeline.submodels.cutting.spindle_load.levels import LoadScale
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadItems:
+    """Data items of the logs."""
+
+    line: str
+    """Line of the program's text that is executed, counting from 1."""
+    speed: str
+    """Data item of the spindle speed [rev/min]."""
+    load: str
+    """Data item of the spindle load [%]."""
+    feed: str
+    """Actual speed along the path [mm/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LoadCut(Ranged, section="cutting_records.spindle.cuts"):
+    """Logs of one program that cut a blank with flat or bull-nose end mills."""
+
+    log: str
+    """Pattern of their names below the machine's folder."""
+    program: str
+    """Path of the program there."""
+    stock: str
+    """Blank in the program's work coordinates, as
+    :func:`pipeline.cutting.engagement.stock.stock_of` reads it; the path of an .stl file is one
+    below the machine's folder."""
+    tools: Mapping[int, Tool]
+    """Cutting tools by their number in the program."""
+    resolution_mm: Annotated[float, Range(least=0.01, most=10.0, unit="mm")] = 0.5
+    """Resolution of the blank [mm]."""
+
+    def __post_init__(self) -> None:
+        stock_of(self.stock)
+        super().__post_init__()
+        for number, tool in self.tools.items():
+            if tool.kind not in ("flat", "bull_nose"):
+                raise ValueError(
+                    f"cutting_records.spindle.cuts: tool {number} of {self.program} is a "
+                    f"{tool.kind}: the width of its chip is not its depth, cut with an end mill "
+                    "that is flat or bull_nose"
+                )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpindleLoadRecords(Ranged, section="cutting_records.spindle"):
+    """Logs from which no-load power and specific cutting force are identified, at least one."""
+
+    items: LoadItems
+    """Names of line, speed, load and feed in the logs."""
+    drive: SpindleDrive
+    """Rated power, base speed and efficiency that turn load into power; levels below its least
+    speed do not count."""
+    no_load: tuple[str, ...] = ()
+    """Patterns of logs in which the spindle turns free throughout."""
+    cuts: tuple[LoadCut, ...] = ()
+    """Logs of programs that cut."""
+    of: Literal["available", "rated"] = "available"
+    """Meaning of 100 % load: the power available at that speed, or the rated power."""
+    scale_error: Share = 0.1
+    """Half of the 95 % interval of the power at the tool that a percent of load stands for, as a
+    share: rated power, efficiency and meter together [1]."""
+    settle_s: Annotated[float, Range(least=0.1, most=60.0, unit="s")] = 1.5
+    """Time of constant speed and cut before a reading counts, five lags of the meter [s]."""
+    setup: Setup = field(default_factory=Setup)
+    """Set-up of the control, for the programs."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.no_load and not self.cuts:
+            raise ValueError(
+                "cutting_records.spindle names no log: name those of the spindle turning free in "
+                "no_load, those of programs that cut in cuts"
+            )
+        same = [getattr(self.items, item.name) for item in fields(self.items)]
+        if len(set(same)) < len(same):
+            raise ValueError(
+                f"cutting_records.spindle.items are {', '.join(same)}: line, speed, load and feed "
+                "are four data items"
+            )
+
+    @property
+    def scale(self) -> LoadScale:
+        """Conversion from a load in percent to power at the tool."""
+        return LoadScale(drive=self.drive, of=self.of)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +200,38 @@ class CuttingLimits(Ranged, section="cutting_limits"):
     """Greatest RMS error of the waveform in the plane, over the RMS force [%]."""
 
 
+Immersion = Literal["slot", "up", "down"]
+CONDITION_UNITS: Mapping[str, str | None] = {
+    "speed_rpm": "rev/min", "feed_mm_min": "mm/min", "feed_per_tooth_mm": "mm",
+    "axial_depth_mm": "mm", "radial_depth_mm": "mm", "immersion": None, "entry_deg": "deg",
+    "exit_deg": "deg",
+}  # fmt: skip
+"""Fields of :class:`StatedConditions` with their units; None for a word."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class StatedConditions:
+    """Cutting conditions as a person states them; None for what is not stated."""
+
+    speed_rpm: float | None = None
+    feed_mm_min: float | None = None
+    feed_per_tooth_mm: float | None = None
+    axial_depth_mm: float | None = None
+    radial_depth_mm: float | None = None
+    """Spindle speed [1/min], feed rate [mm/min], feed per tooth and depths of cut [mm]."""
+    immersion: Immersion | None = None
+    """Side of the tool that cuts."""
+    entry_deg: float | None = None
+    exit_deg: float | None = None
+    """Entry and exit angle of the teeth (:mod:`pipeline.cutting.engagement.engagement`) [deg], in
+    place of immersion and radial depth."""
+
+    @property
+    def present(self) -> dict[str, float | str]:
+        """Those that are stated, by name."""
+        return {name: value for name, value in asdict(self).items() if value is not None}
+
+
 @dataclass(frozen=True, kw_only=True)
 class CuttingRecords:
     """Recordings of a machine's cutting forces (channels x, y, z) and of its spindle's load."""
@@ -148,4 +268,8 @@ class CuttingRecords:
     @property
     def sources(self) -> ConditionSources:
         """Sources of the conditions of a recording."""
-        return condition_sources(self.name, self.by_pattern, self.conditions)
+        return ConditionSources(
+            everywhere=self.conditions.present, name=self.name, units=CONDITION_UNITS,
+            section="cutting_records",
+            by_pattern={pattern: one.present for pattern, one in self.by_pattern.items()},
+        )  # fmt: skip

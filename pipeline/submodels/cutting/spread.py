@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import laws_lines, outside_share
+from pipeline.cutting.force.force_law import laws_lines, outside_share
 from pipeline.schema.arrays import Complexes, Floats
 from pipeline.schema.cutting import CutConditions, ForceSpread
 from pipeline.submodels.cutting.fit import Fit

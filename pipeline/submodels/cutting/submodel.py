@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,7 +18,6 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of, sources
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.cutting.conditions import conditions_of as cut_conditions
 from pipeline.submodels.cutting.identify import cutting_model, identify_cutting_force
 from pipeline.submodels.cutting.model import ALIKE, CutModel, restored
 from pipeline.submodels.cutting.predictions import ANGLES, ForcePredictor, force_targets
@@ -26,6 +26,7 @@ from pipeline.submodels.cutting.recordings import (
     read_recordings,
     with_revolution,
 )
+from pipeline.submodels.cutting.recordings import conditions_of as cut_conditions
 from pipeline.submodels.cutting.revolution import wave
 from pipeline.submodels.cutting.settings import (
     CuttingFitSettings,
@@ -66,14 +67,9 @@ class Fitting:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Judging:
+class Judging(Fitting):
     """Sections of params.yaml that the judgement reads."""
 
-    identity: MachineIdentity
-    roles: Roles
-    cutting: CuttingSetup
-    cutting_records: CuttingRecords
-    cutting_fit: CuttingFitSettings
     cutting_limits: CuttingLimits
 
 
@@ -101,9 +97,7 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         """Force in the plane of the feed, which is judged, and in the channels, which is shown."""
         return force_targets(settings.cutting_limits)
 
-    def cases(
-        self, records: Records, settings: Fitting | Judging, sets: GoldenSets | None = None
-    ) -> Cases:
+    def cases(self, records: Records, settings: Fitting, sets: GoldenSets | None = None) -> Cases:
         """Dynamometer recordings, then load logs; ValueError for a pattern without a file."""
         files, signals, raw = records.files, records.signals, records.raw
         if signals is None or raw is None:
@@ -119,20 +113,17 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
             if one.reason:
                 left_out.append(LeftOut(case=one.name, reason=one.reason))
                 continue
-            cases.append(
-                Case(
-                    name=one.name, group=one.name, role=one.role, files=sources(files, [one.name]),
-                    load=_loader(one, settings), conditions=_facts(one.conditions),
-                )
-            )  # fmt: skip
+            load = partial(_whole, one, settings)
+            cases.append(Case(
+                name=one.name, group=one.name, role=one.role, files=sources(files, [one.name]),
+                load=load, conditions=_facts(one.conditions),
+            ))  # fmt: skip
         logs = [] if wanted.spindle is None else load_logs(files, wanted.spindle, signals, raw)
-        for log in logs:
-            cases.append(
-                Case(
-                    name=log.name, group=log.name, role=role(log.name),
-                    files=sources(files, [log.name]), load=_constant(log),
-                )
-            )  # fmt: skip
+        cases += [
+            Case(name=log.name, group=log.name, role=role(log.name),
+                 files=sources(files, [log.name]), load=partial(_same, log))
+            for log in logs
+        ]  # fmt: skip
         return Cases(cases=tuple(cases), left_out=tuple(left_out))
 
     def fit(self, cases: Cases, settings: Fitting, folder: Path) -> CuttingModel:
@@ -146,17 +137,14 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         if records is not None and logs:
             spindle = identify_spindle_load(logs, records, settings.cutting_fit.widest)
         used = {one.name for one in identified.training}
-        used |= set(() if spindle is None else spindle.used)
+        used |= set(() if spindle is None else spindle.facts.recordings)
         lost = () if spindle is None else spindle.facts.left_out
+        learnt = [case for case in training if case.name in used]
         head = Model(
-            submodel=self.name,
-            machine=settings.identity.name,
-            origin=settings.identity.origin,
-            parameters={},
-            trained_on=tuple(case.training for case in training if case.name in used),
-            left_out=(*cases.left_out, *lost),
-            conditions=conditions_of(case for case in training if case.name in used),
-        )
+            submodel=self.name, machine=settings.identity.name, origin=settings.identity.origin,
+            parameters={}, trained_on=tuple(case.training for case in learnt),
+            left_out=(*cases.left_out, *lost), conditions=conditions_of(learnt),
+        )  # fmt: skip
         return cutting_model(head, identified, settings.cutting, settings.cutting_fit, spindle)
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
@@ -221,16 +209,15 @@ class Cutting(SubModel[Fitting, Judging, CuttingModel]):
         return content(shown)
 
 
-def _loader(
-    one: CuttingRecording, settings: Fitting | Judging
-) -> Callable[[], CuttingRecording]:  # fmt: skip
+def _same(log: LoadLogFile) -> LoadLogFile:
+    return log
+
+
+def _whole(one: CuttingRecording, settings: Fitting) -> CuttingRecording:
+    """A recording with its revolution, which a sealed one is given when it is asked for."""
     if one.revolution is not None:
-        return lambda: one
-    return lambda: with_revolution(one, settings.cutting, settings.cutting_fit)
-
-
-def _constant(content: LoadLogFile) -> Callable[[], LoadLogFile]:
-    return lambda: content
+        return one
+    return with_revolution(one, settings.cutting, settings.cutting_fit)
 
 
 def served_half_widths(

@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from pipeline.cutting.force.chip_law import REFERENCE
+from pipeline.cutting.force.force_law import REFERENCE
 from pipeline.cutting.force.waveform import basis
 from pipeline.cutting.tool import Tool
 from pipeline.schema.arrays import Complexes, Floats
@@ -41,7 +41,7 @@ LIMIT_DEG = 60.0
 
 
 class ChipShape(NamedTuple):
-    """Shape of a law of the chip (:mod:`pipeline.cutting.force.chip_law`), as waveforms show it."""
+    """Shape of a chip law (:mod:`pipeline.cutting.force.force_law`), as waveforms show it."""
 
     growth: float = 0.0
     """Thickness h_0 over which the edge's force grows [m]; 0: it is there at once, below 0: along
@@ -105,7 +105,7 @@ def _forces(tool: Tool, conditions: CutConditions, chip: ChipShape) -> Floats:
         tool, f_z=conditions.f_z, a_p=conditions.a_p, phi_st=conditions.phi_st,
         phi_ex=conditions.phi_ex, angles=(np.arange(count) + 0.5) * (2 * np.pi / count),
         slices=min(2 + int(lag / SLICE), MOST_SLICES), m_c=chip.exponent, growth=chip.growth,
-    )  # fmt: skip
+    )[:, :3]  # fmt: skip
     if chip.exponent > 0.0:
         forces[..., :3] *= REFERENCE**chip.exponent
     return forces
@@ -123,11 +123,6 @@ def mean_squares(lines: Complexes) -> Floats:
     power = np.abs(lines) ** 2
     power[1:] /= 2
     return np.asarray(power.sum(axis=0))
-
-
-def orders(harmonics: int) -> Floats:
-    """Orders of the harmonics, 0 to H."""
-    return np.arange(harmonics + 1, dtype=np.float64)
 
 
 def rotated(spectrum: Complexes, phase: float) -> Complexes:
@@ -311,7 +306,7 @@ class Problem:
         for k, (cut, spectrum) in enumerate(pairs):
             shown = rotated(spectrum, float(x[k]))
             if modes is not None:
-                frequencies = orders(cut.harmonics) * cut.conditions.speed
+                frequencies = np.arange(cut.harmonics + 1, dtype=np.float64) * cut.conditions.speed
                 shown = shown * transfer(frequencies, *modes)[:, :, None]
             designs.append(shown)
         return designs

@@ -2,7 +2,7 @@
 
 On the land of a worn flank pressure and friction act, so that edge forces grow as its width
 (Smithey, Kapoor, DeVor 2000).  Mean forces of milling are linear in the edge coefficients
-(:mod:`pipeline.cutting.force.mean_force`).  The force of the sharp tool is free for each tool and
+(:mod:`pipeline.cutting.force.force_law`).  The force of the sharp tool is free for each tool and
 cut, so that runout, depth and the law of the chip are none of the growth.  A recording counts by
 its relative error, since depth and hardness err in per cent, and less where it lies apart (Huber).
 Intervals leave out one tool after another: recordings of one tool share its edges, its mounting
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
+from pipeline.cutting.force.force_law import COEFFICIENTS, regressors
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
 from pipeline.schema.si import N_MM2, UM

@@ -20,7 +20,7 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from pipeline.cutting.economics.tool_life import Taylor, life
+from pipeline.cutting.economics.material import Taylor, life
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged

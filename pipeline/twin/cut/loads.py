@@ -12,12 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.cutting.engagement.engagement import Engagement, engage
-from pipeline.cutting.engagement.height_map import HeightMap, height_map
-from pipeline.cutting.engagement.stock import Stock
+from pipeline.cutting.engagement.stock import HeightMap, Stock, height_map
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import BlockLoads, LoadTable, load_table
-from pipeline.cutting.tool import Tool
-from pipeline.cutting.tool_sizes import odd_sizes
+from pipeline.cutting.tool import Tool, odd_sizes
 from pipeline.gcode.moves import METRE
 from pipeline.gcode.setup import Vector
 from pipeline.machine.control.parameters import ControlParameters

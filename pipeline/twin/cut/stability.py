@@ -7,9 +7,8 @@ from math import ceil, floor, log
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.cutting.engagement.immersions import Immersions, immersions
+from pipeline.cutting.engagement.engagement import Immersions, immersions
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.stability.directional import stiffness
 from pipeline.cutting.stability.margins import (
     MOST,
     NEAR,
@@ -18,7 +17,7 @@ from pipeline.cutting.stability.margins import (
     margin,
     stability_table,
 )
-from pipeline.cutting.stability.semi_discretisation import least_depth
+from pipeline.cutting.stability.semi_discretisation import least_depth, stiffness
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.gcode.moves import RADIAN
 from pipeline.schema.arrays import Floats

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.cutting.engagement.clearance import BODIES, bodies, contacts
-from pipeline.cutting.engagement.height_map import height_map, rows_of
-from pipeline.cutting.engagement.stock import Box
+from pipeline.cutting.engagement.stock import Box, height_map, rows_of
 from pipeline.cutting.tool import Tool
 from tests.cutting.tool_paths import through
 

@@ -7,8 +7,7 @@ import pytest
 
 from pipeline.cutting.engagement import engagement
 from pipeline.cutting.engagement.engagement import ToolPath, engage, engaged_arc
-from pipeline.cutting.engagement.height_map import height_map
-from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.cutting.tool import Tool
 from tests.cutting.tool_paths import (
     BALL,

@@ -8,8 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.engagement.height_map import height_map, rows_of
-from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, stock_of
+from pipeline.cutting.engagement.stock import Box, Cylinder, Mesh, height_map, rows_of, stock_of
 
 
 def test_a_line_names_a_box() -> None:

@@ -11,7 +11,7 @@ from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
-from tests.cutting.stations import arc, random_profile
+from tests.cutting.tool_paths import arc, random_profile
 
 COEFFICIENTS = ("K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae")
 MEAN = np.array([8e8, 3e8, 1.2e8, 2e4, 1.5e4, 3e3])

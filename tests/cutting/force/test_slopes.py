@@ -10,7 +10,7 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.force.load_table import load_table
 from pipeline.cutting.tool import Kind, Tool
 from tests.cutting.plain_forces import plain_forces
-from tests.cutting.stations import BINS, arc, stations
+from tests.cutting.tool_paths import BINS, arc, stations
 
 F_Z = 5e-5
 BARS = [0.02, 0.03, 0.02, 0.02]
@@ -63,7 +63,7 @@ def errors(law: ForceLaw, kind: Kind, flutes: int, runout: float, down: float) -
     tables = [load_table(cut, [of], [law], F_Z).loads([F_Z]) for of in (one, plain)]
     angle = np.array([np.cos(one.runout_angle), np.sin(one.runout_angle)])
     with_runout, without = drawn_loads(
-        edge_turn(one, *heights, slope=slope), [np.concatenate([law.cutting, law.edge])] * 2,
+        edge_turn(one, *heights, slope=slope), [law.constants] * 2,
         [one.runout * angle, 0 * angle], [F_Z], m_c=law.m_c,
     )[0]  # fmt: skip
     found = np.array([

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.waveform import basis, profile_basis, profile_waveform
+from pipeline.cutting.force.waveform import profile_basis, profile_waveform
 from pipeline.cutting.tool import Tool
-from tests.cutting.closed_forms import torque_basis
+from tests.cutting.closed_forms import basis, torque_basis
 from tests.cutting.plain_forces import plain_forces
-from tests.cutting.stations import BINS, arc, random_profile
+from tests.cutting.tool_paths import BINS, arc, random_profile
 
 STRAIGHT = Tool(kind="flat", diameter_mm=10.0, flutes=4, helix_deg=0.0)
 TURN = 2 * np.pi
@@ -209,14 +209,5 @@ def test_bad_profiles_are_named() -> None:
         profile_basis(HELICAL, f_z=1e-5, lower=np.zeros(3), upper=np.zeros(4), angles=[0.0])
     with pytest.raises(ValueError, match="height of the profile is not finite"):
         profile_basis(HELICAL, f_z=1e-5, lower=[0.0], upper=[np.nan], angles=[0.0])
-    good = {"f_z": 0.0, "lower": [0.0], "upper": [0.0], "angles": [0.0]}  # nothing is cut
-    for change, words in [
-        ({"f_z": np.nan}, "f_z = nan must be finite"),
-        ({"slope": 9.0}, r"slope = 9\.0 must be from -1 to 1"),
-        ({"slope": np.nan}, "slope = nan"),
-        ({"m_c": 2.0}, r"m_c = 2\.0 is out of its range"),
-        ({"m_c": np.nan}, "m_c = nan"),
-        ({"slices": 0}, "slices = 0"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            profile_basis(HELICAL, **good | change)
+    with pytest.raises(ValueError, match="f_z = nan must be finite"):
+        profile_basis(HELICAL, f_z=np.nan, lower=[0.0], upper=[0.0], angles=[0.0])

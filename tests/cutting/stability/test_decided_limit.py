@@ -9,7 +9,7 @@ from math import pi, radians, tan
 import numpy as np
 import pytest
 
-from pipeline.cutting.engagement.immersions import Immersions
+from pipeline.cutting.engagement.engagement import Immersions
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.margins import stability_table
 from pipeline.cutting.stability.semi_discretisation import least_depth

@@ -10,17 +10,18 @@ from hypothesis import strategies as st
 from scipy.integrate import simpson
 
 from pipeline.cutting.force.force_law import ForceLaw
-from pipeline.cutting.force.waveform import basis
-from pipeline.cutting.stability.directional import (
+from pipeline.cutting.stability.semi_discretisation import (
     RegenerativeCut,
+    arrays,
+    eigenvalues,
     mean_matrix,
     stiffness,
 )
-from pipeline.cutting.stability.semi_discretisation import arrays
 from pipeline.cutting.stability.semi_discretisation_kernel import fill_weights
+from pipeline.cutting.stability.tip_dynamics import modal_receptance
 from pipeline.cutting.tool import Tool
 from tests.cutting.chatter import DOWN, SLOT, STEADY, X, Y, regenerative_cut
-from tests.cutting.closed_forms import edge_forces
+from tests.cutting.closed_forms import basis, edge_forces
 
 angles = st.floats(0.0, 2 * pi)
 
@@ -198,3 +199,12 @@ def test_an_edge_cuts_between_heights_above_the_tip() -> None:
 def test_a_cut_that_cannot_be(change: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         replace(SLOT, **change)
+
+
+def test_eigenvalues_are_those_of_the_matrix() -> None:
+    response = modal_receptance([X, Y], np.linspace(100, 2000, 40))
+    matrix = mean_matrix(replace(DOWN, feed_direction=1.0))
+    own = np.sort_complex(eigenvalues(matrix, response))
+    np.testing.assert_allclose(
+        own, np.sort_complex(np.linalg.eigvals(matrix @ response)), rtol=1e-9
+    )

@@ -13,9 +13,8 @@ import pytest
 from pipeline.cutting.stability.modal_fit import ERROR, fit_modes
 from pipeline.cutting.stability.semi_discretisation import least_depth
 from pipeline.cutting.stability.tip_dynamics import FrequencyResponse, Mode, modal_receptance
-from tests.cutting.chatter import DOWN, SLOT, UP, X, integrated_limit
+from tests.cutting.chatter import DOWN, SLOT, UP, X, integrated_limit, lobes
 from tests.cutting.stability.test_decided_limit import ABOVE, BELOW, RANDOM, SAID, Case, drawn
-from tests.cutting.zero_order import lobes
 
 FINE, COARSE = np.arange(50.0, 4000.0, 2.0), np.arange(100.0, 2600.0, 5.0)
 CLEAN, NOISY, POOR = (FINE, 0.0, 0.0), (FINE, 0.02, 0.002), (COARSE, 0.05, 0.01)

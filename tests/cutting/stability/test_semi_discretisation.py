@@ -18,10 +18,10 @@ from tests.cutting.chatter import (
     Y,
     depth_limits,
     growth,
+    lobes,
     monodromy,
     spectral_radius,
 )
-from tests.cutting.zero_order import lobes
 
 SPEEDS = np.linspace(5000, 25000, 21) / 60
 
@@ -159,11 +159,6 @@ def test_krylov_finds_the_leading_eigenvalue(rpm, depth, entry, flutes, lag) -> 
     assert (found > 1.0) == (full > 1.0) or abs(full - 1.0) < 1e-4
     if abs(full - 1.0) < 0.05:
         assert found == pytest.approx(full, abs=1e-4)
-
-
-def test_a_period_without_cut_is_a_free_vibration() -> None:
-    phi = spectral_radius([X], SLOT, 100.0, 1e-12, 60)
-    assert phi == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-4)
 
 
 def test_a_helix_of_whole_pitches_is_a_constant_matrix() -> None:

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.cutting.stability.frf_file import read_frf
 from pipeline.cutting.stability.tip_dynamics import (
     FrequencyResponse,
     Mode,
     joined_responses,
     modal_receptance,
+    read_frf,
 )
 from tests.cutting.chatter import X, Y
 

@@ -9,8 +9,6 @@ import pandas as pd
 from pipeline.charts.sections import SubModelPage
 from pipeline.schema.cutting import (
     CHANNEL_FORCE,
-    HIGHEST,
-    LOWEST,
     MAGNITUDE,
     OTHERS,
     PLANE,
@@ -263,21 +261,15 @@ def predictions(*feeds: tuple[float, float]) -> pd.DataFrame:
 
 
 def _revolution(feed: float, factor: float) -> pd.DataFrame:
-    rng = np.random.default_rng(int(feed))
     ring = np.exp(-np.arange(40) / 9.0) * np.cos(np.arange(40) / 2.5)
     transfer = np.fft.fft(ring / ring.sum(), len(TURN))
     measured = np.array([np.real(np.fft.ifft(np.fft.fft(f) * transfer)) for f in forces(feed)])
-    half = 9 + 0.06 * np.abs(measured) + rng.normal(0, 1, measured.shape)
     modelled, plain = forces(feed, factor), forces(feed, 1.12 * factor, 0.0)
     parts = []
     for k, axis in enumerate("xyz"):
         rows = pd.DataFrame({"t": TURN, "measured": measured[k], "predicted": modelled[k],
                              "baseline_plain": plain[k]})  # fmt: skip
-        quantity = CHANNEL_FORCE + axis
-        parts.append(rows.assign(quantity=quantity, regime=""))
-        for regime, sign in ((LOWEST, -1), (HIGHEST, 1)):
-            end = pd.DataFrame({"t": TURN, "measured": measured[k] + sign * half[k]})
-            parts.append(end.assign(quantity=quantity, regime=regime))
+        parts.append(rows.assign(quantity=CHANNEL_FORCE + axis, regime=""))
     plane = {"measured": measured, "predicted": modelled, "baseline_plain": plain}
     waveform = pd.DataFrame({name: f[:2].ravel() for name, f in plane.items()})
     size = pd.DataFrame({name: np.hypot(f[0], f[1]) for name, f in plane.items()})

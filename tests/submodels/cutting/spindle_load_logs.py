@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool
-from pipeline.submodels.cutting.spindle_load.records import LoadCut, LoadItems, SpindleLoadRecords
+from pipeline.submodels.cutting.settings import LoadCut, LoadItems, SpindleLoadRecords
 from tests.submodels.control.polled_logs import Said, write_log
 
 DRIVE = SpindleDrive(

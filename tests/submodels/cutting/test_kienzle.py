@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.schema.cutting import CutConditions
-from pipeline.submodels.cutting.kienzle import Kienzle, kienzle_by_force, kienzle_parameters
+from pipeline.submodels.cutting.coefficients import Kienzle, kienzle_by_force, kienzle_parameters
 from tests.cutting.closed_forms import edge_forces
 
 K, M = 1675.0, 0.24

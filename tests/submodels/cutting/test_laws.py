@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from pipeline.cutting.force.chip_law import design, local_lines
-from pipeline.cutting.force.mean_force import regressors
+from pipeline.cutting.force.force_law import design, local_lines, regressors
 from pipeline.schema.cutting import ChipLaw, CutConditions
 from pipeline.submodels.cutting.coefficients import mean_regression
 from pipeline.submodels.cutting.law_draws import (

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.cutting.force.mean_force import regressors
+from pipeline.cutting.force.force_law import regressors
 from pipeline.cutting.tool import Tool
 from pipeline.schema.cutting import CutConditions, StoredCutModel, ToolGeometry
 from pipeline.schema.store import json_text, parsed

@@ -44,12 +44,6 @@ def test_coefficients_of_the_waveform_and_of_the_mean_forces_have_a_table_each()
     assert cut["helix"][1] == "not determined" and "slot of 10 mm" in cut["helix"][4]
 
 
-def test_searches_and_terms_stand_with_their_errors_and_what_was_kept():
-    rows = tables(page(model()))["Methods compared"]
-    assert next(row[1] for row in rows if row[0] == "search") == "least squares (serves)"
-    assert any("ringing of the dynamometer" in row[1] and "(serves)" in row[1] for row in rows)
-
-
 def test_the_load_of_the_spindle_gives_a_power_for_each_volume_of_chips():
     # 2010 N/mm^2 = 2010 J/cm^3; over a minute 2010 / 60 W
     assert "each cm³ of chips a minute takes 33.5 W at the tool" in words(page(model()))

@@ -13,8 +13,6 @@ from pipeline.schema.cutting import (
     BY_LOAD,
     BY_LOAD_SHARE,
     CHANNEL_FORCE,
-    HIGHEST,
-    LOWEST,
     MAGNITUDE,
     MEAN,
     MECHANICS,
@@ -142,18 +140,6 @@ def test_errors_of_the_force_in_the_plane_are_those_of_the_vector():
     predicted = np.hypot(columns[1], columns[3])
     peak = 100 * (predicted.max() / length.max() - 1)
     assert magnitude.peak_percent == pytest.approx(peak, rel=1e-4, abs=1e-4)
-
-
-def test_the_scatter_of_the_revolutions_is_kept_and_not_scored():
-    frame = judged().predictions
-    rows = frame[(frame["quantity"] == CHANNEL_FORCE + "x") & (frame["case"] == "1.csv")]
-    low, high = (rows[rows["regime"] == regime] for regime in (LOWEST, HIGHEST))
-    assert len(low) == len(high) == 128 and not (low["scored"].any() or high["scored"].any())
-    mean = rows[rows["regime"] == ""].sort_values("t")
-    measured = np.interp(low["t"], mean["t"], mean["measured"])
-    ends = [one["measured"].to_numpy() for one in (low, high)]
-    inside = (ends[0] <= measured + 1) & (measured - 1 <= ends[1])
-    assert inside.mean() > 0.9
 
 
 def test_served_forces_are_those_of_the_model(tmp_path):

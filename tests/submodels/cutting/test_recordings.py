@@ -11,9 +11,13 @@ import pytest
 
 from pipeline.cutting.tool import Tool
 from pipeline.submodels.cases import Roles, role_of
-from pipeline.submodels.cutting.conditions import StatedConditions, condition_sources, conditions_of
-from pipeline.submodels.cutting.recordings import read_recordings
-from pipeline.submodels.cutting.settings import CuttingRecords, CuttingSetup, Dynamometer
+from pipeline.submodels.cutting.recordings import conditions_of, read_recordings
+from pipeline.submodels.cutting.settings import (
+    CuttingRecords,
+    CuttingSetup,
+    Dynamometer,
+    StatedConditions,
+)
 from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import RATE, SETTINGS, clean, known_of
 
@@ -29,7 +33,8 @@ def conditions_by(
     said: StatedConditions = StatedConditions(),  # noqa: B008 - it is frozen
     **patterns: StatedConditions,
 ):
-    return conditions_of(condition_sources(NAME, patterns, said).of(name), TOOL)
+    records = CuttingRecords(recordings="*", name=NAME, by_pattern=patterns, conditions=said)
+    return conditions_of(records.sources.of(name), TOOL)
 
 
 def test_a_name_tells_all():
@@ -108,7 +113,7 @@ def test_a_pattern_adds_to_a_name():
 @pytest.mark.parametrize("pattern", ["(?P<speed>", "(?P<revs>x)"])
 def test_a_wrong_expression_is_named(pattern):
     with pytest.raises(ValueError, match=r"cutting_records\.name"):
-        condition_sources(pattern, {}, StatedConditions()).of("x")
+        CuttingRecords(recordings="*", name=pattern).sources.of("x")
 
 
 TRUTH = Truth(flutes=2, runout=0.003, runout_angle=0.0)

@@ -14,14 +14,13 @@ from pipeline.cutting.tool import Tool
 from pipeline.gcode.setup import Setup
 from pipeline.parameters import ParametersError, structure
 from pipeline.schema.model import Parameter
+from pipeline.submodels.cutting.settings import LoadCut, SpindleLoadRecords
 from pipeline.submodels.cutting.spindle_load.identify import (
     SpindleLoadResult,
     identify_spindle_load,
     load_logs,
 )
-from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
-from pipeline.submodels.cutting.spindle_load.readings import cut_log, read_log
-from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
+from pipeline.submodels.cutting.spindle_load.readings import Lines, cut_log, program_lines, read_log
 from tests.submodels.control.polled_logs import Said
 from tests.submodels.cutting.spindle_load_logs import (
     CLEAR,
@@ -44,7 +43,7 @@ from tests.submodels.cutting.spindle_load_logs import (
     stock,
     write_bench,
 )
-from tests.submodels.cutting.spindle_loads import cut_rates
+from tests.submodels.cutting.test_spindle_power import cut_rates
 
 TOOL = Tool(kind="flat", diameter_mm=12.0, flutes=3)
 HEAD = "G21 G17 G40 G80 G90 G54\nT1 M6\nS6000 M3\n"

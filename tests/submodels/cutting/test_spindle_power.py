@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.submodels.cutting.regression import regression
 from pipeline.submodels.cutting.spindle_load.identify import power_parameters
 from pipeline.submodels.cutting.spindle_load.levels import (
@@ -16,25 +16,83 @@ from pipeline.submodels.cutting.spindle_load.levels import (
     LoadScale,
     levels,
     load_levels,
+    no_load,
     resolution,
     runs,
     settled,
+    specific_force,
 )
-from pipeline.submodels.cutting.spindle_load.power import no_load, specific_force
-from tests.cutting.closed_forms import mean_torque
-from tests.submodels.cutting.spindle_loads import (
-    DRIVE,
-    FLUTES,
-    K_TC,
-    K_TE,
-    NO_LOAD,
-    SCALE,
-    D,
-    cut_log,
-    cut_rates,
-    free_power,
-    no_load_log,
-)
+
+RATED_W = 15e3
+BASE = 3000 / 60  # rev/s
+NO_LOAD = (120.0, 4.0, 0.03)  # W, W s, W s^2: 1128 W at 8400 rpm
+K_TC, K_TE = 800e6, 20e3
+D, FLUTES = 12e-3, 3
+
+
+DRIVE = SpindleDrive(
+    rated_power_kW=RATED_W / 1e3, base_speed_rpm=BASE * 60, top_speed_rpm=12e3
+)  # fmt: skip
+SCALE = LoadScale(drive=DRIVE)
+
+
+def free_power(n: np.ndarray) -> np.ndarray:
+    return NO_LOAD[0] + NO_LOAD[1] * n + NO_LOAD[2] * n**2
+
+
+def shown(power: np.ndarray, n: np.ndarray, step: float, noise: float, random) -> np.ndarray:
+    """Percent of the power available, noisy over a second, in steps of the display."""
+    full = RATED_W * np.minimum(1.0, n / BASE)
+    wander = random.standard_normal(len(n) + 20)
+    wander = np.convolve(wander, np.ones(5) / np.sqrt(5), mode="same")[10:-10]
+    percent = 100 * power / np.maximum(full, 1.0) + noise * wander
+    return np.round(percent / step) * step if step else percent
+
+
+def no_load_log(random, speeds_rpm: list[float], *, step: float, noise: float) -> LoadLog:
+    """Steps of speed, 15 s each, with ramps of 2 s between them that take power."""
+    pieces, power = [], []
+    last = 0.0
+    for rpm in speeds_rpm:
+        n = rpm / 60
+        ramp = np.linspace(last, n, 20)
+        pieces += [ramp, np.full(150, n)]
+        power += [free_power(ramp) + 4e3, np.full(150, free_power(np.array(n)))]
+        last = n
+    n, P = np.concatenate(pieces), np.concatenate(power)
+    times, none = np.arange(len(n)) / 10, np.zeros(len(n))
+    return LoadLog(times=times, speed=n, load=shown(P, n, step, noise, random),
+                   cut=runs(settled(times, n)), removal=none, edge=none)  # fmt: skip
+
+
+def cut_log(
+    random, cuts: list[tuple[float, float, float]], *, step: float, noise: float, spread: float
+) -> LoadLog:
+    """Slots of (rpm, feed for each tooth in mm, depth in mm), 6 s each, no two quite alike."""
+    n = np.repeat([rpm / 60 for rpm, _, _ in cuts], 60)
+    label = np.repeat(np.arange(len(cuts)), 60)
+    f_z, a_p = (np.repeat([c[i] * 1e-3 for c in cuts], 60) for i in (1, 2))
+    removal, edge = cut_rates(
+        flutes=FLUTES, diameter=D, n=n, f_z=f_z, a_p=a_p, phi_st=0.0, phi_ex=np.pi
+    )
+    factor = np.exp(spread * random.standard_normal(len(cuts)))[label]
+    P = free_power(n) + factor * (K_TC * removal + K_TE * edge)
+    return LoadLog(
+        times=np.arange(len(n)) / 10, speed=n, load=shown(P, n, step, noise, random),
+        cut=label, removal=removal, edge=edge,
+    )  # fmt: skip
+
+
+def cut_rates(
+    *, flutes: ArrayLike, diameter: ArrayLike, n: ArrayLike, f_z: ArrayLike, a_p: ArrayLike,
+    phi_st: ArrayLike, phi_ex: ArrayLike,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Removal rate [m^3/s] and edge rate [m^2/s] of a cut with constant engagement; in SI."""
+    teeth, D, speed = (np.asarray(v, dtype=np.float64) for v in (flutes, diameter, n))
+    entry, leave = np.asarray(phi_st), np.asarray(phi_ex)
+    removal = teeth * speed * np.asarray(f_z) * a_p * D / 2 * (np.cos(entry) - np.cos(leave))
+    edge = teeth * speed * np.asarray(a_p) * D / 2 * (leave - entry)
+    return removal, edge
 
 
 def test_samples_count_once_the_speed_was_kept_and_not_before_it_changes() -> None:
@@ -169,10 +227,7 @@ def test_rows_just_after_a_cut_began_do_not_count() -> None:
     np.testing.assert_allclose(found.deviation, 0.9 * 10e3 * 0.01 / np.sqrt(12))  # whole percents
 
 
-def test_loads_not_known_do_not_count_and_a_free_spindle_needs_no_cuts() -> None:
-    free = log(cut=None, removal=None, edge=None, load=np.full(24, 20.0))
-    found = load_levels(free, METER)
-    assert len(found) == 1 and found.removal[0] == 0.0
+def test_loads_not_known_do_not_count() -> None:
     holes = np.where(np.arange(24) % 2, np.nan, 20.0)
     assert load_levels(log(load=holes), METER).samples.tolist() == [5, 5]
     assert len(load_levels(log(speed=np.zeros(24)), METER)) == 0
@@ -190,7 +245,6 @@ def test_the_scale_is_said_in_words() -> None:
     [
         ({"load": np.zeros(3)}, "a column of the log has not the 24 rows"),
         ({"times": -np.arange(24.0)}, "do not rise: sort its rows"),
-        ({"edge": None}, "needs the removal rate and the edge rate"),
     ],
 )
 def test_logs_that_do_not_fit_together_are_refused(changes: dict[str, object], words: str) -> None:
@@ -221,19 +275,6 @@ def work_over_volume() -> float:
     """Of the slots of ``CUTS`` that all last as long, from the law at their mean thickness."""
     power = [rpm * f_z * a_p * (K_TC + K_TE * np.pi / 2 / (f_z * 1e-3)) for rpm, f_z, a_p in CUTS]
     return sum(power) / sum(rpm * f_z * a_p for rpm, f_z, a_p in CUTS)
-
-
-def test_power_of_a_cut_is_that_of_its_mean_torque() -> None:
-    """Q and w against the closed form of the mean torque: 2 pi n M = K_tc Q + K_te w."""
-    law = ForceLaw(K_tc=K_TC, K_rc=0.0, K_te=K_TE)
-    for arc in ((0.0, np.pi), (0.0, 0.9), (2.0, np.pi)):
-        cut = {"flutes": FLUTES, "f_z": 0.08e-3, "a_p": 3e-3, "phi_st": arc[0], "phi_ex": arc[1]}
-        torque = mean_torque(law, radius=D / 2, **cut)
-        Q, w = cut_rates(diameter=D, n=50.0, **cut)
-        assert K_TC * Q + K_TE * w == pytest.approx(2 * np.pi * 50.0 * torque, rel=1e-12)
-    v_f = FLUTES * 50.0 * 0.08e-3
-    slot = cut_rates(diameter=D, n=50.0, **{**cut, "phi_st": 0.0})[0]
-    assert slot == pytest.approx(D * 3e-3 * v_f, rel=1e-12)  # a_e a_p v_f
 
 
 def test_exact_powers_give_the_truth() -> None:

@@ -12,8 +12,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import SourceFile
 from pipeline.submodels.cases import Records, Roles, conditions_of
 from pipeline.submodels.contract import submodel
-from pipeline.submodels.cutting.conditions import StatedConditions
-from pipeline.submodels.cutting.settings import CuttingRecords
+from pipeline.submodels.cutting.settings import CuttingRecords, StatedConditions
 from pipeline.submodels.cutting.spindle_load.identify import LoadLogFile
 from pipeline.submodels.cutting.submodel import SUBMODEL, Fitting
 from tests.submodels.cutting.milling import Truth

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.force.mean_force import regressors
+from pipeline.cutting.force.force_law import regressors
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.edge_growth import EDGE, NAMES, fit_edge_growth, mean_forces
 from pipeline.submodels.wear.life import engaged

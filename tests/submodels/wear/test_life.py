@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.cutting.economics.tool_life import Taylor
+from pipeline.cutting.economics.material import Taylor
 from pipeline.submodels.wear.life import (
     CutterShape,
     LifeLaw,

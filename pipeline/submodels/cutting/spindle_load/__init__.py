@@ -5,4 +5,4 @@ the program's path has in its blank.  Powers are at the tool [W], speeds [rev/s]
 [m^3/s]; loads in percent become powers by rated power, base speed and efficiency, which are given.
 """
 
-__all__ = ["identify", "levels", "power", "program", "readings", "records"]
+__all__ = ["identify", "levels", "readings"]

@@ -1,6 +1,6 @@
 """Identification of no-load power and specific cutting force from logs of a spindle's load."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -12,24 +12,26 @@ from pipeline.cutting.force.force_law import N_MM, N_MM2
 from pipeline.schema.cutting import CutLevel, NoLoadPoint, SpindleLoad
 from pipeline.schema.model import LeftOut, Parameter
 from pipeline.schema.si import MINUTE
-from pipeline.submodels.cutting.estimate import Estimate, digits
-from pipeline.submodels.cutting.regression import Regression
-from pipeline.submodels.cutting.spindle_load.levels import Levels, LoadLog, load_levels
-from pipeline.submodels.cutting.spindle_load.power import (
+from pipeline.submodels.cutting.regression import Estimate, Regression, digits
+from pipeline.submodels.cutting.settings import LoadCut, SpindleLoadRecords
+from pipeline.submodels.cutting.spindle_load.levels import (
+    Levels,
+    LoadLog,
     NoLoad,
     SpecificForce,
+    load_levels,
     no_load,
     specific_force,
 )
-from pipeline.submodels.cutting.spindle_load.program import Lines, program_lines
 from pipeline.submodels.cutting.spindle_load.readings import (
+    Lines,
     Readings,
     cut_log,
     no_load_log,
+    program_lines,
     read_log,
     unused_lines,
 )
-from pipeline.submodels.cutting.spindle_load.records import LoadCut, SpindleLoadRecords
 
 FEWEST = 5
 """Readings of a level, at least, for its noise."""
@@ -37,10 +39,10 @@ LISTED = 5
 """Lines that a note lists, at most."""
 
 
-UNITS = ("WATT", "W s", "W s^2")
-"""Units of the terms of the no-load power, over the speed in rev/s."""
-NAMES = ("p0", "p1", "p2")
-"""Names of these terms."""
+NO_LOAD_TERMS = (("p0", "WATT", 1.0), ("p1", "W s", 1.0), ("p2", "W s^2", 1.0))
+"""Terms of the no-load power over the speed in rev/s: name, unit, SI value of one such unit."""
+CUT_TERMS = (("K_tc", "N/mm^2", N_MM2), ("K_te", "N/mm", N_MM))
+"""Terms of the cutting power likewise."""
 METHOD = "least squares on levels of constant speed; noise and rounding of the display counted"
 
 
@@ -63,47 +65,44 @@ class LoadLogFile:
 
 @dataclass(frozen=True, kw_only=True)
 class SpindleLoadResult:
-    """Identified parameters by name, the facts beside them, and the logs that were used."""
+    """Identified parameters by name, and the facts beside them."""
 
     parameters: Mapping[str, Parameter]
     facts: SpindleLoad
-    used: tuple[str, ...]
 
 
 def identify_spindle_load(
     logs: Sequence[LoadLogFile], records: SpindleLoadRecords, widest: float
 ) -> SpindleLoadResult:
     """No-load power and specific force from logs; undetermined beyond the share ``widest``."""
-    used: list[str] = []
-    parts: list[Levels] = []
+    parts: dict[str, Levels] = {}
     left_out: dict[str, str] = {}
     notes: list[str] = []
     reader = _Reader(records=records)
     for log in logs:
         try:
-            levels, note = reader.levels(log)
+            parts[log.name], note = reader.levels(log)
         except ValueError as error:
             left_out[log.name] = str(error)
             continue
-        parts.append(levels)
-        used.append(log.name)
         notes += [note] if note else []
     reasons = [*left_out.values()]
     if not records.cuts:
         reasons.append("cutting_records.spindle.cuts names no program that cuts: log some that do")
-    idle, force = _identified(parts, reasons)
+    levels = _joined(parts.values())
+    idle, force = _identified(levels, reasons)
     facts = SpindleLoad(
-        recordings=tuple(used),
-        reason="; ".join(reasons),
-        assumed=records.scale.words,
-        range_rpm=None if idle is None else _range(idle),
+        recordings=tuple(parts), reason="; ".join(reasons), assumed=records.scale.words,
+        range_rpm=None if idle is None else (
+            round(idle.lowest * MINUTE, 1), round(idle.highest * MINUTE, 1)
+        ),
         curve=() if idle is None else _curve(idle, records.scale_error),
-        cuts=() if idle is None else _cuts(_joined(parts), idle),
+        cuts=() if idle is None else _cuts(levels, idle),
         left_out=tuple(LeftOut(case=name, reason=why) for name, why in left_out.items()),
         notes=tuple(notes),
-    )
+    )  # fmt: skip
     parameters = power_parameters(idle, force, widest, records.scale_error)
-    return SpindleLoadResult(parameters=parameters, facts=facts, used=tuple(used))
+    return SpindleLoadResult(parameters=parameters, facts=facts)
 
 
 def load_logs(
@@ -190,25 +189,23 @@ class _Reader:
         )
 
 
-def _joined(parts: Sequence[Levels]) -> Levels:
-    return Levels(
-        **{
-            item.name: np.concatenate([np.zeros(0), *(getattr(one, item.name) for one in parts)])
-            for item in fields(Levels)
-        }
-    )
+def _joined(parts: Iterable[Levels]) -> Levels:
+    names = [field.name for field in fields(Levels)]
+    return Levels(**{
+        name: np.concatenate([np.zeros(0), *(getattr(one, name) for one in parts)])
+        for name in names
+    })  # fmt: skip
 
 
 def _identified(
-    parts: Sequence[Levels], reasons: list[str]
-) -> tuple[NoLoad | None, SpecificForce | None]:
+    levels: Levels, reasons: list[str]
+) -> tuple[NoLoad | None, SpecificForce | None]:  # fmt: skip
     """Results of the levels; adds to ``reasons`` why one is missing."""
-    together = _joined(parts)
     idle = None
     try:
-        idle = no_load(together)
-        if (together.removal > 0.0).any() or not reasons:
-            return idle, specific_force(together, idle)
+        idle = no_load(levels)
+        if (levels.removal > 0.0).any() or not reasons:
+            return idle, specific_force(levels, idle)
     except ValueError as error:
         reasons.append(str(error))
     return idle, None
@@ -220,36 +217,24 @@ def _cuts(levels: Levels, idle: NoLoad) -> tuple[CutLevel, ...]:
     rows = zip(cuts.speed, cuts.removal, power, cuts.deviation, cuts.samples, strict=True)
     return tuple(
         CutLevel(
-            speed_rpm=digits(60 * n),
-            removal_rate_cm3_min=digits(60e6 * Q),
-            power_W=digits(P),
-            deviation_W=digits(s),
-            specific_force_N_mm2=digits(P / Q * 1e-6),
-            samples=int(samples),
+            speed_rpm=digits(60 * n), removal_rate_cm3_min=digits(60e6 * Q), power_W=digits(P),
+            deviation_W=digits(s), specific_force_N_mm2=digits(P / Q * 1e-6), samples=int(samples),
         )
         for n, Q, P, s, samples in rows
-    )
-
-
-def _range(idle: NoLoad) -> tuple[float, float]:
-    """Speeds between which the no-load power holds [rev/min]."""
-    return round(idle.lowest * MINUTE, 1), round(idle.highest * MINUTE, 1)
+    )  # fmt: skip
 
 
 def _curve(idle: NoLoad, scale_error: float) -> tuple[NoLoadPoint, ...]:
     """Levels of the no-load power; those without an interval are left out."""
     return tuple(
         NoLoadPoint(
-            speed_rpm=round(float(n) * MINUTE, 1),
-            power_W=round(float(idle.power(n)), 2),
-            half_width_95_W=round(
-                float(np.hypot(idle.half_width(n), scale_error * idle.power(n))), 2
-            ),
+            speed_rpm=round(float(n) * MINUTE, 1), power_W=round(float(idle.power(n)), 2),
+            half_width_95_W=round(float(np.hypot(half, scale_error * idle.power(n))), 2),
             measured_W=round(float(measured), 2),
         )
         for n, measured in zip(idle.levels.speed, idle.levels.power, strict=True)
-        if np.isfinite(idle.half_width(n))
-    )
+        if np.isfinite(half := idle.half_width(n))
+    )  # fmt: skip
 
 
 def power_parameters(
@@ -261,54 +246,33 @@ def power_parameters(
     ``scale_error`` is half of the 95 % interval of the power that a load stands for, as a share
     [1]: all results scale with it, and their intervals hold it.
     """
-    rows: list[Estimate] = []
+    rows: dict[str, Parameter] = {}
+
+    def add(name: str, unit: str, value: float, half: float, method: str, few: str = "") -> None:
+        half = float(np.hypot(half, scale_error * value))
+        finite = bool(np.isfinite(half) and np.isfinite(value))
+        ends = f"{digits(value - half):g} to {digits(value + half):g}"
+        rows[name] = Estimate(
+            name=name, unit=unit, value=value, half_width=half, method=method,
+            determined=finite and half <= widest * abs(value),
+            reason=f"the 95 % interval, {ends}, is wider than asked" if finite else few,
+            remedy="" if finite else "record more different ones",
+        ).parameter  # fmt: skip
+
+    def add_terms(fit: Regression, terms: Sequence[tuple[str, str, float]], method: str) -> None:
+        few = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
+        columns = zip(terms, fit.values, fit.half_width, strict=False)  # those that are determined
+        for (name, unit, scale), value, half in columns:
+            add(name, unit, float(value) / scale, float(half) / scale, method, few)
+
     if idle is not None:
-        rows += [
-            _fitted(NAMES[k], idle.fit, k, unit=UNITS[k], widest=widest, method=METHOD,
-                    scale_error=scale_error)
-            for k in range(len(idle.fit.values))
-        ]  # fmt: skip
+        add_terms(idle.fit, NO_LOAD_TERMS, METHOD)
     if force is not None:
+        levels = f"{force.cuts} levels of cutting"
         method = (
-            f"power of {force.cuts} levels of cutting over what they remove, each for the same "
-            "time, edge force included"
+            f"power of {levels} over what they remove, each for the same time, edge force included"
         )
-        half = float(np.hypot(force.half_width, scale_error * force.value))
-        rows.append(
-            _estimate("specific_force", force.value / N_MM2, half / N_MM2, unit="N/mm^2",
-                      widest=widest, method=method)
-        )  # fmt: skip
-        method = f"least squares on {force.cuts} levels of cutting, no-load power taken off"
-        terms = (("K_tc", N_MM2, "N/mm^2"), ("K_te", N_MM, "N/mm"))
-        rows += [
-            _fitted(name, force.fit, k, unit=unit, widest=widest, method=method, scale=scale,
-                    scale_error=scale_error)
-            for k, (name, scale, unit) in enumerate(terms[: len(force.fit.values)])
-        ]  # fmt: skip
-    return {one.name: one.parameter for one in rows}
-
-
-def _fitted(
-    name: str, fit: Regression, index: int, *, unit: str, widest: float, method: str,
-    scale: float = 1.0, scale_error: float = 0.0,
-) -> Estimate:  # fmt: skip
-    value, half = float(fit.values[index]), float(fit.half_width[index])
-    what = "too few levels" if fit.freedom < 1 else "levels that do not tell it from the others"
-    return _estimate(
-        name, value / scale, float(np.hypot(half, scale_error * value)) / scale, unit=unit,
-        widest=widest, method=method, missing=what,
-    )  # fmt: skip
-
-
-def _estimate(
-    name: str, value: float, half: float, *, unit: str, widest: float, method: str,
-    missing: str = "",
-) -> Estimate:  # fmt: skip
-    finite = bool(np.isfinite(half) and np.isfinite(value))
-    wide = f"the 95 % interval, {digits(value - half):g} to {digits(value + half):g}"
-    return Estimate(
-        name=name, unit=unit, value=value, half_width=half, method=method,
-        determined=finite and half <= widest * abs(value),
-        reason=f"{wide}, is wider than asked" if finite else missing,
-        remedy="" if finite else "record more different ones",
-    )  # fmt: skip
+        add("specific_force", "N/mm^2", force.value / N_MM2, force.half_width / N_MM2, method)
+        method = f"least squares on {levels}, no-load power taken off"
+        add_terms(force.fit, CUT_TERMS, method)
+    return rows

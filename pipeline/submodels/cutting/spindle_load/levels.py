@@ -1,19 +1,28 @@
-"""Levels of a spindle's power: stretches of constant speed and cut, with their uncertainty.
+"""Levels of a spindle's power, and the no-load power and specific cutting force that they give.
 
-A control shows its spindle's load in whole percents, a few times a second.  A thousand samples of
-one level are then no thousand readings: while the load lies between two whole numbers, all of them
-are off by the same part of a percent.  The uncertainty of a level's mean follows from how far noise
-carries the load over the steps of the display, and from how long the noise is correlated.
+Levels are stretches of constant speed and cut.  A control shows its spindle's load in whole
+percents, a few times a second.  A thousand samples of one level are then no thousand readings:
+while the load lies between two whole numbers, all of them are off by the same part of a percent.
+The uncertainty of a level's mean follows from how far noise carries the load over the steps of the
+display, and from how long the noise is correlated.
+
+P eta = P_0(n) + K_tc Q + K_te w, with the no-load power P_0(n) = p0 + p1 n + p2 n^2: the motor's
+power P times the efficiency eta covers the spindle running without load, the volume Q removed per
+second, and the width of chip times cutting speed w of the edges.  K_tc and K_te are those of the
+linear-edge model; P_0 is that of :class:`pipeline.cutting.economics.spindle_power.SpindleDrive`.
+All of it scales with rated power, efficiency and meaning of the load, which are premises.
 """
 
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive, power_curve
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.si import MINUTE
+from pipeline.submodels.cutting.regression import Regression, regression
 
 ALIKE = 0.02
 """Share by which speed, removal and edge rate of equal levels differ at most [1]; equal levels have
@@ -47,10 +56,7 @@ class Levels:
 
     def where(self, mask: Bools) -> "Levels":
         """The levels that a mask selects."""
-        return Levels(
-            speed=self.speed[mask], power=self.power[mask], deviation=self.deviation[mask],
-            removal=self.removal[mask], edge=self.edge[mask], samples=self.samples[mask],
-        )  # fmt: skip
+        return Levels(**{name: column[mask] for name, column in vars(self).items()})
 
 
 def settled(
@@ -124,14 +130,14 @@ def levels(
     n, P, q, Q, b = columns
     valid = (labels >= 0) & np.all(np.isfinite(columns), axis=0)
     _, member = np.unique(labels[valid], return_inverse=True)
-    means = [_means(c[valid], member) for c in (np.abs(n), Q, b)]
+    count = np.bincount(member)
+    means = [np.bincount(member, c[valid]) / count for c in (np.abs(n), Q, b)]
     kind = _alike(means)
     rows = [
         _level(P[valid], q[valid], member, kind[member] == k)
         for k in range(kind.max(initial=-1) + 1)
     ]
     power_, deviation, samples = (np.array([r[i] for r in rows]) for i in range(3))
-    count = np.bincount(member)
     each = [np.bincount(kind, m * count) / np.bincount(kind, count) for m in means]
     result = Levels(
         speed=each[0], power=power_, deviation=deviation, removal=each[1], edge=each[2],
@@ -140,23 +146,16 @@ def levels(
     return result.where(np.lexsort((result.removal, result.speed)))  # type: ignore[arg-type]
 
 
-def _means(values: Floats, member: Ints) -> Floats:
-    mean: Floats = np.bincount(member, values) / np.bincount(member)
-    return mean
-
-
 def _alike(means: list[Floats]) -> Ints:
     """Group of equal levels that each label is in, by speed, removal and edge rate."""
-    kinds: list[tuple[float, ...]] = []
-    kind = np.zeros(len(means[0]), dtype=np.int64)
-    for i, values in enumerate(zip(*means, strict=True)):
-        for k, other in enumerate(kinds):
-            if all(abs(v - o) <= ALIKE * max(v, o) for v, o in zip(values, other, strict=True)):
-                kind[i] = k
-                break
-        else:
-            kind[i] = len(kinds)
-            kinds.append(values)
+    rows = np.stack(means, axis=1)
+    kinds: list[Floats] = []
+    kind = np.zeros(len(rows), dtype=np.int64)
+    for i, row in enumerate(rows):
+        same = (k for k, other in enumerate(kinds)
+                if (np.abs(row - other) <= ALIKE * np.maximum(row, other)).all())  # fmt: skip
+        kind[i] = next(same, len(kinds))
+        kinds += [row] if kind[i] == len(kinds) else []
     return kind
 
 
@@ -218,8 +217,7 @@ class LoadScale:
         full: float | Floats = drive.rated_power
         if self.of == "available":
             full = power_curve(speed, rated=drive.rated_power, base_speed=drive.base_speed)
-        power: Floats = drive.efficiency * (np.asarray(load_percent) / 100 * full)
-        return power
+        return drive.efficiency * (np.asarray(load_percent) / 100 * full)
 
     @property
     def words(self) -> str:
@@ -242,35 +240,152 @@ class LoadLog:
     """Speed of the spindle [rev/s]; shape (T,)."""
     load: Floats
     """Load [%]; NaN where it is missing; shape (T,)."""
-    cut: NDArray[np.int64] | None = None
-    """Cut of each row, negative for none; None for a spindle without load; shape (T,)."""
-    removal: Floats | None = None
-    edge: Floats | None = None
-    """Rates of the cut [m^3/s], [m^2/s]; needed with ``cut``, 0 for a line in air; shape (T,)."""
+    cut: Ints
+    """Cut, or run of a spindle without load, of each row; negative for none; shape (T,)."""
+    removal: Floats
+    edge: Floats
+    """Rates of the cut [m^3/s], [m^2/s]; 0 for a line in air; shape (T,)."""
 
     def __post_init__(self) -> None:
         columns = (self.speed, self.load, self.cut, self.removal, self.edge)
-        if any(c is not None and len(c) != len(self.times) for c in columns):
+        if any(len(column) != len(self.times) for column in columns):
             raise ValueError(f"a column of the log has not the {len(self.times)} rows of its times")
         if np.any(~(np.diff(self.times) >= 0.0)):
             raise ValueError("the times of the log do not rise: sort its rows")
-        if self.cut is not None and (self.removal is None or self.edge is None):
-            raise ValueError("a log of cuts needs the removal rate and the edge rate of its rows")
 
 
 def load_levels(log: LoadLog, scale: LoadScale, *, settle_s: float = 1.0) -> Levels:
     """Levels of a log: constant speed and cut for ``settle_s`` [s], the load's averaging time."""
     steady = settled(log.times, log.speed, settle_s=settle_s)
-    if log.cut is None:
-        label, removal, edge = runs(steady), np.zeros(1), np.zeros(1)
-    else:
-        cut = np.asarray(log.cut, dtype=np.int64)
-        begins = np.flatnonzero(np.diff(cut, prepend=cut[:1] - 1) != 0)
-        since = (
-            log.times - log.times[begins][np.searchsorted(begins, np.arange(len(cut)), "right") - 1]
-        )
-        label = np.where(steady & (since >= settle_s), cut, -1)
-        removal, edge = np.asarray(log.removal), np.asarray(log.edge)
+    begins = np.flatnonzero(np.diff(log.cut, prepend=log.cut[:1] - 1) != 0)
+    begun = begins[np.searchsorted(begins, np.arange(len(log.cut)), "right") - 1]
+    label = np.where(steady & (log.times - log.times[begun] >= settle_s), log.cut, -1)
     shown = log.load[np.isfinite(log.load)]
     step = scale.power(resolution(shown), log.speed)
-    return levels(label, log.speed, scale.power(log.load, log.speed), step, removal, edge)
+    power = scale.power(log.load, log.speed)
+    return levels(label, log.speed, power, step, log.removal, log.edge)
+
+
+TERMS = 3
+"""Terms of the no-load power where there are enough speeds."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class NoLoad:
+    """No-load power of a spindle."""
+
+    fit: Regression
+    """Regression for p0, p1, p2 [W], [W s], [W s^2], n in rev/s, as far as determined."""
+    lowest: float
+    highest: float
+    """Speeds between which it holds [rev/s]."""
+    levels: Levels
+    """Levels that it was identified from."""
+
+    def power(self, n: ArrayLike) -> Floats:
+        """P_0 at the speed n [rev/s], in W."""
+        return powers(n, len(self.fit.values)) @ self.fit.values
+
+    def half_width(self, n: ArrayLike) -> Floats:
+        """Half of the 95 % interval of P_0 at the speed n [rev/s], in W."""
+        rows = powers(n, len(self.fit.values))
+        variance = np.einsum("...i,ij,...j->...", rows, self.fit.covariance, rows)
+        return self.fit.quantile * np.sqrt(np.maximum(variance, 0.0))
+
+
+def no_load(levels: Levels) -> NoLoad:
+    """No-load power by levels without a cut; ValueError when there are fewer than two speeds."""
+    idle = levels.where((levels.removal == 0.0) & (levels.edge == 0.0))
+    if len(idle) < 2:
+        raise ValueError(
+            f"the spindle turns free at {len(idle)} settled speed(s): record it at 4 or more, 20 s "
+            "each"
+        )
+    terms = min(TERMS, len(idle) - 1)
+    fit = regression(
+        powers(idle.speed, terms), idle.power, np.diag(idle.deviation**2), np.abs(idle.power)
+    )
+    lowest, highest = float(idle.speed.min()), float(idle.speed.max())
+    return NoLoad(fit=fit, lowest=lowest, highest=highest, levels=idle)
+
+
+def powers(n: ArrayLike, terms: int) -> Floats:
+    """1, n, n^2, … up to as many terms; shape of ``n`` + (terms,)."""
+    return np.asarray(n, dtype=np.float64)[..., None] ** np.arange(terms)
+
+
+BEYOND = 0.02
+"""Share by which a cut's speed may lie outside the no-load record [1]."""
+NORMAL = 1.959963984540054
+"""Half width of the 95 % interval over the standard deviation, with many degrees of freedom."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SpecificForce:
+    """Cutting energy per volume removed."""
+
+    value: float
+    half_width: float
+    """Power of these cuts over the rates at which they remove material, edges and all
+    [N/m^2 = J/m^3], summed over levels, each for the same time; and half of its 95 % interval: by
+    how much cuts of the same kind differ is counted where there is more than one level."""
+    fit: Regression
+    """Regression for K_tc [N/m^2], then K_te [N/m] where the cuts were to determine it."""
+    cuts: int
+    """Number of levels."""
+
+
+def specific_force(levels: Levels, idle: NoLoad) -> SpecificForce:
+    """Specific cutting force from levels with a cut at speeds of the no-load record.
+
+    The no-load power's own uncertainty is counted, common to cuts at the same speed. ValueError
+    when no cut is at a speed of the no-load record.
+    """
+    cuts = _cuts(levels, idle)
+    power, covariance = _above_no_load(cuts, idle)
+    alone = regression(cuts.removal[:, None], power, covariance, np.abs(power))
+    terms = 2 if cuts.edge.any() else 1
+    design = np.stack([cuts.removal, cuts.edge], axis=1)[:, :terms]
+    fit = regression(design, power, covariance, np.abs(power))
+    weight = np.full(len(cuts), 1.0 / cuts.removal.sum())
+    half = _together(weight, covariance, power, (fit, alone))
+    return SpecificForce(value=float(weight @ power), half_width=half, fit=fit, cuts=len(cuts))
+
+
+def _cuts(levels: Levels, idle: NoLoad) -> Levels:
+    if not np.isfinite(idle.fit.half_width).all():
+        raise ValueError(
+            "the no-load power is not determined, nothing can be taken off the cuts: record the "
+            "spindle turning free at 4 speeds or more"
+        )
+    low, high = idle.lowest * (1 - BEYOND), idle.highest * (1 + BEYOND)
+    cuts = levels.where((levels.speed >= low) & (levels.speed <= high) & (levels.removal > 0.0))
+    if not len(cuts):
+        raise ValueError(
+            "no settled cut is at a speed that the spindle also turned free at: record cuts "
+            f"between {idle.lowest * MINUTE:.0f} and {idle.highest * MINUTE:.0f} rpm"
+        )
+    return cuts
+
+
+def _above_no_load(cuts: Levels, idle: NoLoad) -> tuple[Floats, Floats]:
+    """Cutting powers [W] and their covariance, that of the no-load power in common."""
+    rows = powers(cuts.speed, len(idle.fit.values))
+    wider = (idle.fit.quantile / NORMAL) ** 2  # its few degrees of freedom
+    free = rows @ idle.fit.covariance @ rows.T * wider
+    return cuts.power - idle.power(cuts.speed), np.diag(cuts.deviation**2) + free
+
+
+def _together(
+    weight: Floats, covariance: Floats, power: Floats, fits: tuple[Regression, ...]
+) -> float:
+    """Half of the 95 % interval of the weighted sum of powers.
+
+    The scatter of cuts is that of the first fit that the levels determine; a single level has only
+    its measurement uncertainty.
+    """
+    determined = next((fit for fit in fits if np.isfinite(fit.half_width).all()), None)
+    share = 0.0 if determined is None else determined.share
+    quantile = NORMAL if determined is None else determined.quantile
+    variance = weight @ (covariance + np.diag((share * power) ** 2)) @ weight
+    return quantile * float(np.sqrt(variance))
