@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.schema.si import RPM
-from pipeline.shop.control.display import display
 from pipeline.shop.control.planner import Control, Operator, Plan, Ramp, section
 from pipeline.shop.control.postprocessor import PartProgram, Post, Step, Tool
+from pipeline.shop.control.records import display
 from pipeline.shop.motion import profile, rest_to_rest
 from pipeline.shop.parameters import ControlParameters, MotorParameters
 

@@ -8,14 +8,14 @@ import pytest
 
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.postprocessor import PartProgram
-from pipeline.shop.drives.commands import (
+from pipeline.shop.drives.parameters import Drives
+from pipeline.shop.drives.records import (
     circles,
     commanded,
     reciprocation,
     smoothed,
     travel,
 )
-from pipeline.shop.drives.parameters import Drives
 
 from .conftest import shop_parameters
 

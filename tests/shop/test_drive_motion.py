@@ -8,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pipeline.shop.drives.axis import Followed, follow, truth
-from pipeline.shop.drives.commands import Move, travel
 from pipeline.shop.drives.parameters import Axis, Cascade, Drives, Friction
+from pipeline.shop.drives.records import Move, travel
 
 from .conftest import shop_parameters
 

@@ -14,9 +14,9 @@ import yaml
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME
-from pipeline.shop.drives.commands import commanded
 from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.drives.parameters import FeedRecords
+from pipeline.shop.drives.records import commanded
 from pipeline.signals.formats import RecordSource
 from pipeline.signals.ingest import ingest
 

@@ -9,7 +9,7 @@ import yaml
 from pipeline.fleet import Fleet
 from pipeline.parameters import structure
 from pipeline.schema.golden import read_golden
-from pipeline.shop.growth.profiles import KINDS
+from pipeline.shop.growth.records import KINDS
 from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.compose import composed
 from pipeline.submodels.cases import Roles

@@ -5,8 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.shop.growth.heat import SUBSTEPS, Course, Heated, at_rest, heated
-from pipeline.shop.growth.network import Path, network, ring_lever, speed_growth, thermal_growth
+from pipeline.shop.growth.heat import (
+    SUBSTEPS,
+    Course,
+    Heated,
+    Path,
+    at_rest,
+    heated,
+    network,
+    ring_lever,
+    speed_growth,
+    thermal_growth,
+)
 from pipeline.shop.growth.parameters import Body, Instruments
 from pipeline.shop.motion import slewed
 from pipeline.shop.parameters import ChillerParameters, ShopParameters

@@ -10,8 +10,7 @@ import pytest
 
 from pipeline.shop.control.planner import Ramp
 from pipeline.shop.cutting.parameters import Conditions, Cutting, EndMill, SpindleTests
-from pipeline.shop.cutting.records import write_cutting
-from pipeline.shop.cutting.spindle_test import shown_load
+from pipeline.shop.cutting.records import shown_load, write_cutting
 from pipeline.shop.parameters import MotorParameters, SpindleParameters
 from pipeline.shop.spindle import available_power, no_load_power
 

@@ -14,8 +14,7 @@ from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.drives.axis import truth
-from pipeline.shop.drives.commands import Move, travel
-from pipeline.shop.drives.records import axis_columns
+from pipeline.shop.drives.records import Move, axis_columns, travel
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.submodels.drive.records import AxisRecord, Recording

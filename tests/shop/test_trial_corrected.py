@@ -9,9 +9,9 @@ import pytest
 import yaml
 
 from pipeline.shop.drives.axis import follow
-from pipeline.shop.drives.commands import Move, circles, travel
+from pipeline.shop.drives.records import Move, circles, travel
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.corrected import CommandedPath, Commands, _driven, corrected_trials
+from pipeline.shop.trial.trials import CommandedPath, Commands, _driven, corrected_trials
 from pipeline.stages.__main__ import run
 from tests.small_project import inside
 

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 from skfuzzy import cmeans
 
-from pipeline.thermal.clusters import (
+from pipeline.thermal.sensors import (
     _at_rest,
     fuzzy_c_means,
     memberships,

@@ -10,10 +10,11 @@ from scipy.integrate import solve_ivp
 from pipeline.thermal.deformation import (
     DeformationNetwork,
     GrowthRecord,
+    LaggedExpansion,
+    fit_expansion,
     simulate,
     start_of_nodes,
 )
-from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
 from pipeline.thermal.growth_fit import fit_network
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pipeline.thermal.lagged import lag
+from pipeline.thermal.sensors import lag
 
 RNG = np.random.default_rng(0)
 TIME = np.cumsum(RNG.uniform(20, 120, 80))

@@ -34,9 +34,8 @@ from pipeline.shop.cutting.force import EdgeCoefficients, edge_coefficients, edg
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.blank import SLICE, Swept
 from pipeline.shop.trial.job import TrialJob
-from pipeline.shop.trial.motion import Track
+from pipeline.shop.trial.motion import SLICE, Swept, Track
 
 RECENT = 0.6
 """Path length within which swept material is looked up turn by turn, not in the cells [mm]."""

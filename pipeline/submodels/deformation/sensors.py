@@ -19,7 +19,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.submodels.deformation.records import Profile, State
-from pipeline.thermal.lagged import lag
+from pipeline.thermal.sensors import lag
 
 DEAD, JUMPED, SHIFTED, DRIFTING, ERRATIC = "dead", "loose", "shifted", "drifting", "erratic"
 """Kinds of faults: no temperature at all or a held one; one that jumps off; one that is off from

@@ -27,13 +27,23 @@ from pipeline.submodels.cases import (
     sources,
 )
 from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
-from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out, forest_of
+from pipeline.submodels.spindle.calibration import (
+    ForestSettings,
+    Recipe,
+    calibrated,
+    days_left_out,
+    examples,
+    fitted_forest,
+    forest_of,
+)
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
     WINDOWS,
+    IntervalSettings,
     SpindleLimits,
     predicted_day,
+    with_interval,
 )
 from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
@@ -42,8 +52,6 @@ from pipeline.submodels.spindle.fit import (
     is_determined,
     sensor_step,
 )
-from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
-from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.submodels.spindle.structure import FEWEST_DAYS, identify_spindle_network
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import NODES, load_forest, save_forest

@@ -19,7 +19,6 @@ from pipeline.nets.windows import WindowInput
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Condition
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
-from pipeline.submodels.compensation.attention import attention_shown, to_and_fro
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PREDICTION,
@@ -29,7 +28,9 @@ from pipeline.submodels.compensation.model import (
     LeakShown,
     SearchFacts,
     UseModel,
+    attention_shown,
     key_of,
+    to_and_fro,
 )
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.contract import Shown

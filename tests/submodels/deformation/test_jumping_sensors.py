@@ -11,10 +11,9 @@ import pytest
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import Model
-from pipeline.shop.growth.network import network
+from pipeline.shop.growth.heat import network
 from pipeline.shop.growth.parameters import SENSORS
-from pipeline.shop.growth.profiles import profiles
-from pipeline.shop.growth.records import Measured, measured
+from pipeline.shop.growth.records import Measured, measured, profiles
 from pipeline.shop.parameters import ShopParameters
 from pipeline.signals.recordings import Channel
 from pipeline.submodels.deformation.fit import fit_growth

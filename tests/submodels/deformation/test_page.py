@@ -16,7 +16,7 @@ from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.deformation import figures
-from pipeline.submodels.deformation.growth_facts import FAULT, GrowthFacts
+from pipeline.submodels.deformation.figures import FAULT, GrowthFacts
 from pipeline.submodels.deformation.model import WARMING
 from pipeline.submodels.deformation.sensors import DEAD, DRIFTING, Fault
 from pipeline.submodels.deformation.submodel import SUBMODEL

@@ -15,7 +15,6 @@ from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Records, Roles
 from pipeline.submodels.deformation import fit
-from pipeline.submodels.deformation.comparison import GROWTH
 from pipeline.submodels.deformation.methods import METHODS
 from pipeline.submodels.deformation.model import (
     REGIMES,
@@ -27,6 +26,7 @@ from pipeline.submodels.deformation.model import (
     TrainingFault,
     load_growth_model,
 )
+from pipeline.submodels.deformation.records import GROWTH
 from pipeline.submodels.deformation.submodel import (
     FOLLOWED,
     SUBMODEL,

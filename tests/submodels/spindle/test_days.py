@@ -9,20 +9,21 @@ import pytest
 
 from pipeline.schema.interval import AdaptiveSettings, Band
 from pipeline.submodels.cases import Case
-from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out
+from pipeline.submodels.spindle.calibration import ForestSettings, Recipe, calibrated, days_left_out
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
     WINDOWS,
+    IntervalSettings,
     SpindleLimits,
     after_starts,
     cooling,
+    horizon_words,
     predicted_day,
     runs_of,
+    state_words,
 )
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.submodels.spindle.intervals import IntervalSettings, horizon_words, state_words
-from pipeline.submodels.spindle.residual import ForestSettings
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.spindle import SpindleIntervals, SpindleModel, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table

@@ -15,10 +15,17 @@ from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.schema.forest import Trees
 from pipeline.submodels.cases import Case
-from pipeline.submodels.spindle.calibration import Recipe, days_left_out, forest_of
+from pipeline.submodels.spindle.calibration import (
+    Examples,
+    ForestSettings,
+    Recipe,
+    days_left_out,
+    examples,
+    fitted_forest,
+    forest_of,
+)
+from pipeline.submodels.spindle.days import IntervalSettings
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.submodels.spindle.intervals import IntervalSettings
-from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
 from pipeline.twin.residual import NODES, Forest, feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
@@ -191,7 +198,7 @@ def noisy() -> Examples:
 SAVE = """
 import sys
 from pathlib import Path
-from pipeline.submodels.spindle.residual import fitted_forest
+from pipeline.submodels.spindle.calibration import fitted_forest
 from pipeline.twin.residual import save_forest
 from tests.submodels.spindle.test_residual import QUICK, noisy
 save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))

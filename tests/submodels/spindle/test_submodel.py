@@ -17,10 +17,15 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records, Roles, sources
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.judge import Judged, judge
-from pipeline.submodels.spindle.days import APART, FREE_RUN, WINDOWS, SpindleLimits
+from pipeline.submodels.spindle.calibration import ForestSettings
+from pipeline.submodels.spindle.days import (
+    APART,
+    FREE_RUN,
+    WINDOWS,
+    IntervalSettings,
+    SpindleLimits,
+)
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.submodels.spindle.intervals import IntervalSettings
-from pipeline.submodels.spindle.residual import ForestSettings
 from pipeline.submodels.spindle.submodel import (
     REMEDY,
     SUBMODEL,

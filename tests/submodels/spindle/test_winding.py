@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.submodels.spindle.doubt import residuals_say
 from pipeline.submodels.spindle.fit import ONE, SpindleFitSettings, fit_network, structure_of
 from pipeline.submodels.spindle.structure import (
     choice_of,
     hours_of,
     identify_spindle_network,
+    residuals_say,
     stratified,
 )
 from pipeline.submodels.spindle.submodel import _undetermined
