@@ -30,9 +30,7 @@ def files(week: Simulated) -> dict[str, LogFile]:
     return {f["file"]: week.log(f["file"]) for f in week.truth["log"]["files"]}
 
 
-def test_every_line_is_a_record_or_among_the_rejected(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_every_line_is_a_record_or_among_the_rejected(week, files):
     for told in week.truth["log"]["files"]:
         found = files[told["file"]]
         assert len(found.lines) == told["lines"]
@@ -42,17 +40,13 @@ def test_every_line_is_a_record_or_among_the_rejected(
     assert lines == Counter(r["line"] for r in week.truth["log"]["rejected"])
 
 
-def test_lines_older_than_one_before_them_are_as_many_as_told(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_lines_older_than_one_before_them_are_as_many_as_told(week, files):
     told = {f["file"]: f["out_of_order"] for f in week.truth["log"]["files"]}
     assert {name: f.out_of_order for name, f in files.items()} == told
     assert sum(told.values()) > 0
 
 
-def test_wrong_values_are_as_many_as_told_and_where_told(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_wrong_values_are_as_many_as_told_and_where_told(week, files):
     records = [r for f in files.values() for r in f.records]
     for kind, is_wrong in WRONG.items():
         found = sorted((r.time, r.name, r.fields[0]) for r in records if is_wrong(r))
@@ -61,7 +55,7 @@ def test_wrong_values_are_as_many_as_told_and_where_told(
     assert week.truth["log"]["counts"]["glitches"]["zero_temperature"] > 100
 
 
-def test_all_items_become_unavailable_when_told(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_all_items_become_unavailable_when_told(week, files):
     bursts = [b for b in week.truth["log"]["bursts"] if b["kind"] != "agent_start"]
     gone = Counter(
         r.time
@@ -74,7 +68,7 @@ def test_all_items_become_unavailable_when_told(week: Simulated, files: dict[str
     assert sum(gone.values()) == len(bursts) + len(files)
 
 
-def test_late_lines_stand_after_younger_ones(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_late_lines_stand_after_younger_ones(week, files):
     records = [r for f in files.values() for r in f.records]
     where: dict[tuple[datetime, str], list[int]] = {}
     for k, r in enumerate(records):
@@ -86,7 +80,7 @@ def test_late_lines_stand_after_younger_ones(week: Simulated, files: dict[str, L
         assert records[k - 1].time > records[k].time
 
 
-def test_weekend_and_night_are_silent(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_weekend_and_night_are_silent(week, files):
     days = {d["date"]: d for d in week.truth["days"]}
     for name, found in files.items():
         day = days[name[6:16]]
@@ -106,7 +100,7 @@ def _execution(files: dict[str, LogFile]) -> list[Record]:
     )
 
 
-def test_cycles_are_what_the_execution_shows(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_cycles_are_what_the_execution_shows(week, files):
     """Both ways: each edge of a cycle is a change of the log; no other automatic run is there."""
     changes = _execution(files)
     poll = timedelta(seconds=4.5)  # two polls of which one may be skipped, and a rounding
@@ -133,7 +127,7 @@ def test_cycles_are_what_the_execution_shows(week: Simulated, files: dict[str, L
         assert mode[before[-1]] == "MANUAL_DATA_INPUT", f"ACTIVE at {t} in no cycle"
 
 
-def test_complete_cycles_raise_the_part_count(week: Simulated) -> None:
+def test_complete_cycles_raise_the_part_count(week):
     kinds = Counter((c["kind"], c["complete"]) for c in week.truth["cycles"])
     assert kinds["part", True] > kinds["part", False]
     for c in week.truth["cycles"]:
@@ -143,9 +137,7 @@ def test_complete_cycles_raise_the_part_count(week: Simulated) -> None:
     assert numbers == list(range(1, len(numbers) + 1))
 
 
-def test_every_item_of_the_log_is_in_the_device_model(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_every_item_of_the_log_is_in_the_device_model(week, files):
     root = ElementTree.parse(week.folder / "Devices.xml").getroot()
     described = {e.get("name"): e for e in root.iter() if e.tag.endswith("}DataItem")}
     assert {r.name for f in files.values() for r in f.records} == set(described)
@@ -155,9 +147,7 @@ def test_every_item_of_the_log_is_in_the_device_model(
     assert len(ids) == len(set(ids))
 
 
-def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(week, files):
     """Feeds of catalogue size: 8 to 66 mm/s; in mm/min sixty times that."""
     native = week.parameters.log.kind == "adapter"
     feeds = [
@@ -172,9 +162,7 @@ def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(
     assert (records > 1.5 * sum(len(f.lines) for f in files.values())) == native
 
 
-def test_the_c_axis_stands_still_in_spindle_mode_and_is_held_between_parts(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_the_c_axis_stands_still_in_spindle_mode_and_is_held_between_parts(week, files):
     records = [r for f in files.values() for r in f.records]
     modes = {r.fields[0] for r in records if r.name == "S1func"}
     if not week.parameters.c_axis:

@@ -79,7 +79,7 @@ def interpreted(text: str) -> list[tuple[int, str, tuple[float, float, float], f
 
 
 @pytest.mark.parametrize("numbered", [True, False])
-def test_the_text_says_what_is_run(numbered: bool) -> None:
+def test_the_text_says_what_is_run(numbered):
     """Another reader of the text finds the same cuts, ends and feeds as the control got."""
     made, edited = part_programs(ControlParameters(numbered=numbered), np.random.default_rng(3))
     for program in [*made, edited]:
@@ -97,7 +97,7 @@ def test_the_text_says_what_is_run(numbered: bool) -> None:
         assert read_back == steps
 
 
-def test_arcs_end_on_their_circles() -> None:
+def test_arcs_end_on_their_circles():
     for program in programs()[0]:
         for before, step in zip(program.steps, program.steps[1:], strict=False):
             if step.kind != "arc":
@@ -109,7 +109,7 @@ def test_arcs_end_on_their_circles() -> None:
             assert 0 < abs(step.turn) <= 2 * np.pi
 
 
-def test_programs_are_of_the_sizes_of_a_job_shop() -> None:
+def test_programs_are_of_the_sizes_of_a_job_shop():
     made, edited = programs()
     lines = [p.lines for p in made]
     assert 1000 <= max(lines) <= 3000 and min(lines) > 50
@@ -119,7 +119,7 @@ def test_programs_are_of_the_sizes_of_a_job_shop() -> None:
     assert codes <= said
 
 
-def test_all_programs_but_the_edited_one_are_among_the_files(week: Simulated) -> None:
+def test_all_programs_but_the_edited_one_are_among_the_files(week):
     files = {p.stem: p for p in (week.folder / "programs").glob("*.nc")}
     told = week.truth["control"]["programs"]
     assert files.keys() == told.keys() and len(files) == 4
@@ -130,7 +130,7 @@ def test_all_programs_but_the_edited_one_are_among_the_files(week: Simulated) ->
     assert sum(counts.values()) == 7 and counts.keys() == files.keys()
 
 
-def test_logs_are_of_the_sunday_before_and_say_only_changes(week: Simulated, runs: Any) -> None:
+def test_logs_are_of_the_sunday_before_and_say_only_changes(week, runs):
     sunday = date.fromisoformat(week.parameters.first_day) - timedelta(days=1)
     ended = datetime.min
     for _, log, _ in runs:
@@ -149,7 +149,7 @@ def test_logs_are_of_the_sunday_before_and_say_only_changes(week: Simulated, run
     assert abs(typical - week.parameters.control.poll) < 0.02
 
 
-def test_a_run_lasts_as_long_as_the_truth_says(runs: Any) -> None:
+def test_a_run_lasts_as_long_as_the_truth_says(runs):
     for told, log, _ in runs:
         states = log["exec"]
         assert states[0][1] == "ACTIVE"
@@ -159,7 +159,7 @@ def test_a_run_lasts_as_long_as_the_truth_says(runs: Any) -> None:
     assert [told["completed"] for told, _, _ in runs].count(False) == 1
 
 
-def test_lines_go_through_the_program(week: Simulated, runs: Any) -> None:
+def test_lines_go_through_the_program(week, runs):
     skipped = 0
     for told, log, _ in runs:
         lines = numbers(log, "ln")[1]
@@ -172,7 +172,7 @@ def test_lines_go_through_the_program(week: Simulated, runs: Any) -> None:
     assert skipped > 100  # shorter than a poll
 
 
-def test_the_feed_is_the_programmed_one_times_the_override(week: Simulated, runs: Any) -> None:
+def test_the_feed_is_the_programmed_one_times_the_override(week, runs):
     """Wherever the log shows a steady feed in a line that cuts; rapids are much faster."""
     compared = 0
     for told, log, _ in runs:
@@ -192,7 +192,7 @@ def test_the_feed_is_the_programmed_one_times_the_override(week: Simulated, runs
     assert compared > 20
 
 
-def test_the_feed_override_is_not_said_before_it_is_turned(runs: Any) -> None:
+def test_the_feed_override_is_not_said_before_it_is_turned(runs):
     said = {}
     for told, log, _ in runs:
         values = [float(v) for _, v in log.get("fovr", [])]
@@ -205,7 +205,7 @@ def test_the_feed_override_is_not_said_before_it_is_turned(runs: Any) -> None:
     assert said[100.0] == [110.0, 120.0, 110.0, 100.0]
 
 
-def test_what_operators_do_is_seen(runs: Any) -> None:
+def test_what_operators_do_is_seen(runs):
     holds = stops = 0
     for told, log, torn in runs:
         times, v = numbers(log, "vpath")
@@ -233,7 +233,7 @@ def test_what_operators_do_is_seen(runs: Any) -> None:
     assert sum(told["torn_lines"] for told, _, _ in runs) == 1
 
 
-def test_tools_are_out_of_the_spindle_during_a_change(week: Simulated, runs: Any) -> None:
+def test_tools_are_out_of_the_spindle_during_a_change(week, runs):
     for told, log, _ in runs:
         if not (told["program"] and told["completed"]):
             continue
@@ -245,7 +245,7 @@ def test_tools_are_out_of_the_spindle_during_a_change(week: Simulated, runs: Any
         assert values[2::2] == changes
 
 
-def test_the_way_that_the_log_shows_is_that_of_the_program(week: Simulated, runs: Any) -> None:
+def test_the_way_that_the_log_shows_is_that_of_the_program(week, runs):
     """Feeds times time, over the finish of the cam in its short chords."""
     told, log, _ = next(r for r in runs if r[0]["torn_lines"])
     text = (week.folder / "programs" / f"{told['program']}.nc").read_text()
@@ -261,7 +261,7 @@ def test_the_way_that_the_log_shows_is_that_of_the_program(week: Simulated, runs
     assert shown == pytest.approx(way, rel=0.03)
 
 
-def test_the_control_has_chances_of_its_own(week: Simulated, tmp_path: Path) -> None:
+def test_the_control_has_chances_of_its_own(week, tmp_path):
     """The same bytes alone, without the weeks that are lived through beside it."""
     write_control(tmp_path, week.parameters)
     written = [*tmp_path.glob("*/*.nc"), *tmp_path.glob("*/*.txt")]

@@ -18,7 +18,7 @@ DRIVES = shop_drives(MACHINE.drives)
 @pytest.mark.parametrize("text", [STROKE, CIRCLE], ids=["stroke", "circle"])
 def test_a_corrected_command_takes_the_following_error_of_a_machine_away(
     letter, text, record_property
-) -> None:
+):
     wanted, axis = reference(text), MACHINE.drives.axes[letter]
     ticks = round(axis.cascade.position_frequency * T)
 

@@ -29,9 +29,7 @@ EXACT = 1e-6  # of differences of ways in mm, twice divided by half a millisecon
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
 @pytest.mark.parametrize("letter", ["X", "Y", "Z"])
-def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(
-    machine: str, letter: str
-) -> None:
+def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(machine, letter):
     """Each speed both ways for 0.3 s at least; neither speed, acceleration nor travel is passed."""
     shop = shop_parameters(machine)
     limits, axis = getattr(shop.control, letter.lower()), shop.drives.axes[letter]
@@ -55,7 +53,7 @@ def test_strokes_hold_twelve_speeds_and_keep_the_limits_of_the_axis(
         assert held[round(speed, 3)] >= 0.3
 
 
-def test_smoothing_delays_by_half_its_windows_and_keeps_the_ends() -> None:
+def test_smoothing_delays_by_half_its_windows_and_keeps_the_ends():
     """A ramp comes out as the same ramp, later by the middles of both windows."""
     time = np.arange(4000) / HERTZ
     ramp = 120.0 + 50.0 * np.clip(time - 0.5, 0, 1)
@@ -67,7 +65,7 @@ def test_smoothing_delays_by_half_its_windows_and_keeps_the_ends() -> None:
     assert out[inside] == pytest.approx(expected, abs=1e-9)
 
 
-def test_circles_are_round_and_as_fast_as_told() -> None:
+def test_circles_are_round_and_as_fast_as_told():
     """Radius in every sample; both feeds both ways within the path's acceleration."""
     limits = shop_parameters("mill01").control.path_bounds
     x, y = circles(80.0, (50.0, 150.0), 1.25, limits, HERTZ)
@@ -89,7 +87,7 @@ def cam(request: pytest.FixtureRequest) -> tuple[PartProgram, np.ndarray, tuple[
     return program, way, shop.control.work_offset
 
 
-def test_the_axes_pass_all_points_of_the_program_in_turn(cam) -> None:  # type: ignore[no-untyped-def]
+def test_the_axes_pass_all_points_of_the_program_in_turn(cam):
     """Every programmed end, moved by work offset and tool length, lies at the way.
 
     0.05 mm: what the smoothing cuts off a corner, v T / 8 with 24 mm/s in the short chords, and
@@ -113,7 +111,7 @@ def test_the_axes_pass_all_points_of_the_program_in_turn(cam) -> None:  # type: 
     assert seen > 500
 
 
-def test_arcs_of_the_program_keep_their_radius(cam) -> None:  # type: ignore[no-untyped-def]
+def test_arcs_of_the_program_keep_their_radius(cam):
     """Samples in the middle of full circles stand at the radius, but for the smoothing.
 
     Two means of 8 and 4 ms take v^2 (T1^2 + T2^2) / (24 r) off a radius: 3 um at 40 mm/s and 2 mm.
@@ -132,7 +130,7 @@ def test_arcs_of_the_program_keep_their_radius(cam) -> None:  # type: ignore[no-
     assert tried > 0
 
 
-def test_the_axes_keep_their_rapids(cam) -> None:  # type: ignore[no-untyped-def]
+def test_the_axes_keep_their_rapids(cam):
     _, way, _ = cam
     speed = np.abs(np.diff(way, axis=0)).max(axis=0) * HERTZ * 60
     assert np.all(speed <= [36000.1, 36000.1, 30000.1])

@@ -57,9 +57,7 @@ def stribeck(axis: Axis, v: float) -> float:
 
 @every_axis
 @pytest.mark.parametrize("speed", [1.0, 5.0, 40.0, 200.0])
-def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(
-    axis: Axis, speed: float
-) -> None:
+def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(axis, speed):
     """At constant feed the current carries F(v), and e = (1 - f_v) v / (S_pp P_p).
 
     5e-5 of the force: three times what is found, the steps of the finest encoder; 0.1 nm of the
@@ -80,7 +78,7 @@ def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(
 
 
 @every_axis
-def test_what_the_motor_gives_is_kept_lifted_or_lost(axis: Axis) -> None:
+def test_what_the_motor_gives_is_kept_lifted_or_lost(axis):
     """Work in = kinetic + elastic + potential energy + friction, over strokes under load.
 
     Recorded at each step; semi-implicit Euler keeps the balance to first order in its step, 2e-4
@@ -109,7 +107,7 @@ def test_what_the_motor_gives_is_kept_lifted_or_lost(axis: Axis) -> None:
 
 
 @every_axis
-def test_friction_never_gives_more_than_its_bristles_hold(axis: Axis) -> None:
+def test_friction_never_gives_more_than_its_bristles_hold(axis):
     """LuGre's friction is passive: its work from the start is at least the bristles' energy."""
     calm = quiet(axis, position_frequency=40000, velocity_frequency=40000)
     out = run(calm, way(calm, *[Move(length=s * 2.0, speed=30.0, pause=0.02) for s in (1, -1)]))
@@ -118,7 +116,7 @@ def test_friction_never_gives_more_than_its_bristles_hold(axis: Axis) -> None:
     assert np.all(work >= held - 1e-4)  # J; of the sum for an integral
 
 
-def test_a_push_at_standstill_bends_screw_and_bristles() -> None:
+def test_a_push_at_standstill_bends_screw_and_bristles():
     """Before it slides the carriage gives way by F / (K + sigma_0); the motor holds its place.
 
     A push of a fiftieth of static friction: creep of the bristles and half a step of the scale, by
@@ -134,7 +132,7 @@ def test_a_push_at_standstill_bends_screw_and_bristles() -> None:
     assert abs(out.motor[settled]) < 0.5e-9
 
 
-def test_play_is_lost_at_each_reversal() -> None:
+def test_play_is_lost_at_each_reversal():
     """Carriage behind screw, there less back: the play and twice what friction bends the screw."""
     axis = quiet(shop_parameters("mill02").drives.y, **FINE)
     assert axis.backlash > 0
@@ -147,7 +145,7 @@ def test_play_is_lost_at_each_reversal() -> None:
 
 
 @every_axis
-def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis: Axis) -> None:
+def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis):
     out = run(quiet(axis), np.full(axis.cascade.position_frequency, 0.1234))
     assert out.current * axis.force_constant == pytest.approx(
         np.full(out.current.size, axis.weight), abs=1.0
@@ -156,7 +154,7 @@ def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis: Axis) -> 
     assert (axis.weight > 0) == axis.vertical
 
 
-def test_the_current_keeps_its_limit_and_the_integral_does_not_wind_up() -> None:
+def test_the_current_keeps_its_limit_and_the_integral_does_not_wind_up():
     """Driven far into the limit, the current turns as soon as the velocity's error does.
 
     20 ms: the filter of the velocity, the delay and the current's lag, many times; an integral that
@@ -224,7 +222,7 @@ def by_another_solver(axis: Axis, moves: tuple[Move, ...], times: np.ndarray) ->
 
 @pytest.mark.parametrize("letter", ["X", "Z"])
 @pytest.mark.parametrize("seconds", [0.45, pytest.param(0.9, marks=pytest.mark.proof)])
-def test_another_solver_finds_the_same_motion(letter: str, seconds: float) -> None:
+def test_another_solver_finds_the_same_motion(letter, seconds):
     """Stroke of mill01, as proof also its reversal, by LSODA with loops in continuous time.
 
     With loops at 40 kHz what is left is their delay of 25 to 50 us and the steps of the encoder:
@@ -252,6 +250,6 @@ def test_another_solver_finds_the_same_motion(letter: str, seconds: float) -> No
         (lambda: Drives(x=Axis(cascade=Cascade(position_frequency=1000))), "one for all axes"),
     ],
 )
-def test_drives_that_cannot_be_are_named(make, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_drives_that_cannot_be_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()

@@ -73,7 +73,7 @@ def read(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Read:
     )  # fmt: skip
 
 
-def test_every_file_is_read_and_only_the_torn_row_is_lost(read: Read) -> None:
+def test_every_file_is_read_and_only_the_torn_row_is_lost(read):
     told = {f["file"]: f for f in read.truth["more"]["files"]}
     assert told.keys() == read.manifest.keys()
     assert set(SINGLE) < set(told) and len(told) == 13
@@ -86,7 +86,7 @@ def test_every_file_is_read_and_only_the_torn_row_is_lost(read: Read) -> None:
     assert 5e6 < total < 25e6
 
 
-def test_channels_are_those_of_the_drive_records_in_their_units(read: Read) -> None:
+def test_channels_are_those_of_the_drive_records_in_their_units(read):
     units = {"reference": "MILLIMETER", "position": "MILLIMETER", "command": "AMPERE",
              "load": "NEWTON"}  # fmt: skip
     axes = read.conf["drive_records"]["axes"]
@@ -102,7 +102,7 @@ def test_channels_are_those_of_the_drive_records_in_their_units(read: Read) -> N
                      "speed": "REVOLUTION/MINUTE"}  # fmt: skip
 
 
-def test_gaps_and_repeated_stamps_are_where_the_truth_says(read: Read) -> None:
+def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
     """The tool's clock is off by parts in a million; its stamps tell the rows that are missing."""
     rate = 1 + read.truth["more"]["tool"]["clock_error"] * 1e-6
     assert abs(rate - 1) >= 30e-6
@@ -133,7 +133,7 @@ def drive(found: dict[str, float]) -> FeedDriveParameters:
     return FeedDriveParameters(friction=FrictionParameters(**sides), **{n: found[n] for n in names})
 
 
-def test_the_truth_is_a_drive_of_the_twin(read: Read) -> None:
+def test_the_truth_is_a_drive_of_the_twin(read):
     """Each axis' truth makes parameters of the twin, with the gains that the conf names."""
     for letter, found in read.truth["axes"].items():
         known = read.conf["drive"]["axes"][letter]
@@ -170,7 +170,7 @@ def motion(read: Read, file: str) -> tuple[np.ndarray, ...]:
 
 
 @pytest.mark.parametrize("letter", ["X", "Y", "Z"])
-def test_mass_and_friction_of_the_truth_carry_the_record(read: Read, letter: str) -> None:
+def test_mass_and_friction_of_the_truth_carry_the_record(read, letter):
     """Strokes: M a + F(v) + F_g with the truth leaves 4 % of the force; the best mass is M.
 
     4 %: cogging, ripple of screw and torque, and presliding, which the twin does not have.
@@ -189,7 +189,7 @@ def test_mass_and_friction_of_the_truth_carry_the_record(read: Read, letter: str
 
 
 @pytest.mark.parametrize("letter", ["X", "Z"])
-def test_a_push_shows_in_the_current_as_the_load_cell_says(read: Read, letter: str) -> None:
+def test_a_push_shows_in_the_current_as_the_load_cell_says(read, letter):
     """At constant feed, k A less friction goes with the load one to one."""
     file = f"servo/load-step-{letter}.csv"
     v, _, force, clean = motion(read, file)
@@ -210,7 +210,7 @@ def test_a_push_shows_in_the_current_as_the_load_cell_says(read: Read, letter: s
         assert load[inside].mean() - offset == pytest.approx(push["force_N"], abs=3.0)
 
 
-def test_the_workpiece_adds_its_mass(read: Read) -> None:
+def test_the_workpiece_adds_its_mass(read):
     file = "servo/inertia-step-X.csv"
     v, a, force, clean = motion(read, file)
     truth, told = drive(read.truth["axes"]["X"]), read.told(file)
@@ -224,7 +224,7 @@ def test_the_workpiece_adds_its_mass(read: Read) -> None:
     assert found[1] - found[0] == pytest.approx(told["mass_kg"], rel=0.05)
 
 
-def test_the_tool_has_chances_of_its_own(week: Simulated, tmp_path: Path) -> None:
+def test_the_tool_has_chances_of_its_own(week, tmp_path):
     """The same bytes as among all other records."""
     told = write_drives(tmp_path, week.parameters)
     whole = digests(week.folder)
@@ -232,7 +232,7 @@ def test_the_tool_has_chances_of_its_own(week: Simulated, tmp_path: Path) -> Non
     assert json.loads(json.dumps(told)) == week.truth["drives"]
 
 
-def test_the_siblings_have_two_makers_drives() -> None:
+def test_the_siblings_have_two_makers_drives():
     first, second = (yaml.safe_load((CONF / f"{m}.yaml").read_text()) for m in ("mill01", "mill02"))
     columns = [
         {

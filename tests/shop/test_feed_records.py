@@ -55,7 +55,7 @@ def read(feeds: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Read:
     )  # fmt: skip
 
 
-def test_every_file_is_read_whole_and_they_are_not_large(read: Read) -> None:
+def test_every_file_is_read_whole_and_they_are_not_large(read):
     assert read.manifest.keys() == read.told.keys() and len(read.told) == 3 * 9 + 8
     for name, entry in read.manifest.items():
         assert (entry["reason"], entry["rejected"]) == (None, 0)
@@ -66,7 +66,7 @@ def test_every_file_is_read_whole_and_they_are_not_large(read: Read) -> None:
     assert sum(p.stat().st_size for p in read.feeds.folder.rglob("*")) < 13e6
 
 
-def test_gaps_and_repeated_stamps_are_where_the_truth_says(read: Read) -> None:
+def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
     for name, told in read.told.items():
         row = read.row(name)
         lost = {g["row"] + k for g in told["gaps"] for k in range(g["lost"])}
@@ -75,7 +75,7 @@ def test_gaps_and_repeated_stamps_are_where_the_truth_says(read: Read) -> None:
         assert missing == lost | set(told["repeated"])
 
 
-def test_strokes_go_there_and_back_from_places_of_their_own(read: Read) -> None:
+def test_strokes_go_there_and_back_from_places_of_their_own(read):
     """100 mm twice at the feed, from standstill to standstill, in the machine's frame."""
     strokes = {n: f for n, f in read.told.items() if "axis" in f}
     for name, told in strokes.items():
@@ -103,7 +103,7 @@ def test_strokes_go_there_and_back_from_places_of_their_own(read: Read) -> None:
     assert len({round(p, 3) for p in phases}) == 9 and np.ptp(phases) > 0.3
 
 
-def test_stretches_are_cut_out_of_their_program(read: Read) -> None:
+def test_stretches_are_cut_out_of_their_program(read):
     """Commands are those of the program from that moment on; in each an axis moves."""
     shop = read.feeds.parameters
     frequency = shop.drives.x.cascade.position_frequency
@@ -136,7 +136,7 @@ def test_stretches_are_cut_out_of_their_program(read: Read) -> None:
             assert abs(trace["x_position_command"][0] - trace["x_position"][0]) > 0.01
 
 
-def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path: Path) -> None:
+def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path):
     few = {"feeds": ((6000.0, 1),), "stretches": (0, 0, 1, 0)}
     for name, changes in {"one": {}, "again": {}, "other": {"seed": 3}}.items():
         write_feed(tmp_path / name, shop_parameters("mill02", drives={"feed": few}, **changes))
@@ -145,7 +145,7 @@ def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path: Path) -
     assert one.keys() == other.keys() and not set(one.values()) & set(other.values())
 
 
-def test_a_program_too_short_for_its_stretches_is_named(tmp_path: Path) -> None:
+def test_a_program_too_short_for_its_stretches_is_named(tmp_path):
     shop = shop_parameters("mill01")
     feed = replace(shop.drives.feed, feeds=((6000.0, 1),), stretches=(0, 0, 40, 0))
     with pytest.raises(ValueError, match=r"asks for 40 of 12 s of O5103, which moves in \d+ such"):
@@ -162,6 +162,6 @@ def test_a_program_too_short_for_its_stretches_is_named(tmp_path: Path) -> None:
         ({"seconds": 1.0}, "seconds = 1.0 s must lie from 2 to 600"),
     ],
 )
-def test_settings_out_of_range_are_named(changes: dict[str, Any], words: str) -> None:
+def test_settings_out_of_range_are_named(changes, words):
     with pytest.raises(ValueError, match=words):
         FeedRecords(**changes)

@@ -48,7 +48,7 @@ def _growth(parameters: ShopParameters, hot: Heated, speed: np.ndarray) -> np.nd
 
 
 @MACHINES
-def test_heat_made_is_heat_stored_or_carried_away(machine: str) -> None:
+def test_heat_made_is_heat_stored_or_carried_away(machine):
     p = shop_parameters(machine)
     net = network(p)
     start = at_rest(net, 20.0)
@@ -59,7 +59,7 @@ def test_heat_made_is_heat_stored_or_carried_away(machine: str) -> None:
     assert abs(balance) < 1e-9 * hot.generated and abs(hot.to_chiller) > 1e6 and hot.to_air != 0
 
 
-def test_the_steady_state_is_that_of_the_linear_equations() -> None:
+def test_the_steady_state_is_that_of_the_linear_equations():
     """The bed's heat alone, the spindle at rest, the chiller's setpoint never reached.
 
     The equations are put together here from the list of paths, solved by linear algebra with the
@@ -92,7 +92,7 @@ def test_the_steady_state_is_that_of_the_linear_equations() -> None:
     np.testing.assert_allclose(hot.state[:-1], t, atol=1e-6)
 
 
-def test_the_probes_stand_follows_the_air_with_its_time_constant() -> None:
+def test_the_probes_stand_follows_the_air_with_its_time_constant():
     p = shop_parameters("mill01")
     net, lag = network(p), p.growth.paths.stand_lag
     hot = heated(net, at_rest(net, 20.0), _course(np.zeros(round(lag)), air=25.0), p)
@@ -101,7 +101,7 @@ def test_the_probes_stand_follows_the_air_with_its_time_constant() -> None:
 
 
 @MACHINES
-def test_a_finer_step_changes_growth_by_less_than_a_hundredth(machine: str) -> None:
+def test_a_finer_step_changes_growth_by_less_than_a_hundredth(machine):
     p, course = shop_parameters(machine), _varied(10800)
     net = network(p)
     coarse, fine = (
@@ -112,7 +112,7 @@ def test_a_finer_step_changes_growth_by_less_than_a_hundredth(machine: str) -> N
 
 
 @MACHINES
-def test_growth_at_top_speed_is_some_tens_of_micrometres(machine: str) -> None:
+def test_growth_at_top_speed_is_some_tens_of_micrometres(machine):
     p = shop_parameters(machine)
     net, course = network(p), _course(slewed(np.full(4 * 3600, TOP), 3500.0))
     growth = _growth(p, heated(net, at_rest(net, 20.0), course, p), course.speed)
@@ -121,7 +121,7 @@ def test_growth_at_top_speed_is_some_tens_of_micrometres(machine: str) -> None:
     assert growth.argmax() < len(growth) - 1
 
 
-def test_a_uniformly_warmer_machine_grows_by_its_lengths() -> None:
+def test_a_uniformly_warmer_machine_grows_by_its_lengths():
     """Steel from the flange to the nose, cast iron of head less column, steel of the stand."""
     growth = shop_parameters("mill01").growth
     body, e = growth.body, growth.expansion
@@ -131,7 +131,7 @@ def test_a_uniformly_warmer_machine_grows_by_its_lengths() -> None:
     assert per_kelvin == pytest.approx(by_hand, rel=1e-9)
 
 
-def test_growth_by_speed_by_hand() -> None:
+def test_growth_by_speed_by_hand():
     """rho w^2 / E = 7850 * 1256.64^2 / 2.1e11 = 0.05903 1/m2 at 12 000 rev/min.
 
     Rings of r = 38 mm widen by 3.239 um; of that 0.3 / tan(18 deg) = 0.9233 becomes a shift of
@@ -144,7 +144,7 @@ def test_growth_by_speed_by_hand() -> None:
     assert whole == pytest.approx(4 * half)
 
 
-def test_a_tighter_bearing_makes_more_heat() -> None:
+def test_a_tighter_bearing_makes_more_heat():
     p = shop_parameters("mill01")
     loose = replace(p, growth=replace(
         p.growth, paths=replace(p.growth.paths, centrifugal_load=0.0)
@@ -168,6 +168,6 @@ def test_a_tighter_bearing_makes_more_heat() -> None:
         (lambda: Instruments(dead_from=27), "Instruments.dead_from = 27 must lie from 1 to 26"),
     ],
 )
-def test_values_that_do_not_fit_are_named(make, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_values_that_do_not_fit_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()

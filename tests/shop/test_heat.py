@@ -51,7 +51,7 @@ def _imbalance(before: np.ndarray, result: Heat) -> float:
     return float(result.generated - result.to_air - result.to_chiller - stored)
 
 
-def test_heat_made_is_heat_stored_or_carried_away() -> None:
+def test_heat_made_is_heat_stored_or_carried_away():
     start = state_at_rest(17.0)
     result = heat(start, _varied(36000), SPINDLE)
     # an edge that gave to one node what it did not take from the other would show as megajoules
@@ -59,14 +59,14 @@ def test_heat_made_is_heat_stored_or_carried_away() -> None:
     assert result.generated > 1e6 and result.to_chiller > 1e6
 
 
-def test_nothing_happens_at_rest_in_air_of_the_same_temperature() -> None:
+def test_nothing_happens_at_rest_in_air_of_the_same_temperature():
     inputs = _inputs(3600)._replace(power=np.zeros(3600, bool))
     result = heat(state_at_rest(20.0), inputs, SPINDLE)
     np.testing.assert_allclose(result.temperatures, 20.0, atol=1e-12)
     assert result.generated == 0.0
 
 
-def test_halving_the_step_halves_the_error() -> None:
+def test_halving_the_step_halves_the_error():
     """Explicit Euler is of first order.
 
     The chiller is kept out, since its switching has no derivative.
@@ -78,7 +78,7 @@ def test_halving_the_step_halves_the_error() -> None:
     assert ratio == pytest.approx(2.0, rel=0.1)
 
 
-def test_one_second_is_fine_enough() -> None:
+def test_one_second_is_fine_enough():
     inputs = _varied(7200)
     coarse, fine = (heat(state_at_rest(20.0), inputs, SPINDLE, n).temperatures for n in (1, 8))
     # 0.1 K is what the logger resolves; the chiller's water is left out, since its switching
@@ -87,19 +87,19 @@ def test_one_second_is_fine_enough() -> None:
     assert difference.max() < 0.1
 
 
-def test_holding_position_heats_the_winding_and_standing_does_not() -> None:
+def test_holding_position_heats_the_winding_and_standing_does_not():
     held = heat(state_at_rest(20.0), _inputs(7200, hold=True), SPINDLE).temperatures[-1]
     stood = heat(state_at_rest(20.0), _inputs(7200), SPINDLE).temperatures[-1]
     assert held[WINDING] - stood[WINDING] > 3.0
     assert stood[WINDING] - 20.0 < 3.0  # the chiller's water may be above the air
 
 
-def test_the_front_bearing_warms_faster_than_the_bed() -> None:
+def test_the_front_bearing_warms_faster_than_the_bed():
     result = heat(state_at_rest(20.0), _inputs(1800, speed=12000.0), SPINDLE).temperatures
     assert result[-1, FRONT] - 20 > 10 > 3 > result[-1, BED] - 20
 
 
-def test_a_weak_chiller_saturates() -> None:
+def test_a_weak_chiller_saturates():
     weak = SpindleParameters(chiller=ChillerParameters(capacity=200.0))
     hot, cool = (
         heat(state_at_rest(20.0), _inputs(14400, 12000.0, 4000.0), p).temperatures[-1]
@@ -110,7 +110,7 @@ def test_a_weak_chiller_saturates() -> None:
     assert hot[water] > weak.chiller.setpoint + 5
 
 
-def test_warm_oil_brakes_less() -> None:
+def test_warm_oil_brakes_less():
     slope, intercept = viscosity_line(22.0, 4.4)
     assert viscosity(40.0, slope, intercept) == pytest.approx(22.0, rel=1e-9)
     assert viscosity(100.0, slope, intercept) == pytest.approx(4.4, rel=1e-9)
@@ -121,7 +121,7 @@ def test_warm_oil_brakes_less() -> None:
     assert cold > 1.5 * warm
 
 
-def test_palmgrens_torque_by_hand() -> None:
+def test_palmgrens_torque_by_hand():
     """n = 10 000 rev/min, nu = 10 mm2/s, d_m = 80 mm, f0 = 2, no load.
 
     M0 = 1e-7 * 2 * (1e5)^(2/3) * 80^3 N mm = 220.6 N mm.
@@ -129,14 +129,14 @@ def test_palmgrens_torque_by_hand() -> None:
     assert friction_torque(1e4, 10.0, 0.0, 0.08, 2.0, 2e4) == pytest.approx(0.22062, rel=1e-4)
 
 
-def test_lubricant_torque_grows_with_two_thirds_power() -> None:
+def test_lubricant_torque_grows_with_two_thirds_power():
     a, b = (friction_torque(n, 20.0, 0.0, 0.08, 1.0, 2e4) for n in (2000.0, 16000.0))
     assert b / a == pytest.approx(4.0, rel=1e-9)
     low = [friction_torque(n, 20.0, 0.0, 0.08, 1.0, 2e4) for n in (1.0, 99.0)]
     assert low[0] == low[1]  # nu n < 2000
 
 
-def test_motor_at_its_rated_point_and_in_field_weakening() -> None:
+def test_motor_at_its_rated_point_and_in_field_weakening():
     assert copper_share(1.0, 1.0, 0.5) == pytest.approx(1.0)
     assert flux(1000.0, 2500.0) == 1.0
     assert flux(10000.0, 2500.0) == pytest.approx(0.25)

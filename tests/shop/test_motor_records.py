@@ -29,7 +29,7 @@ from .conftest import shop_parameters
 STATES = np.random.default_rng(4).uniform(-1, 1, (200, 7)) * [15, 15, 240, 3.0, 0, 300, 300]
 
 
-def test_electric_power_is_heat_field_and_work() -> None:
+def test_electric_power_is_heat_field_and_work():
     """1.5 (u i) = 1.5 R i^2 + d/dt 1.5 (L_d i_d^2 + L_q' i_q^2)/2 + T w, to rounding."""
     m = _machine(Drives().x)._replace(lost_voltage=0.0, viscous=0.0, coulomb=0.0)
     for i_d, i_q, speed, angle, _, u_d, u_q in STATES.tolist():
@@ -42,7 +42,7 @@ def test_electric_power_is_heat_field_and_work() -> None:
         assert given == pytest.approx(heat + field + work, abs=1e-9 * (abs(given) + 1000))
 
 
-def test_the_dead_time_takes_power_and_is_gone_without_current() -> None:
+def test_the_dead_time_takes_power_and_is_gone_without_current():
     m = _machine(Drives().x)
     free = m._replace(lost_voltage=0.0)
     for i_d, i_q, speed, angle, _, u_d, u_q in STATES.tolist():
@@ -59,7 +59,7 @@ def test_the_dead_time_takes_power_and_is_gone_without_current() -> None:
     assert still[:2] == pytest.approx((5.0 / m.inductance_d, 7.0 / m.inductance_q))
 
 
-def test_currents_go_as_another_solver_goes() -> None:
+def test_currents_go_as_another_solver_goes():
     """SciPy's solver with the recorded voltages, period for period, finds the recorded state.
 
     1e-8 A: of Runge-Kutta steps of 20 us with time constants of 8 ms; without the dead time, whose
@@ -81,7 +81,7 @@ def test_currents_go_as_another_solver_goes() -> None:
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_at_steady_speed_the_voltages_are_those_of_the_equations(machine: str) -> None:
+def test_at_steady_speed_the_voltages_are_those_of_the_equations(machine):
     """u_q = R i_q + w (L_d i_d + flux) and u_d = R i_d - w L_q i_q, but for the dead time.
 
     Means of the last tenths before each change; the dead time takes 4/pi of its voltage at most.
@@ -104,7 +104,7 @@ def test_at_steady_speed_the_voltages_are_those_of_the_equations(machine: str) -
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_the_motor_is_the_one_of_the_axis(machine: str) -> None:
+def test_the_motor_is_the_one_of_the_axis(machine):
     """Torque for each ampere without i_d is the axis' torque constant; its limits are kept."""
     axis = shop_parameters(machine).drives.x
     out = speed_steps(axis)

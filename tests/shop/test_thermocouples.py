@@ -24,16 +24,14 @@ def rows(week: Simulated) -> tuple[list[datetime], np.ndarray]:
     return times, np.array(values)
 
 
-def test_a_row_each_ten_seconds_of_the_loggers_clock(
-    week: Simulated, rows: tuple[list[datetime], np.ndarray]
-) -> None:
+def test_a_row_each_ten_seconds_of_the_loggers_clock(week, rows):
     times, values = rows
     assert len(times) == week.truth["thermocouples"]["rows"]
     assert values.shape[1] == len(week.truth["thermocouples"]["channels"]) == 6
     assert {b - a for a, b in pairwise(times)} == {timedelta(seconds=10)}
 
 
-def test_one_file_a_day_with_names_and_units(week: Simulated) -> None:
+def test_one_file_a_day_with_names_and_units(week):
     p = week.parameters.logger
     files = sorted((week.folder / "thermocouples").glob("*.csv"))
     assert [f.stem for f in files] == [d["date"] for d in week.truth["days"]]
@@ -43,24 +41,20 @@ def test_one_file_a_day_with_names_and_units(week: Simulated) -> None:
     assert set(lines[7].split(separator)[1:]) == {"°C" if p.decimal == "," else "degC"}
 
 
-def test_blanks_and_spikes_are_as_told(
-    week: Simulated, rows: tuple[list[datetime], np.ndarray]
-) -> None:
+def test_blanks_and_spikes_are_as_told(week, rows):
     _, values = rows
     told = week.truth["thermocouples"]
     assert int(np.isnan(values).sum()) == told["blank_cells"] > 0
     assert int((values > 1000).sum()) == len(told["spikes"]) > 0
 
 
-def test_values_are_quantised_to_a_tenth(rows: tuple[list[datetime], np.ndarray]) -> None:
+def test_values_are_quantised_to_a_tenth(rows):
     good = rows[1][np.isfinite(rows[1])]
     np.testing.assert_allclose(good * 10, np.round(good * 10), atol=1e-6)
     assert np.abs(np.diff(rows[1][:, 3]))[np.isfinite(np.diff(rows[1][:, 3]))].min() == 0.0
 
 
-def test_the_clock_is_off_by_what_is_told(
-    week: Simulated, rows: tuple[list[datetime], np.ndarray]
-) -> None:
+def test_the_clock_is_off_by_what_is_told(week, rows):
     """A spike's place in the file, taken back through the stated clock, is its true time."""
     times, values = rows
     told = week.truth["thermocouples"]
@@ -75,9 +69,7 @@ def test_the_clock_is_off_by_what_is_told(
         assert abs((a - expected).total_seconds()) < 0.01
 
 
-def test_bearings_follow_the_work_and_the_weekend_is_cold(
-    week: Simulated, rows: tuple[list[datetime], np.ndarray]
-) -> None:
+def test_bearings_follow_the_work_and_the_weekend_is_cold(week, rows):
     times, values = rows
     values = np.where(values > 1000, np.nan, values)
     weekday = np.array([t.weekday() for t in times])

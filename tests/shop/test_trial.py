@@ -31,8 +31,8 @@ def way_of(text: str, job: TrialJob = JOB, machine: ShopParameters = MACHINE) ->
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
 @pytest.mark.parametrize("each", [3, pytest.param(1, marks=pytest.mark.proof)])
 def test_a_program_read_from_its_text_takes_the_time_of_the_steps_it_was_written_with(
-    machine: str, each: int
-) -> None:
+    machine, each
+):
     """Facing, contours, pockets, chords, drilling with and without pecks; 1 us of rounding.
 
     Of each third program, or of all.
@@ -50,7 +50,7 @@ def test_a_program_read_from_its_text_takes_the_time_of_the_steps_it_was_written
         assert took[1] == pytest.approx(took[0], abs=1e-6 * len(program.steps)), program.name
 
 
-def test_axes_lag_by_feed_over_gain_and_round_corners() -> None:
+def test_axes_lag_by_feed_over_gain_and_round_corners():
     """A ramp's lag behind a first-order lag is v / k; sampled at 2 ms it is v (1/k - dt/2)."""
     way = way_of(f"{HEAD}G1 Z-1 F3000\nX35\nY40\nG0 Z5\nM30\n")
     k, dt, v = MACHINE.control.position_gain, MACHINE.control.cycle, 50.0
@@ -62,7 +62,7 @@ def test_axes_lag_by_feed_over_gain_and_round_corners() -> None:
     assert 0.02 < near < v / k
 
 
-def test_arcs_are_circles_and_helices_go_down_with_the_angle() -> None:
+def test_arcs_are_circles_and_helices_go_down_with_the_angle():
     """At a feed so slow that the lag (v / k = 30 um) shrinks the radius by less than 0.1 um."""
     way = way_of(f"{HEAD}G0 X25\nG1 Z0 F60\nG3 X25 Y15 Z-2 I-5 J0 F60\nG0 Z5\nM30\n")
     arc = way.tip[way.line == 6][1:]
@@ -73,7 +73,7 @@ def test_arcs_are_circles_and_helices_go_down_with_the_angle() -> None:
     assert slope == pytest.approx(-2 / (2 * np.pi), rel=1e-4)
 
 
-def test_a_slot_takes_its_own_area_and_each_cell_when_the_tool_reaches_it() -> None:
+def test_a_slot_takes_its_own_area_and_each_cell_when_the_tool_reaches_it():
     """Area of half a disc and a strip to a cell's width along its edge; ways to two cells."""
     its = prepare(SLOT, "P", JOB, MACHINE).swept
     r, cell, reach = 3.0, its.cell, 30.0
@@ -92,7 +92,7 @@ def slot_cut(job: TrialJob, seed: int) -> Trial:
     return trial(prepare(SLOT, "P", job, MACHINE), job, MACHINE, seed)
 
 
-def test_the_same_seed_is_the_same_part_and_another_one_is_not() -> None:
+def test_the_same_seed_is_the_same_part_and_another_one_is_not():
     one, again = (slot_cut(JOB, 7) for _ in range(2))
     assert one == again
     its = prepare(SLOT, "P", JOB, MACHINE)
@@ -101,7 +101,7 @@ def test_the_same_seed_is_the_same_part_and_another_one_is_not() -> None:
     assert other.peak_load_N != one.peak_load_N and other.time_s != one.time_s
 
 
-def test_parts_scatter_as_they_are_said_to() -> None:
+def test_parts_scatter_as_they_are_said_to():
     """2000 draws: standard errors are 1.6 % of a deviation, 2 % of Rayleigh's mean."""
     random = np.random.default_rng(5)
     parts = [chance(JOB, MACHINE, random) for _ in range(2000)]
@@ -116,14 +116,14 @@ def test_parts_scatter_as_they_are_said_to() -> None:
     assert all(0 <= p.used[1] <= 15 for p in parts)
 
 
-def test_a_trial_has_the_time_and_the_peak_of_each_line() -> None:
+def test_a_trial_has_the_time_and_the_peak_of_each_line():
     found = slot_cut(JOB, 1)
     assert found.peak_line == 5 and found.peak_load_N == found.peaks_N[5] > 30
     assert min(found.peaks_N.values()) == 0 and list(found.peaks_N) == sorted(found.peaks_N)
     assert slot_cut(replace(JOB, limit_load_N=500.0), 1).peaks_N == found.peaks_N
 
 
-def test_trials_cut_the_same_parts_before_and_after() -> None:
+def test_trials_cut_the_same_parts_before_and_after():
     slower = SLOT.replace("F300", "F150")
     found = trials(SLOT, slower, replace(JOB, limit_load_N=60.0), MACHINE, range(3))
     assert found["seeds"] == 3 and found["before"]["above"] == 3
@@ -147,12 +147,12 @@ def test_trials_cut_the_same_parts_before_and_after() -> None:
         (f"T7 M6\n{SLOT}", "P:6 goes into the blank with tool 7, which the job does not have"),
     ],
 )  # fmt: skip
-def test_what_the_mill_cannot_do_is_said_with_its_line(text: str, message: str) -> None:
+def test_what_the_mill_cannot_do_is_said_with_its_line(text, message):
     with pytest.raises(ValueError, match=message):
         prepare(text, "P", JOB, MACHINE)
 
 
-def test_what_is_no_job_is_refused() -> None:
+def test_what_is_no_job_is_refused():
     for changes, message in (
         ({"blank": (0.0, 0.0, 0.0, 1.0, 0.0, 1.0)}, "TrialJob.blank"),
         ({"limit_load_N": 0.0}, "TrialJob.limit_load_N = 0.0 N must be finite and positive"),

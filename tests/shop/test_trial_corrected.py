@@ -51,7 +51,7 @@ def circle(machine: str, share: float) -> Columns:
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_without_a_correction_all_is_left(machine: str, tmp_path: Path) -> None:
+def test_without_a_correction_all_is_left(machine, tmp_path):
     """The same noise before and after: not a bit of difference."""
     table = write(tmp_path / "a.csv", circle(machine, 0.0))
     found = drive_corrected(table, MACHINES[machine], 1)
@@ -64,7 +64,7 @@ def test_without_a_correction_all_is_left(machine: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_what_the_axes_lack_is_taken_back(machine: str, tmp_path: Path) -> None:
+def test_what_the_axes_lack_is_taken_back(machine, tmp_path):
     """The lag of a constant speed goes away; added twice it comes back with the other sign."""
     shop = MACHINES[machine]
     for share, least, most in ((1.0, 0.0, 0.2), (2.0, 0.8, 1.2), (-1.0, 1.8, 2.2)):
@@ -78,7 +78,7 @@ def test_what_the_axes_lack_is_taken_back(machine: str, tmp_path: Path) -> None:
     assert found["axes"]["X"]["measured"]["before"]["max_um"] == pytest.approx(lag, rel=0.1)
 
 
-def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path: Path) -> None:
+def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path):
     """The play of the sibling's screw stands between its motor's encoder and the carriage."""
     for machine, least in (("mill01", 0.0), ("mill02", 1.0)):
         found = drive_corrected(
@@ -89,7 +89,7 @@ def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path: P
         assert least <= abs(apart) < least + (0.1 if least == 0 else 20)
 
 
-def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path: Path) -> None:
+def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path):
     """4 ms between rows and 2 ms between rows are the same smooth motion."""
     way = travel([Move(length=20.0, speed=25.0)], SHOP.control.path_bounds, 2000) - 250
     found = []
@@ -102,7 +102,7 @@ def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path:
     assert one["before"]["rms_um"] == pytest.approx(other["before"]["rms_um"], rel=0.01)
 
 
-def test_distance_from_a_path_counts_across_it_alone() -> None:
+def test_distance_from_a_path_counts_across_it_alone():
     angle = np.linspace(0, np.pi, 2000)
     path = 10 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     path = np.concatenate([path[:1], path, path[-1:]])  # standstill before and after
@@ -116,7 +116,7 @@ def test_distance_from_a_path_counts_across_it_alone() -> None:
     assert alone.distance(np.array([[1.0, 3.0]])) == pytest.approx([3.0])
 
 
-def test_over_seeds_each_number_has_a_spread(tmp_path: Path) -> None:
+def test_over_seeds_each_number_has_a_spread(tmp_path):
     table = write(tmp_path / "a.csv", circle("mill01", 0.5))
     found = corrected_trials(table, SHOP, range(2))
     alone = [drive_corrected(table, SHOP, seed)["path"]["measured"] for seed in range(2)]
@@ -147,9 +147,7 @@ GOOD: Columns = {
         (GOOD | {"X_corrected": np.array([0, 0, np.inf, 0])}, "row 3: X_corrected = inf"),
     ],
 )
-def test_a_table_that_cannot_be_driven_is_one_sentence(
-    columns: Columns, words: str, tmp_path: Path
-) -> None:
+def test_a_table_that_cannot_be_driven_is_one_sentence(columns, words, tmp_path):
     with pytest.raises(ValueError, match=words) as error:
         drive_corrected(write(tmp_path / "a.csv", columns), SHOP, 1)
     assert "a.csv" in str(error.value) and "\n" not in str(error.value)
@@ -165,13 +163,13 @@ def test_a_table_that_cannot_be_driven_is_one_sentence(
         ("t;X;X_corrected\n0;0;0\n0,1;0;0\n", "has the columns t;X;X_corrected"),
     ],
 )
-def test_a_text_that_is_no_table_is_one_sentence(text: str, words: str, tmp_path: Path) -> None:
+def test_a_text_that_is_no_table_is_one_sentence(text, words, tmp_path):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ValueError, match=words):
         drive_corrected(tmp_path / "a.csv", SHOP, 1)
 
 
-def test_the_stage_drives_every_table_of_a_folder(tmp_path: Path) -> None:
+def test_the_stage_drives_every_table_of_a_folder(tmp_path):
     machine = yaml.safe_load((CONF / "mill01.yaml").read_text())
     (tmp_path / "params.yaml").write_text(
         yaml.safe_dump({"machine": {"mill01": {"shop": machine}}})

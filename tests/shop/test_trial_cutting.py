@@ -65,7 +65,7 @@ def straight(tool: EndMill, immersion: str, width: float, feed: float, speed: fl
 @pytest.mark.parametrize("tool", [EVEN, OFFSET, HELIX], ids=["plain", "offset", "helix"])
 @pytest.mark.parametrize(("immersion", "share"), [("slot", 1), ("up", 0.5), ("down", 0.5),
                                                   ("up", 0.1), ("down", 0.1)])  # fmt: skip
-def test_a_straight_cut_is_a_straight_pass(tool: EndMill, immersion: str, share: float) -> None:
+def test_a_straight_cut_is_a_straight_pass(tool, immersion, share):
     """1 % of the peak: steps of 3 degrees, slices of 0.25 mm, walls known to half a cell."""
     width, feed, r = share * tool.diameter, 300.0, tool.diameter / 2
     y = {"slot": 15.0, "up": 30.0 - width + r, "down": width - r}[immersion]
@@ -74,7 +74,7 @@ def test_a_straight_cut_is_a_straight_pass(tool: EndMill, immersion: str, share:
     assert found[6] == pytest.approx(expected, rel=0.01)
 
 
-def test_an_inside_corner_loads_the_tool_more_than_the_walls_beside_it() -> None:
+def test_an_inside_corner_loads_the_tool_more_than_the_walls_beside_it():
     """0.3 mm along two walls of a frame that was slotted before; the corner has its own lines."""
     frame = "G0 X8 Y8\nG1 Z-1 F200\nX32 F300\nY22\nG0 Z5\n"
     walls = "G0 X8 Y7.7\nG1 Z-1 F200\nX26 F300\nX32.3\nY14\nY18\nG0 Z5"
@@ -85,7 +85,7 @@ def test_an_inside_corner_loads_the_tool_more_than_the_walls_beside_it() -> None
     assert wall < 0.85 * slot and found[12] == pytest.approx(slot, rel=0.02)
 
 
-def test_what_was_cut_before_is_cut_no_more() -> None:
+def test_what_was_cut_before_is_cut_no_more():
     """A second pass along the first, with teeth that are alike, finds nothing."""
     way = "G0 Y15\nG1 Z-1 F200\nX45 F300\nG0 Z5\nX-20\n"
     found = loads(2 * way, EVEN)
@@ -94,14 +94,14 @@ def test_what_was_cut_before_is_cut_no_more() -> None:
     assert deeper[11] == pytest.approx(found[6] / 2, rel=0.02)
 
 
-def test_an_open_arc_is_cut_like_the_line_that_it_nearly_is() -> None:
+def test_an_open_arc_is_cut_like_the_line_that_it_nearly_is():
     """On a radius of 12 mm the chip is that of the slot: the tool's centre moves at the feed."""
     found = loads("G0 X5 Y15\nG1 Z-1 F300\nX8\nG2 X32 Y15 I12 J0\nG0 Z5", EVEN)
     expected = straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0)
     assert found[7] == pytest.approx(expected, rel=0.02)
 
 
-def test_the_load_goes_with_the_depth_and_the_chip() -> None:
+def test_the_load_goes_with_the_depth_and_the_chip():
     way = "G0 Y15\nG1 Z-1 F200\nX45 F300\nG0 Z5"
     one = loads(way, EVEN)[6]
     assert loads(way.replace("Z-1", "Z-2"), EVEN)[6] == pytest.approx(2 * one, rel=1e-3)
@@ -109,7 +109,7 @@ def test_the_load_goes_with_the_depth_and_the_chip() -> None:
     assert loads(way.replace("F300", "F500"), EVEN)[6] == pytest.approx(fast, rel=0.01)
 
 
-def test_a_ramp_reaches_the_load_of_its_depth_little_by_little() -> None:
+def test_a_ramp_reaches_the_load_of_its_depth_little_by_little():
     """Layers of a quarter of a millimetre, each cut from where the tip stands in it."""
     found = loads("G0 X0 Y15\nG1 Z0 F300\nX40 Z-1\nG0 Z5", EVEN, blank=(-30.0, 80.0, 0, 30, -5, 0))
     whole = straight(EVEN, "slot", 6.0, 300.0, 5000.0, 1.0)
@@ -118,14 +118,14 @@ def test_a_ramp_reaches_the_load_of_its_depth_little_by_little() -> None:
     assert half[6] == pytest.approx(whole / 2, rel=0.04)
 
 
-def test_where_the_blank_ends_the_cut_ends() -> None:
+def test_where_the_blank_ends_the_cut_ends():
     found = loads("G0 Y15\nG1 Z-1 F200\nX-4 F300\nG0 Z5\nX46\nG1 Z-1\nX50\nG0 Z5", EVEN)
     assert not any(found.values())
 
 
 @settings(max_examples=12, deadline=None)
 @given(turned=st.floats(0, 2 * pi))
-def test_the_load_does_not_ask_where_the_way_points(turned: float) -> None:
+def test_the_load_does_not_ask_where_the_way_points(turned):
     """A slot and a shoulder of a quarter beside it, up and back down, 12 mm through a wide blank.
 
     1.5 %: cells are squares, and the shoulder's wall is known to a cell.
@@ -142,7 +142,7 @@ def test_the_load_does_not_ask_where_the_way_points(turned: float) -> None:
     assert found[10] == pytest.approx(straight(EVEN, "down", 1.5, 300.0, 5000.0, 1.0), rel=0.015)
 
 
-def test_chips_on_a_bent_way_are_those_of_true_paths() -> None:
+def test_chips_on_a_bent_way_are_those_of_true_paths():
     """Against a root finder on the ways of all earlier teeth about a centre that turns.
 
     The centre goes 0.25 mm a turn on a radius of 2 mm; 0.1 um of chips of 20 um and more: between

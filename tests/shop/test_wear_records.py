@@ -4,7 +4,6 @@ import csv
 from collections import Counter
 from dataclasses import replace
 from math import pi
-from pathlib import Path
 from typing import Any
 
 import cattrs
@@ -71,7 +70,7 @@ def even(tool: WornTool) -> WornTool:
 
 
 @MACHINES
-def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine: str) -> None:
+def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine):
     """Rates of the mean land in the first minutes, in the middle and from 180 um on."""
     wear = shop_parameters(machine).wear
     plan = wear.lives[0]
@@ -85,7 +84,7 @@ def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine: str) ->
 
 
 @MACHINES
-def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine: str) -> None:
+def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine):
     """Life over speed in a log-log line: 1/n of 2 to 6 (ISO 3685, carbide: n of 0.15 to 0.5)."""
     wear = shop_parameters(machine).wear
     plan = wear.lives[0]
@@ -99,7 +98,7 @@ def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine: str) -> No
     assert 2.0 < np.log(lasting[0] / lasting[1]) / np.log(1.2 / 0.9) < 6.0
 
 
-def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more() -> None:
+def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more():
     wear = shop_parameters("mill01").wear
     cutter = wear.cutter(wear.lives[0])
     tool = new_tool(cutter, wear.rate, generator())
@@ -111,7 +110,7 @@ def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more() -> None:
     assert loads.mean() == pytest.approx(1.0, abs=1e-9)  # radii close round the circle
 
 
-def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot() -> None:
+def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot():
     """By hand: over a slot N a / pi times the radial edge force along -x, the tangential along y.
 
     Ploughing is whole under all but the thinnest chips, hence 4 % of tolerance.
@@ -133,7 +132,7 @@ def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot() -> None
     assert more[Y] == pytest.approx(pressure * wear.workpiece.flank_friction, rel=0.04)
 
 
-def test_records_have_their_columns_units_and_length(lives: Simulated) -> None:
+def test_records_have_their_columns_units_and_length(lives):
     sensors = lives.parameters.wear.sensors
     for told in (f for tool in lives.truth["tools"] for f in tool["files"]):
         schema = pq.read_schema(lives.folder / told["file"])
@@ -145,7 +144,7 @@ def test_records_have_their_columns_units_and_length(lives: Simulated) -> None:
         assert rows == whole if told["window"] == "inside" else rows > whole
 
 
-def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives: Simulated) -> None:
+def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives):
     rows = listed(lives)
     told = [f for tool in lives.truth["tools"] for f in tool["files"]]
     assert [r["File"] for r in rows] == [f["file"] for f in told]
@@ -157,7 +156,7 @@ def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives: S
         assert minutes == sorted(minutes) and minutes[0] > 0
 
 
-def test_a_channel_without_its_plug_shows_next_to_nothing(lives: Simulated) -> None:
+def test_a_channel_without_its_plug_shows_next_to_nothing(lives):
     sensors = lives.parameters.wear.sensors
     files = lives.truth["tools"][0]["files"]
     level = []
@@ -170,7 +169,7 @@ def test_a_channel_without_its_plug_shows_next_to_nothing(lives: Simulated) -> N
 
 
 @MACHINES
-def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(machine: str) -> None:
+def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(machine):
     parameters = shop_parameters(machine)
     wear, errors, counts = parameters.wear, [], []
     for plan in wear.lives:
@@ -189,7 +188,7 @@ def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(mach
 
 
 @MACHINES
-def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine: str) -> None:
+def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine):
     from fnmatch import fnmatchcase
 
     conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
@@ -207,9 +206,7 @@ def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine: str) -
         assert {c for p in side for c in p.cuts} == {c.name for c in wear.cuts}
 
 
-def test_ingest_keeps_every_row_with_its_unit_and_the_list(
-    lives: Simulated, tmp_path: Path
-) -> None:
+def test_ingest_keeps_every_row_with_its_unit_and_the_list(lives, tmp_path):
     machine = lives.parameters.machine
     conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
     sources = cattrs.structure(conf["records"], list[RecordSource])
@@ -236,7 +233,7 @@ def test_ingest_keeps_every_row_with_its_unit_and_the_list(
     assert read_um == told_um
 
 
-def test_a_life_with_an_unknown_cut_is_refused() -> None:
+def test_a_life_with_an_unknown_cut_is_refused():
     wear = Wear()
     strange = replace(wear.lives[0], cuts=("boring",))
     with pytest.raises(ValueError, match="T21 has 'boring', which is none of slot roughing"):

@@ -42,21 +42,21 @@ def run(reference: Floats | None, error: Floats, **changes) -> Run:
     return Run(name="a", file="a", group="a", sha256="a", period=PERIOD, axes={"X": axis})
 
 
-def test_speed_and_acceleration_of_a_parabola_are_exact() -> None:
+def test_speed_and_acceleration_of_a_parabola_are_exact():
     found = before_motion(0.3 + 0.02 * T - 0.7 * T**2, PERIOD, None, None)
     np.testing.assert_allclose(found["speed"], 0.02 - 1.4 * T, rtol=0, atol=1e-9)
     np.testing.assert_allclose(found["acceleration"], -1.4, rtol=0, atol=1e-6)
 
 
 @pytest.mark.parametrize("rows", range(1, 8))
-def test_a_command_of_a_few_samples_has_features(rows: int) -> None:
+def test_a_command_of_a_few_samples_has_features(rows):
     found = before_motion(0.5 * T[:rows], PERIOD, None, 5.0)
     assert {len(values) for values in found.values()} == {rows}
     assert all(np.isfinite(values).all() for values in found.values())
     assert found["speed"][-1] == pytest.approx(0.5 if rows >= 3 else 0.0)
 
 
-def test_the_way_since_a_reversal_has_the_sign_of_the_motion() -> None:
+def test_the_way_since_a_reversal_has_the_sign_of_the_motion():
     reference = there_and_back()
     found = before_motion(reference, PERIOD, None, None)["since reversal"]
     turn = 50 + 25
@@ -71,7 +71,7 @@ def test_the_way_since_a_reversal_has_the_sign_of_the_motion() -> None:
     assert found[-1] == found[turn + 28]  # at rest it stays what it was
 
 
-def test_regimes_of_a_stroke() -> None:
+def test_regimes_of_a_stroke():
     speed = np.concatenate([
         np.zeros(100), np.linspace(0, 0.05, 100), np.full(100, 0.05), np.linspace(0.05, -0.05, 200),
         np.full(100, -0.05),
@@ -86,19 +86,19 @@ def test_regimes_of_a_stroke() -> None:
 
 
 @pytest.mark.parametrize("forward", [0.0, 0.6])
-def test_a_recording_that_begins_in_motion_has_the_steady_error_at_once(forward: float) -> None:
+def test_a_recording_that_begins_in_motion_has_the_steady_error_at_once(forward):
     """e = v (1 - f_v) / (S_pp P_p)."""
     speed = 0.03
     error, _ = modelled_following("X", 0.1 + speed * T, PERIOD, drive(forward))
     np.testing.assert_allclose(error, speed * (1 - forward) / 60.0, rtol=2e-3)
 
 
-def test_a_recording_that_begins_at_rest_has_no_error_there() -> None:
+def test_a_recording_that_begins_at_rest_has_no_error_there():
     error, _ = modelled_following("X", there_and_back(), PERIOD, drive())
     assert np.abs(error[:49]).max() < 1e-9 < 1e-5 < np.abs(error).max()
 
 
-def test_what_is_learnt_is_measured_less_modelled() -> None:
+def test_what_is_learnt_is_measured_less_modelled():
     reference = there_and_back()
     modelled, _ = modelled_following("X", reference, PERIOD, drive())
     wrong = 1e-6 * np.arange(len(reference))
@@ -109,13 +109,13 @@ def test_what_is_learnt_is_measured_less_modelled() -> None:
     np.testing.assert_allclose(np.diff(found.time), 0.004)
 
 
-def test_the_place_in_a_turn_of_the_screw() -> None:
+def test_the_place_in_a_turn_of_the_screw():
     found = before_motion(np.array([0.0, 0.0025, 0.01, 0.0175]), PERIOD, None, 10.0)
     np.testing.assert_allclose(found["screw sine"], [0, 1, 0, -1], atol=1e-12)
     np.testing.assert_allclose(found["screw cosine"], [1, 0, 1, 0], atol=1e-12)
 
 
-def test_samples_beside_a_missing_one_are_not_known() -> None:
+def test_samples_beside_a_missing_one_are_not_known():
     filled = np.zeros(100, bool)
     filled[40] = True
     found = features_of(
@@ -124,7 +124,7 @@ def test_samples_beside_a_missing_one_are_not_known() -> None:
     assert np.flatnonzero(~found.known).tolist() == [39, 40, 41]
 
 
-def test_nothing_measured_is_an_input_before_the_motion() -> None:
+def test_nothing_measured_is_an_input_before_the_motion():
     found = [Made(0).features, Made(1).features]
     names = [one.name for one in inputs_of(found, None)]
     assert names == [*COMMANDED, *MODELLED]
@@ -132,14 +132,14 @@ def test_nothing_measured_is_an_input_before_the_motion() -> None:
     assert all(one.older_than_s is None for one in inputs_of(found, None))
 
 
-def test_an_estimation_sees_what_is_older_than_its_horizon() -> None:
+def test_an_estimation_sees_what_is_older_than_its_horizon():
     found = inputs_of([Made(0).features], 0.02)
     aged = {one.name: one.older_than_s for one in found if one.name in MEASURED}
     assert aged == {RESIDUAL: 0.02, TORQUE: 0.02}
     assert {one.name for one in found if one.older_than_s is None} == {*COMMANDED, *MODELLED}
 
 
-def test_inputs_are_those_that_all_recordings_have() -> None:
+def test_inputs_are_those_that_all_recordings_have():
     reference = there_and_back()
     error = np.zeros(len(reference))
     rich = features_of(

@@ -39,7 +39,7 @@ def runs_of(folder: Path, tables: dict[str, pd.DataFrame], **changes) -> dict[st
     return {run.name: run for run in found}
 
 
-def test_columns_tell_parts_of_a_table_apart(tmp_path: Path) -> None:
+def test_columns_tell_parts_of_a_table_apart(tmp_path):
     whole = pd.concat([cut(0, 1.0, 0), cut(1, 2.0, 0), cut(2, 2.0, 1)], ignore_index=True)
     whole["t"] = PERIOD * np.arange(len(whole))
     found = runs_of(tmp_path, {"a": whole}, parts=("tool", "split"), group="tool")
@@ -53,7 +53,7 @@ def test_columns_tell_parts_of_a_table_apart(tmp_path: Path) -> None:
         np.testing.assert_allclose(reference, parabola(k)["x_command"], atol=1e-12)
 
 
-def test_parts_without_a_group_belong_to_themselves(tmp_path: Path) -> None:
+def test_parts_without_a_group_belong_to_themselves(tmp_path):
     whole = pd.concat([cut(0, 1.0, 0), cut(1, 2.0, 0)], ignore_index=True)
     whole["t"] = PERIOD * np.arange(len(whole))
     found = runs_of(tmp_path, {"a": whole}, parts=("tool",))
@@ -61,7 +61,7 @@ def test_parts_without_a_group_belong_to_themselves(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("beside", [True, False])
-def test_a_part_has_the_hash_of_its_samples_in_whatever_file(tmp_path: Path, beside: bool) -> None:
+def test_a_part_has_the_hash_of_its_samples_in_whatever_file(tmp_path, beside):
     """Also where it is all that its file holds."""
     first = pd.concat([cut(0, 1.0, 0), cut(1, 2.0, 0)], ignore_index=True)
     first["t"] = PERIOD * np.arange(len(first))
@@ -73,13 +73,13 @@ def test_a_part_has_the_hash_of_its_samples_in_whatever_file(tmp_path: Path, bes
     assert found["feed/b.csv#tool=9"].sha256 == other.sha256
 
 
-def test_a_column_of_parts_that_is_missing_is_said(tmp_path: Path) -> None:
+def test_a_column_of_parts_that_is_missing_is_said(tmp_path):
     (run,) = runs_of(tmp_path, {"a": parabola()}, parts=("tool",)).values()
     assert not run.axes
     assert "'tool'" in run.lacking["X"] and "compensation_records.parts" in run.lacking["X"]
 
 
-def test_the_end_of_a_training_recording_is_a_recording_of_its_own(tmp_path: Path) -> None:
+def test_the_end_of_a_training_recording_is_a_recording_of_its_own(tmp_path):
     found = runs_of(
         tmp_path, {"a": parabola(), "b": parabola(1.0)}, last_share=0.25,
         training=lambda name, file: file == "feed/a.csv",
@@ -96,7 +96,7 @@ def test_the_end_of_a_training_recording_is_a_recording_of_its_own(tmp_path: Pat
     np.testing.assert_allclose(reference, parabola()["x_command"][150:], atol=1e-12)
 
 
-def test_a_training_recording_with_a_gap_gives_an_end_too(tmp_path: Path) -> None:
+def test_a_training_recording_with_a_gap_gives_an_end_too(tmp_path):
     broken = parabola().drop(index=range(90, 110))
     found = runs_of(
         tmp_path, {"a": broken}, last_share=0.25, training=lambda name, file: file == "feed/a.csv"
@@ -106,7 +106,7 @@ def test_a_training_recording_with_a_gap_gives_an_end_too(tmp_path: Path) -> Non
     ]  # fmt: skip
 
 
-def test_a_missing_channel_takes_its_axis_alone(tmp_path: Path) -> None:
+def test_a_missing_channel_takes_its_axis_alone(tmp_path):
     other = ErrorChannels(
         reference=Channel(column="y_command", unit="m"),
         position=Channel(column="x_actual", unit="m"),
@@ -117,7 +117,7 @@ def test_a_missing_channel_takes_its_axis_alone(tmp_path: Path) -> None:
     assert "'y_command'" in run.lacking["Y"]
 
 
-def test_a_gap_makes_two_recordings(tmp_path: Path) -> None:
+def test_a_gap_makes_two_recordings(tmp_path):
     broken = parabola().drop(index=range(90, 110))
     found = runs_of(tmp_path, {"a": broken})
     assert list(found) == ["feed/a.csv (part 1)", "feed/a.csv (part 2)"]
@@ -128,7 +128,7 @@ def test_a_gap_makes_two_recordings(tmp_path: Path) -> None:
     assert not first.axes["X"].filled.any()
 
 
-def test_rows_that_are_missing_lie_on_a_curve_and_are_marked(tmp_path: Path) -> None:
+def test_rows_that_are_missing_lie_on_a_curve_and_are_marked(tmp_path):
     """A straight line is 2 * 0.5 * PERIOD^2 off in the middle of three."""
     (run,) = runs_of(tmp_path, {"a": parabola().drop(index=[50, 51, 52, 120])}).values()
     axis = run.axes["X"]
@@ -139,18 +139,18 @@ def test_rows_that_are_missing_lie_on_a_curve_and_are_marked(tmp_path: Path) -> 
     np.testing.assert_allclose(axis.error, 1e-5 * t + 3e-6 * t**2, rtol=0, atol=1e-12)
 
 
-def test_the_error_alone_is_enough(tmp_path: Path) -> None:
+def test_the_error_alone_is_enough(tmp_path):
     (run,) = runs_of(tmp_path, {"a": error_table(0)}, axes={"X": ALONE}).values()
     axis = run.axes["X"]
     assert axis.reference is None and axis.command is None
     np.testing.assert_array_equal(axis.error, error_table(0)["x_error"])
 
 
-def test_an_axis_names_its_error_or_both_positions() -> None:
+def test_an_axis_names_its_error_or_both_positions():
     with pytest.raises(ValueError, match="neither its error nor both"):
         ErrorChannels(reference=Channel(column="x_command"))
 
 
-def test_a_group_is_one_of_the_parts() -> None:
+def test_a_group_is_one_of_the_parts():
     with pytest.raises(ValueError, match="group = 'tool' is none of"):
         records(group="tool", parts=("split",))

@@ -103,9 +103,7 @@ def _named(model: GrowthModel, made: Seeded, one: Profile) -> bool:
 
 
 @pytest.mark.proof
-def test_a_sensor_that_jumps_in_half_of_the_recordings_is_named_and_serves_no_more(
-    exposed: list[Measured],
-) -> None:
+def test_a_sensor_that_jumps_in_half_of_the_recordings_is_named_and_serves_no_more(exposed):
     good = []
     for seed in range(SEEDS):
         made = seeded(exposed, seed)

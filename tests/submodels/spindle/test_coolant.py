@@ -28,7 +28,7 @@ def days(truth: SpindleThermalParameters, count: int = 6):
     return found
 
 
-def test_a_spindle_that_the_coolant_cools_gets_its_sink() -> None:
+def test_a_spindle_that_the_coolant_cools_gets_its_sink():
     truth = SpindleThermalParameters(
         heating=ONE.heating, cooling_rate=1 / 1500, coolant_rate=1 / 1200, ambient=24.0
     )
@@ -37,14 +37,14 @@ def test_a_spindle_that_the_coolant_cools_gets_its_sink() -> None:
     assert scores["1 node with coolant"] < scores["1 node"]
 
 
-def test_a_coolant_that_does_nothing_is_no_sink() -> None:
+def test_a_coolant_that_does_nothing_is_no_sink():
     fit, scores = identify_spindle_network(days(ONE), RECORDS, QUICK)
     assert fit.parameters.coolant_rate == 0.0
     assert set(scores) == {"1 node", "1 node with coolant"}
 
 
 @pytest.mark.parametrize("nodes", [1, 2])
-def test_without_heat_all_nodes_end_between_air_and_coolant_by_their_rates(nodes: int) -> None:
+def test_without_heat_all_nodes_end_between_air_and_coolant_by_their_rates(nodes):
     more = {"coupling_rate": 1 / 300, "capacity_ratio": 0.5, "body_cooling_rate": 1 / 2000}
     p = SpindleThermalParameters(
         cooling_rate=1 / 2000 if nodes == 1 else 0.0, coolant_rate=1 / 1000, ambient=20.0,
@@ -57,7 +57,7 @@ def test_without_heat_all_nodes_end_between_air_and_coolant_by_their_rates(nodes
     np.testing.assert_allclose(still, 30.0, atol=1e-6)  # the body starts in balance too
 
 
-def test_a_sink_without_the_temperature_of_its_coolant_is_refused() -> None:
+def test_a_sink_without_the_temperature_of_its_coolant_is_refused():
     p = SpindleThermalParameters(cooling_rate=1e-3, coolant_rate=1e-3)
     with pytest.raises(ValueError, match=r"coolant_rate = 0\.001 1/s needs the coolant"):
         temperatures(np.zeros((3, len(SOURCES))), 20.0, p, 10.0)

@@ -27,7 +27,7 @@ HELD = SpindleRecords(position_control=True)
 DIRT = {"noise_K": 0.3, "whole_degrees": True, "gap": True}
 
 
-def test_clean_records_give_the_network_back() -> None:
+def test_clean_records_give_the_network_back():
     """No noise: only the optimiser's tolerance and the finite differences are left."""
     fit = fit_network(days_of(ONE, 1, 3), RECORDS, QUICK, ONE_NODE)
     assert fit.parameters.cooling_rate == pytest.approx(ONE.cooling_rate, rel=1e-4)
@@ -36,7 +36,7 @@ def test_clean_records_give_the_network_back() -> None:
         assert fit.parameters.heating[name] == pytest.approx(ONE.heating[name], rel=1e-2)
 
 
-def test_whole_degrees_noise_and_gaps_leave_a_few_percent() -> None:
+def test_whole_degrees_noise_and_gaps_leave_a_few_percent():
     """Ten days: the standard error of a coefficient is about 1 %, so 5 % is five of them."""
     pieces = days_of(ONE, 2, 10, **DIRT)
     problem = Problem(pieces, RECORDS, QUICK, list(ONE.heating), ONE_NODE)
@@ -47,7 +47,7 @@ def test_whole_degrees_noise_and_gaps_leave_a_few_percent() -> None:
         assert fit.parameters.heating[name] == pytest.approx(value, rel=0.05)
 
 
-def test_a_measured_ambient_gives_its_offset() -> None:
+def test_a_measured_ambient_gives_its_offset():
     truth = SpindleThermalParameters(heating=ONE.heating, cooling_rate=1 / 900, ambient_offset=2.5)
     ambient = 18 + 4 * np.sin(np.arange(360) / 60)
     records = SpindleRecords(ambient=True)
@@ -66,9 +66,7 @@ def test_a_measured_ambient_gives_its_offset() -> None:
         pytest.param(2, 50, 6, 0.78, marks=pytest.mark.proof),
     ],
 )
-def test_the_95_percent_interval_holds_the_truth(
-    nodes: int, seeds: int, days: int, least: float
-) -> None:
+def test_the_95_percent_interval_holds_the_truth(nodes, seeds, days, least):
     """At least 85 of 100: 95 of 100 less more than four standard deviations of the count.
 
     The noise is correlated and as large as soft L1's bend, so that an interval for independent
@@ -85,7 +83,7 @@ def test_the_95_percent_interval_holds_the_truth(
     assert (held >= least * seeds).all(), dict(zip(problem.names, held, strict=True))
 
 
-def test_a_source_that_is_never_excited_is_said_to_be_so() -> None:
+def test_a_source_that_is_never_excited_is_said_to_be_so():
     days = days_of(ONE, 4, 4, excited=("speed",), **DIRT)
     fit = fit_network(days, HELD, QUICK, ONE_NODE)
     for name in ("load_speed", "copper", "position_hold"):
@@ -93,7 +91,7 @@ def test_a_source_that_is_never_excited_is_said_to_be_so() -> None:
     assert "bearing_friction" in fit.parameters.heating
 
 
-def test_a_source_that_is_held_is_found() -> None:
+def test_a_source_that_is_held_is_found():
     truth = SpindleThermalParameters(
         heating={**ONE.heating, "position_hold": 0.02}, cooling_rate=1 / 900, ambient=24.0
     )
@@ -103,7 +101,7 @@ def test_a_source_that_is_held_is_found() -> None:
 
 
 @pytest.mark.parametrize(("seeds", "most"), [(4, 1), pytest.param(20, 4, marks=pytest.mark.proof)])
-def test_a_source_that_heats_nothing_gets_no_number(seeds: int, most: int) -> None:
+def test_a_source_that_heats_nothing_gets_no_number(seeds, most):
     """Of two absent sources each is kept by chance in 1 of 40: 5 or more of 20 is 1 in 1000."""
     wrong = 0
     for seed in range(seeds):
@@ -116,7 +114,7 @@ def test_a_source_that_heats_nothing_gets_no_number(seeds: int, most: int) -> No
     assert wrong <= most
 
 
-def test_of_two_collinear_sources_one_is_left_out() -> None:
+def test_of_two_collinear_sources_one_is_left_out():
     """At one speed n^(5/3) and n^2 are the same signal: together they would have any number."""
     truth = SpindleThermalParameters(
         heating={"bearing_friction": 6e-7, "windage": 5e-8}, cooling_rate=1 / 900, ambient=24.0
@@ -145,7 +143,7 @@ def _simulated(heat: np.ndarray, truth: SpindleThermalParameters, step: float) -
     return np.round(temperatures(heat, truth.ambient, truth, step)[0])
 
 
-def test_two_nodes_are_chosen_when_days_left_out_show_them() -> None:
+def test_two_nodes_are_chosen_when_days_left_out_show_them():
     days = days_of(TWO, 10, 7, noise_K=0.2)
     fit, scores = identify_spindle_network(days, RECORDS, QUICK)
     assert fit.parameters.nodes == 2
@@ -158,18 +156,18 @@ def test_two_nodes_are_chosen_when_days_left_out_show_them() -> None:
     ("seed", "days"),
     [(11, 4), *(pytest.param(one, 6, marks=pytest.mark.proof) for one in (11, 13))],
 )
-def test_one_node_is_kept_when_there_is_one(seed: int, days: int) -> None:
+def test_one_node_is_kept_when_there_is_one(seed, days):
     fit, scores = identify_spindle_network(days_of(ONE, seed, days, **DIRT), RECORDS, QUICK)
     assert fit.parameters.nodes == 1
     assert {"1 node", "2 nodes", "2 nodes, bearings in the body"} <= set(scores)
 
 
-def test_two_days_are_too_few_to_ask_for_a_second_node() -> None:
+def test_two_days_are_too_few_to_ask_for_a_second_node():
     fit, _ = identify_spindle_network(days_of(TWO, 13, 2, noise_K=0.2), RECORDS, QUICK)
     assert fit.parameters.nodes == 1
 
 
-def test_a_source_of_one_day_only_does_not_break_the_days_left_out() -> None:
+def test_a_source_of_one_day_only_does_not_break_the_days_left_out():
     """Without that day the others never excite it, so it is not known to them."""
     truth = SpindleThermalParameters(
         heating={**ONE.heating, "position_hold": 0.05}, cooling_rate=1 / 900, ambient=24.0
@@ -183,19 +181,19 @@ def test_a_source_of_one_day_only_does_not_break_the_days_left_out() -> None:
     assert errors[3] > 10 * errors[:3].max()
 
 
-def test_fewer_blocks_than_parameters_determine_nothing() -> None:
+def test_fewer_blocks_than_parameters_determine_nothing():
     """Two hours are two blocks; at an optimum their scores cancel and would look like certainty."""
     fit = fit_network([day_of(ONE, 15, hours=2.0, **DIRT)], RECORDS, QUICK, ONE_NODE)
     assert fit.parameters.heating == {}
     assert not any(is_determined(fit, name) for name in fit.names)
 
 
-def test_no_stretch_is_said_with_its_remedy() -> None:
+def test_no_stretch_is_said_with_its_remedy():
     with pytest.raises(ValueError, match=r"on the training days: record a working day"):
         fit_network([], RECORDS, QUICK, ONE_NODE)
 
 
-def test_window_errors_start_from_a_measured_temperature() -> None:
+def test_window_errors_start_from_a_measured_temperature():
     """A window begins at the first measured step after the one before has ended."""
     piece = day_of(ONE, 16, hours=3.0)
     piece.frame.iloc[60:63, piece.frame.columns.get_loc("spindle_temperature")] = np.nan
@@ -208,7 +206,7 @@ def test_window_errors_start_from_a_measured_temperature() -> None:
     np.testing.assert_allclose(right, 0.0, atol=1e-9)
 
 
-def test_position_and_parameters_are_inverse() -> None:
+def test_position_and_parameters_are_inverse():
     pieces = days_of(TWO, 17, 2)
     problem = Problem(pieces, RECORDS, QUICK, ["bearing_friction", "copper"], TWO_NODES)
     back = problem.parameters(problem.position(TWO))
@@ -224,6 +222,6 @@ def test_position_and_parameters_are_inverse() -> None:
         ({"time_constants_s": ()}, "time_constants_s"),
     ],
 )
-def test_settings_that_make_no_sense_are_refused(wrong: dict[str, object], words: str) -> None:
+def test_settings_that_make_no_sense_are_refused(wrong, words):
     with pytest.raises(ValueError, match=words):
         SpindleFitSettings(**wrong)  # type: ignore[arg-type]

@@ -73,7 +73,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Records, Path, Spind
     return records, folder, model
 
 
-def test_days_without_a_signal_are_refused_with_the_item_that_was_meant(tmp_path: Path) -> None:
+def test_days_without_a_signal_are_refused_with_the_item_that_was_meant(tmp_path):
     records = records_of(tmp_path)
     for path in (tmp_path / "state").glob("*.parquet"):
         pd.read_parquet(path).assign(spindle_load=np.nan).to_parquet(path)
@@ -114,11 +114,11 @@ def judged(made: tuple[Records, Path, SpindleModelFile]) -> Judged:
     return verdict_of(made)
 
 
-def test_every_source_has_a_remedy() -> None:
+def test_every_source_has_a_remedy():
     assert set(REMEDY) == set(SOURCES)
 
 
-def test_the_stored_model_says_what_it_was_fitted_on(made) -> None:
+def test_the_stored_model_says_what_it_was_fitted_on(made):
     _, folder, model = made
     assert read_json(folder / "model.json", SpindleModelFile) == model
     assert model.training_days == ("2026-01-05", "2026-01-06", "2026-01-07")
@@ -130,7 +130,7 @@ def test_the_stored_model_says_what_it_was_fitted_on(made) -> None:
     assert set(model.conditions) == {"highest spindle_speed", "highest spindle_load"}
 
 
-def test_intervals_hold_their_value_in_the_stated_unit_and_the_rest_has_a_remedy(made) -> None:
+def test_intervals_hold_their_value_in_the_stated_unit_and_the_rest_has_a_remedy(made):
     parameters = made[2].parameters[""]
     truth = {"cooling_rate": ONE.cooling_rate, "ambient": ONE.ambient, **ONE.heating}
     for name, value in truth.items():
@@ -149,7 +149,7 @@ def test_intervals_hold_their_value_in_the_stated_unit_and_the_rest_has_a_remedy
         assert one.determined or one.remedy
 
 
-def test_a_model_of_the_truth_passes_on_days_that_it_never_saw(judged: Judged) -> None:
+def test_a_model_of_the_truth_passes_on_days_that_it_never_saw(judged):
     result = judged
     found = result.verdict
     assert (found.status, found.judged_role) == ("passed", "held_out")
@@ -166,7 +166,7 @@ def test_a_model_of_the_truth_passes_on_days_that_it_never_saw(judged: Judged) -
     assert len(free[free["case"] == "2026-01-19"]) == 2 * 60
 
 
-def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made, judged) -> None:
+def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made, judged):
     result = judged
     _, folder, model = made
     assert model.intervals is not None and model.intervals.windows[""].groups == 3
@@ -190,7 +190,7 @@ def test_the_interval_holds_its_share_is_a_limit_and_stands_on_the_page(made, ju
     assert any(one.endswith(APART[0]) for one in parts)
 
 
-def test_a_limit_that_is_not_kept_names_the_day(made) -> None:
+def test_a_limit_that_is_not_kept_names_the_day(made):
     limits = SpindleLimits(mae_K=1e-3, coverage_least=0.0, coverage_most=0.05)
     found = verdict_of(made, limits=limits).verdict
     assert found.status == "failed"
@@ -199,7 +199,7 @@ def test_a_limit_that_is_not_kept_names_the_day(made) -> None:
     assert any("lie inside the 90 % interval, limits 0 to 5 %" in one for one in found.reasons)
 
 
-def test_a_golden_week_decides_and_one_that_was_fitted_on_fails(made) -> None:
+def test_a_golden_week_decides_and_one_that_was_fitted_on_fails(made):
     known = made[0].files
     week = Days(first="2026-01-21", last="2026-01-25")
     sets = GoldenSets(
@@ -220,7 +220,7 @@ def test_a_golden_week_decides_and_one_that_was_fitted_on_fails(made) -> None:
     assert "2026-01-07.txt of the golden set has the same bytes as" in found.reasons[0]
 
 
-def test_no_frozen_day_is_learnt_from(made) -> None:
+def test_no_frozen_day_is_learnt_from(made):
     """Neither one that is frozen by its date nor one whose file is."""
     records, settings = made[0], Fitting(
         identity=IDENTITY, roles=ROLES, spindle=RECORDS, spindle_fit=QUICK, residual_forest=FOREST,
@@ -236,9 +236,7 @@ def test_no_frozen_day_is_learnt_from(made) -> None:
         assert [one.name for one in found.of("golden")] == ["2026-01-06"]
 
 
-def test_a_long_gap_leaves_its_windows_open_and_held_inputs_make_no_working_day(
-    tmp_path: Path, made
-) -> None:
+def test_a_long_gap_leaves_its_windows_open_and_held_inputs_make_no_working_day(tmp_path, made):
     """The free run goes on over a gap."""
     records = records_of(tmp_path / "clean")
     for name, hole in (("2026-01-19", slice(2000, 4000)), ("2026-01-21", slice(1800, 7140))):
@@ -255,7 +253,7 @@ def test_a_long_gap_leaves_its_windows_open_and_held_inputs_make_no_working_day(
     assert day[day["regime"] == FREE_RUN]["predicted"].notna().all()
 
 
-def test_the_registry_serves_what_the_model_predicts(made) -> None:
+def test_the_registry_serves_what_the_model_predicts(made):
     _, folder, _ = made
     served = SUBMODEL.serve(folder)
     found = served(SUBMODEL.example(folder))

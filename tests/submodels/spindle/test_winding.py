@@ -34,9 +34,7 @@ QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(300.0, 7200.0))
         ),
     ],
 )
-def test_the_winding_and_its_source_are_found(
-    minutes: float, in_winding: float, seeds: int, found_least: int, held_least: int
-) -> None:
+def test_the_winding_and_its_source_are_found(minutes, in_winding, seeds, found_least, held_least):
     """Housing or winding warmed by the bearings: two nodes, the source, its interval."""
     truth = winding_of(minutes, friction_in_winding=in_winding)
     found = held = 0
@@ -60,8 +58,8 @@ def test_the_winding_and_its_source_are_found(
     ],
 )  # fmt: skip
 def test_two_hours_of_twenty_tell_the_source_or_the_remedy_is_true(
-    minutes: float, in_winding: float, seeds: int, least: int
-) -> None:
+    minutes, in_winding, seeds, least
+):
     """Held for 13 minutes in two hours of one day; on more days it would be told."""
     truth = winding_of(minutes, friction_in_winding=in_winding)
     told = held = 0
@@ -76,7 +74,7 @@ def test_two_hours_of_twenty_tell_the_source_or_the_remedy_is_true(
     assert held >= 0.85 * seeds
 
 
-def test_one_node_does_not_say_that_the_source_is_nothing() -> None:
+def test_one_node_does_not_say_that_the_source_is_nothing():
     """One node of hours cannot follow it; its residuals do, and the interval holds the truth."""
     truth = winding_of(3.0, friction_in_winding=0.0)
     days = winding_days(truth, 0)
@@ -87,7 +85,7 @@ def test_one_node_does_not_say_that_the_source_is_nothing() -> None:
     assert said[0] > high - alone.parameters.heating.get("position_hold", 0.0)
 
 
-def test_a_source_that_is_on_is_not_asked_for_again() -> None:
+def test_a_source_that_is_on_is_not_asked_for_again():
     truth = winding_of(3.0, friction_in_winding=0.0)
     days = winding_days(truth, 0)
     fit = fit_network(days, HELD, QUICK, ONE)
@@ -106,7 +104,7 @@ def test_a_source_that_is_on_is_not_asked_for_again() -> None:
     )
 
 
-def test_hours_of_a_rare_source_are_in_training_and_left_out() -> None:
+def test_hours_of_a_rare_source_are_in_training_and_left_out():
     days = winding_days(winding_of(3.0), 0)
     choice = choice_of(days, HELD.sources, QUICK)
     hold = choice.hours.sources.index("position_hold")
@@ -118,7 +116,7 @@ def test_hours_of_a_rare_source_are_in_training_and_left_out() -> None:
     assert np.ptp(np.bincount(part)) <= 2
 
 
-def test_hours_are_the_windows_of_the_judgement() -> None:
+def test_hours_are_the_windows_of_the_judgement():
     days = days_of(ONE_TRUTH, 3, 2, hours=3.5)
     hours = hours_of(days, HELD.sources, QUICK)
     assert hours.at.tolist() == [
@@ -127,7 +125,7 @@ def test_hours_are_the_windows_of_the_judgement() -> None:
 
 
 @pytest.mark.proof
-def test_a_spindle_of_one_node_gets_none_for_a_rare_source() -> None:
+def test_a_spindle_of_one_node_gets_none_for_a_rare_source():
     """Five days, load on one of them only: hours of that load must not buy a second node."""
     days = days_of(ONE_TRUTH, 21, 4, excited=("speed",), noise_K=0.3, whole_degrees=True)
     days += days_of(ONE_TRUTH, 22, 5, noise_K=0.3, whole_degrees=True)[4:]
