@@ -10,7 +10,6 @@ from pipeline.shop.growth.heat import (
     Course,
     Heated,
     Path,
-    at_rest,
     heated,
     network,
     ring_lever,
@@ -20,6 +19,7 @@ from pipeline.shop.growth.heat import (
 from pipeline.shop.growth.parameters import Body, Instruments
 from pipeline.shop.motion import slewed
 from pipeline.shop.parameters import ChillerParameters, ShopParameters
+from pipeline.shop.spindle import state_at_rest
 
 from .conftest import shop_parameters
 
@@ -38,6 +38,12 @@ def _varied(seconds: int) -> Course:
     return course._replace(air=20 + 3 * np.sin(np.arange(seconds) / 4000))
 
 
+def _warmed(p: ShopParameters, course: Course, substeps: int = SUBSTEPS) -> Heated:
+    """A machine that stood in air of 20 degC over a course."""
+    net = network(p)
+    return heated(net, state_at_rest(20.0, len(net.names)), course, p, substeps)
+
+
 def _growth(parameters: ShopParameters, hot: Heated, speed: np.ndarray) -> np.ndarray:
     """Growth at each kept instant [um], from the weights of the nodes."""
     names, weights = network(parameters).names, thermal_growth(parameters.growth)
@@ -51,7 +57,7 @@ def _growth(parameters: ShopParameters, hot: Heated, speed: np.ndarray) -> np.nd
 def test_heat_made_is_heat_stored_or_carried_away(machine):
     p = shop_parameters(machine)
     net = network(p)
-    start = at_rest(net, 20.0)
+    start = state_at_rest(20.0, len(net.names))
     hot = heated(net, start, _varied(14400), p)
     stored = np.array(net.capacity) @ (hot.state[:-1] - start[:-1])
     balance = hot.generated - hot.to_air - hot.to_chiller - stored
@@ -95,7 +101,9 @@ def test_the_steady_state_is_that_of_the_linear_equations():
 def test_the_probes_stand_follows_the_air_with_its_time_constant():
     p = shop_parameters("mill01")
     net, lag = network(p), p.growth.paths.stand_lag
-    hot = heated(net, at_rest(net, 20.0), _course(np.zeros(round(lag)), air=25.0), p)
+    hot = heated(
+        net, state_at_rest(20.0, len(net.names)), _course(np.zeros(round(lag)), air=25.0), p
+    )
     rise = hot.state[net.names.index("stand")] - 20.0
     assert rise == pytest.approx(5 * (1 - np.exp(-1)), rel=1e-3)
 
@@ -103,10 +111,8 @@ def test_the_probes_stand_follows_the_air_with_its_time_constant():
 @MACHINES
 def test_a_finer_step_changes_growth_by_less_than_a_hundredth(machine):
     p, course = shop_parameters(machine), _varied(10800)
-    net = network(p)
     coarse, fine = (
-        _growth(p, heated(net, at_rest(net, 20.0), course, p, n), course.speed)
-        for n in (SUBSTEPS, 4 * SUBSTEPS)
+        _growth(p, _warmed(p, course, n), course.speed) for n in (SUBSTEPS, 4 * SUBSTEPS)
     )
     assert np.abs(coarse - fine).max() < 0.01 * np.ptp(fine)
 
@@ -114,8 +120,8 @@ def test_a_finer_step_changes_growth_by_less_than_a_hundredth(machine):
 @MACHINES
 def test_growth_at_top_speed_is_some_tens_of_micrometres(machine):
     p = shop_parameters(machine)
-    net, course = network(p), _course(slewed(np.full(4 * 3600, TOP), 3500.0))
-    growth = _growth(p, heated(net, at_rest(net, 20.0), course, p), course.speed)
+    course = _course(slewed(np.full(4 * 3600, TOP), 3500.0))
+    growth = _growth(p, _warmed(p, course), course.speed)
     assert 30 < growth.max() < 70 and growth[-1] > 25
     # the column warms for hours, and lifts the nose again
     assert growth.argmax() < len(growth) - 1
@@ -150,9 +156,7 @@ def test_a_tighter_bearing_makes_more_heat():
         p.growth, paths=replace(p.growth.paths, centrifugal_load=0.0)
     ))  # fmt: skip
     course = _course(np.full(600, TOP))
-    tight, less = (
-        heated(network(q), at_rest(network(q), 20.0), course, q).generated for q in (p, loose)
-    )
+    tight, less = (_warmed(q, course).generated for q in (p, loose))
     assert tight > less
 
 

@@ -9,7 +9,7 @@ nearer to the table.  Sources stand in :mod:`pipeline.shop.growth.parameters`.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from enum import IntEnum
 from typing import NamedTuple
 
@@ -21,12 +21,15 @@ from pipeline.schema.si import RPM
 from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.parameters import BearingParameters, ShopParameters
 from pipeline.shop.spindle import (
+    Bearing,
+    Constants,
+    chiller_heat,
+    constants,
     copper_share,
     flux,
     friction_torque,
     iron_loss,
     viscosity,
-    viscosity_line,
 )
 
 CELLS, HEAD_CELLS, COLUMN_CELLS, JACKET = 20, 10, 12, 4
@@ -304,40 +307,23 @@ class Course(NamedTuple):
     power: Bools
 
 
-class _Bearing(NamedTuple):
+class _Bearings(NamedTuple):
+    """Nodes of the bearings at one place, their number and their kind."""
+
     inner: int
     balls: int
     outer: int
     pieces: float
-    d_m: float
-    f0: float
-    preload: float
-    capacity: float
-    growth: float
+    kind: Bearing
 
 
 class _Constants(NamedTuple):
-    front: _Bearing
-    middle: _Bearing
-    rear: _Bearing
-    slope: float
-    intercept: float
+    spindle: Constants
+    front: _Bearings
+    middle: _Bearings
+    rear: _Bearings
     centrifugal: float
     mixing: float
-    rated_torque: float
-    base_speed: float
-    copper: float
-    rotor: float
-    hysteresis: float
-    eddy: float
-    magnetising: float
-    windage: float
-    bed_heat: float
-    setpoint: float
-    follows: bool
-    band: float
-    cold: float
-    cold_slope: float
     flow: float
     winding: int
     rotor_first: int
@@ -347,32 +333,22 @@ class _Constants(NamedTuple):
     chiller: int
 
 
-def _bearing(net: Network, place: str, b: BearingParameters, pieces: float) -> _Bearing:
-    inner, balls, outer = (
-        net.names.index(f"{place}_{part}") for part in ("inner", "balls", "outer")
-    )
-    return _Bearing(
-        inner=inner, balls=balls, outer=outer, pieces=pieces, d_m=b.mean_diameter, f0=b.f0,
-        preload=b.preload, capacity=b.static_capacity, growth=b.thermal_preload,
-    )  # fmt: skip
-
-
 def _constants(parameters: ShopParameters, net: Network) -> _Constants:
-    p, at = parameters.spindle, net.names.index
-    slope, intercept = viscosity_line(p.viscosity_40, p.viscosity_100)
-    m, c, sets = p.motor, p.chiller, bearing_pieces(parameters)
-    first = motor_cells(parameters.growth)[0]
+    at, growth = net.names.index, parameters.growth
+    first = motor_cells(growth)[0]
+    places = {
+        place: _Bearings(
+            inner=at(f"{place}_inner"), balls=at(f"{place}_balls"), outer=at(f"{place}_outer"),
+            pieces=pieces, kind=Bearing(*astuple(kind)),
+        )
+        for place, (kind, pieces) in bearing_pieces(parameters).items()
+    }  # fmt: skip
     return _Constants(
-        front=_bearing(net, "front", *sets["front"]), rear=_bearing(net, "rear", *sets["rear"]),
-        middle=_bearing(net, "middle", *sets["middle"]), slope=slope, intercept=intercept,
-        centrifugal=parameters.growth.paths.centrifugal_load, mixing=parameters.growth.paths.mixing,
-        rated_torque=m.rated_power / (m.base_speed * RPM), base_speed=m.base_speed,
-        copper=m.copper_loss, rotor=m.rotor_loss, hysteresis=m.hysteresis_loss, eddy=m.eddy_loss,
-        magnetising=m.magnetising_share, windage=m.windage, bed_heat=p.bed_heat,
-        setpoint=c.setpoint, follows=c.follows_ambient, band=c.hysteresis, cold=c.capacity,
-        cold_slope=c.capacity_slope, flow=parameters.growth.paths.flow, winding=at("winding"),
-        rotor_first=at(f"rotor_{first:02d}"), stator_first=at(f"stator_{first:02d}"),
-        motor_cells=len(motor_cells(parameters.growth)), bed=at("bed"), chiller=at("chiller"),
+        spindle=constants(parameters.spindle), **places,
+        centrifugal=growth.paths.centrifugal_load, mixing=growth.paths.mixing,
+        flow=growth.paths.flow, winding=at("winding"), rotor_first=at(f"rotor_{first:02d}"),
+        stator_first=at(f"stator_{first:02d}"), motor_cells=len(motor_cells(growth)),
+        bed=at("bed"), chiller=at("chiller"),
     )  # fmt: skip
 
 
@@ -384,11 +360,6 @@ class Heated(NamedTuple):
     generated: float
     to_air: float
     to_chiller: float
-
-
-def at_rest(net: Network, temperature: float) -> Floats:
-    """State of a machine that has one temperature [degC]; the chiller is off."""
-    return np.append(np.full(len(net.names), temperature), 0.0)
 
 
 def heated(
@@ -406,12 +377,14 @@ def heated(
 
 
 @compiled_with()
-def _friction(q: Floats, t: Floats, n: float, b: _Bearing, k: _Constants) -> float:
+def _friction(q: Floats, t: Floats, n: float, b: _Bearings, k: _Constants) -> float:
     """Give a bearing's friction heat to its parts; return it [W]."""
-    tight = b.growth * (t[b.inner] - t[b.outer]) + k.centrifugal * (n / REFERENCE) ** 2
-    load = b.preload * max(1.0 + tight, 0.2)
-    nu = viscosity(t[b.balls], k.slope, k.intercept)
-    heat = b.pieces * friction_torque(n, nu, load, b.d_m, b.f0, b.capacity) * n * RPM
+    kind = b.kind
+    tight = kind.growth * (t[b.inner] - t[b.outer]) + k.centrifugal * (n / REFERENCE) ** 2
+    load = kind.preload * max(1.0 + tight, 0.2)
+    nu = viscosity(t[b.balls], k.spindle.slope, k.spindle.intercept)
+    torque = friction_torque(n, nu, load, kind.d_m, kind.f0, kind.capacity)
+    heat = b.pieces * torque * n * RPM
     q[b.balls] += 0.5 * heat
     q[b.inner] += 0.25 * heat
     q[b.outer] += 0.25 * heat
@@ -422,21 +395,22 @@ def _friction(q: Floats, t: Floats, n: float, b: _Bearing, k: _Constants) -> flo
 def _sources(q: Floats, t: Floats, n: float, on: bool, k: _Constants) -> None:
     """Fill ``q`` with the heat made in each node [W]."""
     q[:] = 0.0
+    s = k.spindle
     if on:
-        q[k.bed] += k.bed_heat
+        q[k.bed] += s.bed_heat
     if n < 1.0:
         return
     made = 0.0
     made += _friction(q, t, n, k.front, k)
     made += _friction(q, t, n, k.middle, k)
     made += _friction(q, t, n, k.rear, k)
-    windage = k.windage * (n / REFERENCE) ** 3
-    phi = flux(n, k.base_speed)
-    current = (made + windage) / (n * RPM) / k.rated_torque / phi
+    windage = s.windage * (n / REFERENCE) ** 3
+    phi = flux(n, s.base_speed)
+    current = (made + windage) / (n * RPM) / s.rated_torque / phi
     warm = 1.0 + 0.0039 * (t[k.winding] - 20.0)
-    q[k.winding] += k.copper * warm * copper_share(phi, current, k.magnetising)
-    iron = iron_loss(phi, n / k.base_speed, k.hysteresis, k.eddy) + 0.5 * windage
-    slip = k.rotor * current**2 + 0.5 * windage
+    q[k.winding] += s.copper * warm * copper_share(phi, current, s.magnetising)
+    iron = iron_loss(phi, n / s.base_speed, s.hysteresis, s.eddy) + 0.5 * windage
+    slip = s.rotor * current**2 + 0.5 * windage
     for j in range(k.motor_cells):
         q[k.stator_first + j] += iron / k.motor_cells
         q[k.rotor_first + j] += slip / k.motor_cells
@@ -461,17 +435,6 @@ def _conducting(
 
 
 @compiled_with()
-def _cold(state: Floats, air: float, on: bool, k: _Constants) -> float:
-    """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
-    setpoint = k.setpoint - 20.0 + air if k.follows else k.setpoint
-    if not on or state[k.chiller] < setpoint - k.band:
-        state[-1] = 0.0
-    elif state[k.chiller] > setpoint + k.band:
-        state[-1] = 1.0
-    return state[-1] * k.cold * max(1.0 - k.cold_slope * (air - 20.0), 0.1)
-
-
-@compiled_with()
 def _integrated(
     state: Floats, x: Course, k: _Constants, ends: Ints, kinds: Ints, conductances: Floats,
     capacity: Floats, flow: Ints, substeps: int,
@@ -487,7 +450,7 @@ def _integrated(
         for _ in range(substeps):
             _sources(q, state, n, on, k)
             generated += q.sum() * dt
-            cold = _cold(state, air, on, k)
+            cold = chiller_heat(state, k.chiller, air, on, k.spindle)
             q[k.chiller] -= cold
             to_chiller += cold * dt
             for e in range(kinds.size):

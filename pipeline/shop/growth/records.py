@@ -20,7 +20,6 @@ from pipeline.shop.growth.heat import (
     KEPT,
     Course,
     Network,
-    at_rest,
     cell_at,
     heated,
     network,
@@ -30,6 +29,7 @@ from pipeline.shop.growth.heat import (
 from pipeline.shop.growth.parameters import PROFILES, SENSORS, Growth, Instruments, Season
 from pipeline.shop.motion import lagged, slewed
 from pipeline.shop.parameters import ShopParameters, stamp
+from pipeline.shop.spindle import state_at_rest
 
 Kind = Literal["warm-up", "steps", "random", "pauses", "equilibrium", "warm-start"]
 
@@ -267,7 +267,7 @@ def measured(net: Network, profile: Profile, parameters: ShopParameters) -> Meas
     """True inputs of the sensors of one record, and the true growth, at each row."""
     growth, course = parameters.growth, profile.course
     first = float(np.mean(course.air[: profile.lead // 2]))
-    hot = heated(net, at_rest(net, first), course, parameters)
+    hot = heated(net, state_at_rest(first, len(net.names)), course, parameters)
     begin = profile.lead // KEPT
     rows = np.arange(begin, len(hot.temperatures), INTERVAL // KEPT)
     seconds = np.minimum(rows * KEPT, course.speed.size - 1)

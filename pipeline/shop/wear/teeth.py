@@ -12,7 +12,7 @@ one at edge and flank are kept apart, since both emit sound (Kannatey-Asibu, Dor
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -30,7 +30,7 @@ from pipeline.shop.cutting.force import (
     edges,
 )
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece, engaged
-from pipeline.shop.wear.parameters import Cutter, PlannedCut, Steel, WearRate
+from pipeline.shop.wear.parameters import Cutter, PlannedCut, WearRate
 
 STEP = 0.1
 """Step of the integration [min]."""
@@ -168,13 +168,10 @@ def worn_forces(
     return out
 
 
-def workpiece(steel: Steel, hardness: float) -> Workpiece:
+def workpiece(steel: Workpiece, hardness: float) -> Workpiece:
     """A batch of the material, ``hardness`` [1] against its usual one; the force follows it."""
-    values = asdict(steel)
-    for name in ("tangential", "radial", "axial", "edge_tangential", "edge_radial",
-                 "flank_pressure"):  # fmt: skip
-        values[name] *= hardness
-    return Workpiece(**values)
+    names = ("tangential", "radial", "axial", "edge_tangential", "edge_radial", "flank_pressure")
+    return replace(steel, **{name: getattr(steel, name) * hardness for name in names})
 
 
 def cut_forces(
