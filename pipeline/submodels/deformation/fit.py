@@ -266,7 +266,11 @@ def with_later_starts(one: Example, maker: InputMaker, starts: int) -> list[Exam
         if len(later) > FEWEST_SAMPLES:
             first = int(later[0])
             growth = one.growth[first:] - one.growth[first]
-            found.append(Example(name=one.name, inputs=maker.of(state.since(first)), growth=growth))
+            found.append(
+                Example(
+                    name=one.name, inputs=maker.of(state.within(slice(first, None))), growth=growth
+                )
+            )
     return found
 
 

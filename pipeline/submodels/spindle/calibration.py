@@ -18,7 +18,14 @@ from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits
 from pipeline.submodels.spindle.days import DayRuns, IntervalSettings, Run, runs_of
-from pipeline.submodels.spindle.fit import Problem, SpindleFitSettings, excited, solve, structure_of
+from pipeline.submodels.spindle.fit import (
+    Given,
+    Problem,
+    SpindleFitSettings,
+    excited,
+    solve,
+    structure_of,
+)
 from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.residual import Forest, ResidualForest, features, smoothed_inputs
@@ -81,16 +88,11 @@ def examples(
         after = np.broadcast_to(np.arange(length)[take::take], physics.shape)
         rows = np.minimum(starts[:, None] + after, len(measured) - 1)
         known = (starts[:, None] + after < len(measured)) & np.isfinite(measured[rows])
-        x.append(
-            features(
-                inputs.iloc[rows[known]],
-                physics[known],
-                np.broadcast_to(measured[starts, None], physics.shape)[known],
-                after[known] * piece.step,
-                records.sources,
-                records.extra,
-            )
-        )
+        start = np.broadcast_to(measured[starts, None], physics.shape)[known]
+        x.append(features(
+            inputs.iloc[rows[known]], physics[known], start, after[known] * piece.step,
+            records.sources, records.extra,
+        ))  # fmt: skip
         error.append((measured[rows] - physics)[known])
     if not sum(map(len, error)):
         raise ValueError("no window starts from a measured temperature: record a working day")
@@ -104,16 +106,13 @@ def fitted_forest(data: Examples, settings: ForestSettings) -> "Trees":
     from pipeline.schema.forest import Trees
 
     forest = RandomForestRegressor(
-        n_estimators=settings.trees,
-        max_depth=settings.depth,
-        min_samples_leaf=settings.leaf,
-        max_features=1 / 3,
-        random_state=settings.seed,
-    )
+        n_estimators=settings.trees, max_depth=settings.depth, min_samples_leaf=settings.leaf,
+        max_features=1 / 3, random_state=settings.seed,
+    )  # fmt: skip
     return Trees.of(forest.fit(data.x, data.error))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Recipe:
     """Making of the model to be calibrated from its days."""
 
@@ -129,7 +128,8 @@ class Recipe:
     def model_of(self, pieces: Sequence[StateSegment]) -> SpindleModel:
         """The model of some stretches, with the nodes and sources of the whole one."""
         sources = excited(pieces, list(self.whole.heating))
-        problem = Problem(pieces, self.records, self.network, sources, structure_of(self.whole))
+        given = Given(pieces, self.records, self.network)
+        problem = Problem(given, sources, structure_of(self.whole))
         found = solve(problem, [problem.position(self.whole)]).parameters
         data = examples(pieces, self.records, found, self.forest)
         forest = ResidualForest(

@@ -47,6 +47,7 @@ from pipeline.submodels.spindle.days import (
 )
 from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
+    Given,
     SpindleFit,
     SpindleFitSettings,
     is_determined,
@@ -176,17 +177,12 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         ]  # fmt: skip
         if not pieces:
             raise ValueError(no_stretch(training, cases, settings))
-        fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
+        fit, scores = identify_spindle_network(Given(pieces, settings.spindle, fitting))
         records = replace(settings.spindle, coolant=fit.parameters.coolant_rate > 0)
         data = examples(pieces, records, fit.parameters, settings.residual_forest)
         save_forest(fitted_forest(data, settings.residual_forest), folder / "residual")
         used = sorted({piece.day for piece in pieces})
-        recipe = Recipe(
-            records=records,
-            network=fitting,
-            forest=settings.residual_forest,
-            whole=fit.parameters,
-        )
+        recipe = Recipe(records, fitting, settings.residual_forest, fit.parameters)
         days = days_left_out(training, pieces, recipe, settings.spindle_interval)
         forest = forest_of(days, used, data, records)
         intervals = calibrated(

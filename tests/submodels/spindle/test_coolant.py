@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.submodels.spindle.fit import SpindleFitSettings
+from pipeline.submodels.spindle.fit import Given, SpindleFitSettings
 from pipeline.submodels.spindle.structure import identify_spindle_network
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters, temperatures
 from pipeline.twin.spindle import SpindleRecords, heat_of
@@ -32,13 +32,13 @@ def test_a_spindle_that_the_coolant_cools_gets_its_sink():
     truth = SpindleThermalParameters(
         heating=ONE.heating, cooling_rate=1 / 1500, coolant_rate=1 / 1200, ambient=24.0
     )
-    fit, scores = identify_spindle_network(days(truth), RECORDS, QUICK)
+    fit, scores = identify_spindle_network(Given(days(truth), RECORDS, QUICK))
     assert fit.parameters.coolant_rate == pytest.approx(1 / 1200, rel=0.05)
     assert scores["1 node with coolant"] < scores["1 node"]
 
 
 def test_a_coolant_that_does_nothing_is_no_sink():
-    fit, scores = identify_spindle_network(days(ONE), RECORDS, QUICK)
+    fit, scores = identify_spindle_network(Given(days(ONE), RECORDS, QUICK))
     assert fit.parameters.coolant_rate == 0.0
     assert set(scores) == {"1 node", "1 node with coolant"}
 
