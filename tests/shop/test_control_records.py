@@ -4,7 +4,6 @@ import re
 from collections import Counter
 from datetime import date, datetime, timedelta
 from itertools import pairwise
-from math import hypot
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import pytest
 
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.postprocessor import PartProgram
-from pipeline.shop.control.records import write_control
 from pipeline.shop.parameters import ControlParameters
 
 from .conftest import Simulated
@@ -95,28 +93,6 @@ def test_the_text_says_what_is_run(numbered):
         ]
         read_back = [(n, g in ("G2", "G3"), end, f) for n, g, end, f in interpreted(program.text)]
         assert read_back == steps
-
-
-def test_arcs_end_on_their_circles():
-    for program in programs()[0]:
-        for before, step in zip(program.steps, program.steps[1:], strict=False):
-            if step.kind != "arc":
-                continue
-            r = [
-                hypot(p[0] - step.centre[0], p[1] - step.centre[1]) for p in (before.end, step.end)
-            ]
-            assert abs(r[0] - r[1]) < 0.002  # of coordinates to 0.001 mm
-            assert 0 < abs(step.turn) <= 2 * np.pi
-
-
-def test_programs_are_of_the_sizes_of_a_job_shop():
-    made, edited = programs()
-    lines = [p.lines for p in made]
-    assert 1000 <= max(lines) <= 3000 and min(lines) > 50
-    assert 1.07 < edited.lines / made[2].lines < 1.15
-    codes = {"G81", "G83", "G2", "G3", "G28", "G43", "M6", "M8", "M9", "M30", "M1"}
-    said = {f"{a}{int(v)}" for p in made for a, v in re.findall(r"([GM])(\d+)", p.text)}
-    assert codes <= said
 
 
 def test_all_programs_but_the_edited_one_are_among_the_files(week):
@@ -259,12 +235,3 @@ def test_the_way_that_the_log_shows_is_that_of_the_program(week, runs):
     shown = v[np.searchsorted(t_v, grid, side="right") - 1].sum() * 0.01
     # polls of 0.15 s: the stops between levels are met by chance, and one value is torn
     assert shown == pytest.approx(way, rel=0.03)
-
-
-def test_the_control_has_chances_of_its_own(week, tmp_path):
-    """The same bytes alone, without the weeks that are lived through beside it."""
-    write_control(tmp_path, week.parameters)
-    written = [*tmp_path.glob("*/*.nc"), *tmp_path.glob("*/*.txt")]
-    assert len(written) == 12
-    for path in written:
-        assert path.read_bytes() == (week.folder / path.relative_to(tmp_path)).read_bytes()

@@ -1,16 +1,10 @@
 """What the servo tool writes can be read as the machine's file says, and the truth fits it."""
 
-import json
 import shutil
-from dataclasses import dataclass, fields
-from pathlib import Path
-from typing import Any
+from dataclasses import fields
 
-import cattrs
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-import yaml
 
 from pipeline.machine.axis.drive_parameters import (
     DirectionFriction,
@@ -19,32 +13,12 @@ from pipeline.machine.axis.drive_parameters import (
     ServoParameters,
     friction_force,
 )
-from pipeline.schema.identity import MachineIdentity
-from pipeline.shop.drives.records import write_drives
-from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import ingest
 
-from .conftest import Simulated, digests
+from .conftest import Read, Simulated, machine_conf, read_back
 
-CONF = Path(__file__).parents[2] / "conf" / "machine"
 SINGLE = {f"servo/reciprocation-{a}.csv": a for a in "XYZ"} | {
     "servo/load-step-X.csv": "X", "servo/load-step-Z.csv": "Z", "servo/inertia-step-X.csv": "X",
 }  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Read:
-    """A machine's traces by raw file, its manifest, its file in conf/, the truth."""
-
-    traces: dict[str, dict[str, np.ndarray]]
-    units: dict[str, dict[str, str]]
-    manifest: dict[str, dict[str, Any]]
-    conf: dict[str, Any]
-    truth: dict[str, Any]
-    week: Simulated
-
-    def told(self, file: str) -> dict[str, Any]:
-        return next(f for f in self.truth["more"]["files"] if f["file"] == file)
 
 
 @pytest.fixture(scope="module")
@@ -52,29 +26,12 @@ def read(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Read:
     root = tmp_path_factory.mktemp("servo")
     for name in ("servo", "motor"):
         shutil.copytree(week.folder / name, root / "raw" / name)
-    conf = yaml.safe_load((CONF / f"{week.parameters.machine}.yaml").read_text())
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    sources = [
-        converter.structure(r, RecordSource)
-        for r in conf["records"]
-        if r["files"].startswith(("servo/", "motor/"))
-    ]
-    identity = MachineIdentity(**conf["identity"])
-    ingest(root / "raw", root / "signals", sources, identity)
-    manifest = json.loads((root / "signals/manifest.json").read_text())["files"]
-    tables = {
-        name: pq.read_table(root / "signals" / entry["output"]) for name, entry in manifest.items()
-    }
-    return Read(
-        traces={n: {c: t[c].to_numpy() for c in t.column_names} for n, t in tables.items()},
-        units={n: {f.name: f.metadata[b"unit"].decode() for f in t.schema}
-               for n, t in tables.items()},
-        manifest=manifest, conf=conf, truth=week.truth["drives"], week=week,
-    )  # fmt: skip
+    told = week.truth["drives"]["more"]["files"]
+    return read_back(week, root / "raw", root / "signals", told)
 
 
 def test_every_file_is_read_and_only_the_torn_row_is_lost(read):
-    told = {f["file"]: f for f in read.truth["more"]["files"]}
+    told = read.told
     assert told.keys() == read.manifest.keys()
     assert set(SINGLE) < set(told) and len(told) == 13
     for name, entry in read.manifest.items():
@@ -82,7 +39,7 @@ def test_every_file_is_read_and_only_the_torn_row_is_lost(read):
         assert entry["rejected"] == int(told[name]["torn"])
         assert entry["kept"] == told[name]["rows"] - entry["rejected"]
     assert sum(f["torn"] for f in told.values()) == 1
-    total = sum(p.stat().st_size for p in read.week.folder.glob("[sm]*o*/*.csv"))
+    total = sum(p.stat().st_size for p in read.made.folder.glob("[sm]*o*/*.csv"))
     assert 5e6 < total < 25e6
 
 
@@ -104,12 +61,12 @@ def test_channels_are_those_of_the_drive_records_in_their_units(read):
 
 def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
     """The tool's clock is off by parts in a million; its stamps tell the rows that are missing."""
-    rate = 1 + read.truth["more"]["tool"]["clock_error"] * 1e-6
+    rate = 1 + read.made.truth["drives"]["more"]["tool"]["clock_error"] * 1e-6
     assert abs(rate - 1) >= 30e-6
     for name, trace in read.traces.items():
         if name.startswith("motor"):
             continue
-        told = read.told(name)
+        told = read.told[name]
         t = trace["t"]
         row = np.round(t / rate * 1e3).astype(int)
         assert np.abs(t - row / 1e3 * rate).max() < 1.1e-6  # of stamps in microseconds
@@ -135,7 +92,7 @@ def drive(found: dict[str, float]) -> FeedDriveParameters:
 
 def test_the_truth_is_a_drive_of_the_twin(read):
     """Each axis' truth makes parameters of the twin, with the gains that the conf names."""
-    for letter, found in read.truth["axes"].items():
+    for letter, found in read.made.truth["drives"]["axes"].items():
         known = read.conf["drive"]["axes"][letter]
         drive(found)
         names = ("position_gain", "velocity_gain", "integral_gain", "current_limit")
@@ -143,13 +100,16 @@ def test_the_truth_is_a_drive_of_the_twin(read):
                  "acceleration_feedforward")  # fmt: skip
         servo = ServoParameters(**{n: known[n] for n in names}, **{n: found[n] for n in loops})
         assert servo.loop_gain == pytest.approx(
-            read.week.parameters.control.position_gain, rel=1e-3
+            read.made.parameters.control.position_gain, rel=1e-3
         )
         assert all(0.7 <= found[n] <= 1.4 for n in loops[:3])
         constant = 2 * np.pi * known["torque_constant"] / known["lead"] * 1e3
         assert found["force_constant"] == pytest.approx(constant, rel=1e-12)
-    assert {"R", "L_d", "L_q", "flux"} <= read.truth["motor"].keys()
-    assert read.truth["motor"]["pole_pairs"] == read.conf["drive_records"]["motor"]["pole_pairs"]
+    assert {"R", "L_d", "L_q", "flux"} <= read.made.truth["drives"]["motor"].keys()
+    assert (
+        read.made.truth["drives"]["motor"]["pole_pairs"]
+        == read.conf["drive_records"]["motor"]["pole_pairs"]
+    )
 
 
 def motion(read: Read, file: str) -> tuple[np.ndarray, ...]:
@@ -161,7 +121,7 @@ def motion(read: Read, file: str) -> tuple[np.ndarray, ...]:
     x = np.convolve(trace[channels["position"]] * 1e-3, kernel, "same")
     current = np.convolve(np.convolve(trace[channels["command"]], kernel, "same"), kernel, "same")
     v = np.gradient(np.convolve(x, kernel, "same"), 1e-3)
-    force = current * read.truth["axes"][letter]["force_constant"]
+    force = current * read.made.truth["drives"]["axes"][letter]["force_constant"]
     clean = np.ones(row.size, bool)
     for bad in np.flatnonzero(np.abs(np.diff(trace["t"]) - 1e-3) > 1e-4):
         clean[max(bad - 60, 0) : bad + 60] = False
@@ -176,7 +136,7 @@ def test_mass_and_friction_of_the_truth_carry_the_record(read, letter):
     4 %: cogging, ripple of screw and torque, and presliding, which the twin does not have.
     """
     v, a, force, clean = motion(read, f"servo/reciprocation-{letter}.csv")
-    truth = drive(read.truth["axes"][letter])
+    truth = drive(read.made.truth["drives"]["axes"][letter])
     moving = clean & (np.abs(v) > 0.02)
     rest = force - friction_force(v, truth.friction) - truth.offset
     mass = np.sum(rest[moving] * a[moving]) / np.sum(a[moving] ** 2)
@@ -193,7 +153,7 @@ def test_a_push_shows_in_the_current_as_the_load_cell_says(read, letter):
     """At constant feed, k A less friction goes with the load one to one."""
     file = f"servo/load-step-{letter}.csv"
     v, _, force, clean = motion(read, file)
-    truth = drive(read.truth["axes"][letter])
+    truth = drive(read.made.truth["drives"]["axes"][letter])
     load = read.traces[file][read.conf["drive_records"]["axes"][letter]["load"]]
     load = np.convolve(load, np.ones(41) / 41, "same")
     steady = clean & (np.abs(np.abs(v) - 0.015) < 1e-4) & (np.abs(np.gradient(load)) < 0.5)
@@ -201,9 +161,9 @@ def test_a_push_shows_in_the_current_as_the_load_cell_says(read, letter):
     slope, level = np.polyfit(load[steady], rest, 1)
     assert steady.sum() > 5000 and np.ptp(load[steady]) > 500
     assert slope == pytest.approx(1.0, abs=0.01)
-    offset = read.truth["more"]["tool"]["load_cell_offset"]
+    offset = read.made.truth["drives"]["more"]["tool"]["load_cell_offset"]
     assert abs(level + slope * offset) < 0.02 * truth.friction.positive.coulomb
-    pushes = read.told(file)["pushes"]
+    pushes = read.told[file]["pushes"]
     t = read.traces[file]["t"]
     for push in pushes:
         inside = (t > push["start_s"] + 0.1) & (t < push["end_s"] - 0.05)
@@ -213,7 +173,7 @@ def test_a_push_shows_in_the_current_as_the_load_cell_says(read, letter):
 def test_the_workpiece_adds_its_mass(read):
     file = "servo/inertia-step-X.csv"
     v, a, force, clean = motion(read, file)
-    truth, told = drive(read.truth["axes"]["X"]), read.told(file)
+    truth, told = drive(read.made.truth["drives"]["axes"]["X"]), read.told[file]
     rest = force - friction_force(v, truth.friction) - truth.offset
     later = np.arange(v.size) > told["set_down_s"] * 1e3
     found = []
@@ -224,16 +184,8 @@ def test_the_workpiece_adds_its_mass(read):
     assert found[1] - found[0] == pytest.approx(told["mass_kg"], rel=0.05)
 
 
-def test_the_tool_has_chances_of_its_own(week, tmp_path):
-    """The same bytes as among all other records."""
-    told = write_drives(tmp_path, week.parameters)
-    whole = digests(week.folder)
-    assert {n: whole[n] for n in digests(tmp_path)} == digests(tmp_path)
-    assert json.loads(json.dumps(told)) == week.truth["drives"]
-
-
 def test_the_siblings_have_two_makers_drives():
-    first, second = (yaml.safe_load((CONF / f"{m}.yaml").read_text()) for m in ("mill01", "mill02"))
+    first, second = (machine_conf(machine) for machine in ("mill01", "mill02"))
     columns = [
         {
             source["column"]

@@ -65,7 +65,8 @@ def test_the_same_bytes_every_time(week, plain_week):
     assert different == {"drives", "shafts", "parameters"}
 
 
-@pytest.mark.parametrize("compute", ["threads", pytest.param("processes", marks=pytest.mark.proof)])
+@pytest.mark.proof
+@pytest.mark.parametrize("compute", ["threads", "processes"])
 def test_kinds_beside_each_other_write_the_same_bytes(compute, tmp_path):
     """Kinds of records share no state: where each is written changes neither them nor the truth."""
     some = {"growth": {"numbers": [3]}, "wear": {"most": 2}}
@@ -98,27 +99,6 @@ def test_another_seed_is_another_week(parts, week, plain_week, tmp_path):
 def test_truth_does_not_stand_among_the_records(tmp_path):
     with pytest.raises(ValueError, match="must not stand among the records"):
         simulate(tmp_path, tmp_path / "truth.json", shop_parameters("mill01"))
-
-
-def test_the_truth_carries_the_parameters_and_the_label(week):
-    assert week.truth["simulated"] is True
-    assert week.truth["machine"] == week.parameters.machine
-    told = week.truth["parameters"]["spindle"]["motor"]["copper_loss"]
-    assert told == week.parameters.spindle.motor.copper_loss
-
-
-def test_the_siblings_are_two_machines():
-    first, second = shop_parameters("mill01"), shop_parameters("mill02")
-    assert first.c_axis and not second.c_axis
-    assert (first.log.kind, second.log.kind) == ("agent", "adapter")
-    assert (first.control.spindle_wait, second.control.spindle_wait) == ("at_m3", "before_cutting")
-    assert first.spindle != second.spindle
-    for kind, parts in {
-        "growth": ("body", "expansion", "paths", "season", "instruments"),
-        "wear": ("workpiece", "cutters", "lives", "rate", "sensors", "microscope"),
-    }.items():
-        own, other = (getattr(p, kind) for p in (first, second))
-        assert all(getattr(own, part) != getattr(other, part) for part in parts)
 
 
 @pytest.mark.parametrize(

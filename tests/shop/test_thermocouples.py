@@ -48,12 +48,6 @@ def test_blanks_and_spikes_are_as_told(week, rows):
     assert int((values > 1000).sum()) == len(told["spikes"]) > 0
 
 
-def test_values_are_quantised_to_a_tenth(rows):
-    good = rows[1][np.isfinite(rows[1])]
-    np.testing.assert_allclose(good * 10, np.round(good * 10), atol=1e-6)
-    assert np.abs(np.diff(rows[1][:, 3]))[np.isfinite(np.diff(rows[1][:, 3]))].min() == 0.0
-
-
 def test_the_clock_is_off_by_what_is_told(week, rows):
     """A spike's place in the file, taken back through the stated clock, is its true time."""
     times, values = rows

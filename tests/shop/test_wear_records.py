@@ -1,18 +1,13 @@
 """Tool lives: the wear of their teeth, what a land does to forces, and the records of both."""
 
 import csv
-from collections import Counter
 from dataclasses import replace
 from math import pi
-from typing import Any
 
-import cattrs
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
-from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.force import Motion
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.wear.parameters import PlannedLife, Wear
@@ -28,12 +23,10 @@ from pipeline.shop.wear.teeth import (
     new_tool,
     workpiece,
 )
-from pipeline.signals.formats import RecordSource
-from pipeline.stages.ingest import ingest
 
-from .conftest import CONF, Simulated, shop_parameters
+from .conftest import MACHINES, Simulated, machine_conf, read_back, shop_parameters
 
-MACHINES = pytest.mark.parametrize("machine", ["mill01", "mill02"])
+each_machine = pytest.mark.parametrize("machine", ["mill01", "mill02"])
 
 
 def generator() -> np.random.Generator:
@@ -48,7 +41,7 @@ def short(machine: str) -> ShopParameters:
     return replace(p, wear=wear)
 
 
-@pytest.fixture(scope="module", params=["mill01", "mill02"])
+@pytest.fixture(scope="module", params=MACHINES)
 def lives(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     folder = tmp_path_factory.mktemp(f"{request.param}-wear")
     parameters = short(request.param)
@@ -69,7 +62,7 @@ def even(tool: WornTool) -> WornTool:
     return WornTool(mill=mill, teeth=np.ones(tool.mill.flutes))
 
 
-@MACHINES
+@each_machine
 def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine):
     """Rates of the mean land in the first minutes, in the middle and from 180 um on."""
     wear = shop_parameters(machine).wear
@@ -83,7 +76,7 @@ def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine):
     assert rate[0] > 2 * middle and end > 1.3 * middle and (rate > 0).all()
 
 
-@MACHINES
+@each_machine
 def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine):
     """Life over speed in a log-log line: 1/n of 2 to 6 (ISO 3685, carbide: n of 0.15 to 0.5)."""
     wear = shop_parameters(machine).wear
@@ -132,18 +125,6 @@ def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot():
     assert more[Y] == pytest.approx(pressure * wear.workpiece.flank_friction, rel=0.04)
 
 
-def test_records_have_their_columns_units_and_length(lives):
-    sensors = lives.parameters.wear.sensors
-    for told in (f for tool in lives.truth["tools"] for f in tool["files"]):
-        schema = pq.read_schema(lives.folder / told["file"])
-        assert tuple(schema.names) == sensors.columns
-        units = tuple(schema.field(n).metadata[b"unit"].decode() for n in schema.names)
-        assert units == sensors.units
-        rows = pq.read_metadata(lives.folder / told["file"]).num_rows
-        whole = round(sensors.rate * sensors.seconds)
-        assert rows == whole if told["window"] == "inside" else rows > whole
-
-
 def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives):
     rows = listed(lives)
     told = [f for tool in lives.truth["tools"] for f in tool["files"]]
@@ -168,7 +149,7 @@ def test_a_channel_without_its_plug_shows_next_to_nothing(lives):
     assert max(level[1:3]) < 0.05 * min(sound)
 
 
-@MACHINES
+@each_machine
 def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(machine):
     parameters = shop_parameters(machine)
     wear, errors, counts = parameters.wear, [], []
@@ -187,12 +168,11 @@ def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(mach
     assert len(wear.lives) == 10 and min(counts) >= 8 and 160 <= sum(counts) <= 300
 
 
-@MACHINES
+@each_machine
 def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine):
     from fnmatch import fnmatchcase
 
-    conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
-    patterns = [p for p in conf["roles"]["training"] if p.startswith("wear/")]
+    patterns = [p for p in machine_conf(machine)["roles"]["training"] if p.startswith("wear/")]
     wear = shop_parameters(machine).wear
     sides: dict[bool, list[PlannedLife]] = {True: [], False: []}
     for plan in wear.lives:
@@ -207,30 +187,24 @@ def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine):
 
 
 def test_ingest_keeps_every_row_with_its_unit_and_the_list(lives, tmp_path):
-    machine = lives.parameters.machine
-    conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
-    sources = cattrs.structure(conf["records"], list[RecordSource])
-    named = MachineIdentity(name=machine, description="", origin="simulated", credit="")
-    ingest(lives.folder, tmp_path, records=tuple(sources), identity=named)
-    reasons = Counter(r["reason"] for r in pq.read_table(tmp_path / "rejected.parquet").to_pylist())
-    assert not reasons
-    told = lives.truth["tools"][0]["files"][0]
-    raw = pq.read_table(lives.folder / told["file"])
-    read = pq.read_table(tmp_path / "traces" / f"{told['file'].replace('/', '__')}.parquet")
-    assert read.column_names[1:] == [
+    files = [f for tool in lives.truth["tools"] for f in tool["files"]]
+    found = read_back(lives, lives.folder, tmp_path, files)
+    assert not pq.read_table(tmp_path / "rejected.parquet").num_rows
+    raw = pq.read_table(lives.folder / files[0]["file"])
+    read = found.traces[files[0]["file"]]
+    assert list(read)[1:] == [
         "force_x", "force_y", "force_z", "vibration_x", "vibration_y", "vibration_z",
         "acoustic_emission",
     ]  # fmt: skip
     # MTConnect's accelerations are in mm/s^2, one g is 9.80665 m/s^2
     per = 9806.65 if lives.parameters.wear.sensors.units[3] == "g" else 1e3
     np.testing.assert_allclose(
-        read["vibration_x"].to_numpy(), raw.column(3).to_numpy().astype(float) * per, rtol=1e-9
+        read["vibration_x"], raw.column(3).to_numpy().astype(float) * per, rtol=1e-9
     )
-    table = pq.read_table(tmp_path / "traces" / "wear__lives.csv.parquet")
-    assert table["recording"].to_pylist() == [r["File"] for r in listed(lives)]
-    read_um = [None if v is None else round(v * 1e3, 6) for v in table["flank_wear"].to_pylist()]
-    told_um = [f["measured_um"] for tool in lives.truth["tools"] for f in tool["files"]]
-    assert read_um == told_um
+    table = found.traces["wear/lives.csv"]
+    assert table["recording"].tolist() == [r["File"] for r in listed(lives)]
+    read_um = [None if np.isnan(v) else round(v * 1e3, 6) for v in table["flank_wear"]]
+    assert read_um == [f["measured_um"] for f in files]
 
 
 def test_a_life_with_an_unknown_cut_is_refused():
