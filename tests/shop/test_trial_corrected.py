@@ -1,4 +1,4 @@
-"""Corrected commands on the shop floor: what is left of the errors, by its own axes."""
+"""Corrected commands on the shop's axes: shares that are left, tables that cannot be driven."""
 
 import json
 from pathlib import Path
@@ -13,7 +13,11 @@ from pipeline.shop.drives.records import Move, circles, travel
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.trials import CommandedPath, Commands, _driven, corrected_trials
 from pipeline.stages.__main__ import run
+from pipeline.twin.correction import corrected_command
+from pipeline.twin.program_axes import between
 from tests.small_project import inside
+from tests.twin.shop_drives import shop_drives
+from tests.twin.test_correction import CIRCLE, STROKE, T, reference, rms
 
 from .conftest import CONF, shop_parameters
 
@@ -188,3 +192,28 @@ def test_the_stage_drives_every_table_of_a_folder(tmp_path):
     assert one["seeds"] == SHOP.trial_drives
     assert one["axes"]["X"]["measured"]["share_left"]["max"] < 0.2
     assert two["path"]["carriage"]["share_left"] == {"mean": 1.0, "min": 1.0, "max": 1.0}
+
+
+MACHINE = ShopParameters(machine="mill77")
+DRIVES = shop_drives(MACHINE.drives)
+
+
+@pytest.mark.parametrize("letter", DRIVES)
+@pytest.mark.parametrize("text", [STROKE, CIRCLE], ids=["stroke", "circle"])
+def test_a_corrected_command_takes_the_following_error_of_a_machine_away(
+    letter, text, record_property
+):
+    wanted, axis = reference(text), MACHINE.drives.axes[letter]
+    ticks = round(axis.cascade.position_frequency * T)
+
+    def error(command):
+        """Of the scale and of the carriage, with torsion, cogging, bristles and quantisation."""
+        found = follow(axis, between(command, ticks), np.random.default_rng(0))
+        return wanted - found.measured[::ticks], wanted - found.carriage[::ticks]
+
+    corrected = corrected_command(letter, wanted, T, DRIVES[letter]).corrected
+    for name, before, after in zip(("scale", "carriage"), error(wanted), error(corrected),
+                                   strict=True):  # fmt: skip
+        record_property(f"{name}_um", f"{rms(before) * 1e6:.1f} -> {rms(after) * 1e6:.1f}")
+        assert rms(after) < 0.015 * rms(before)
+        assert np.abs(after).max() < 0.04 * np.abs(before).max()

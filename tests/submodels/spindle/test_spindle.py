@@ -19,8 +19,8 @@ from pipeline.submodels.spindle.fit import (
     window_errors,
 )
 from pipeline.submodels.spindle.structure import days_left_out, identify_spindle_network
-from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources
-from pipeline.twin.spindle import SpindleRecords
+from pipeline.thermal.network import SOURCES, SpindleThermalParameters, heat_sources, temperatures
+from pipeline.twin.spindle import SpindleRecords, heat_of
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of
 
 QUICK = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,))
@@ -155,12 +155,10 @@ def test_two_nodes_are_chosen_when_days_left_out_show_them():
     assert fit.parameters.body_cooling_rate == pytest.approx(TWO.body_cooling_rate, rel=0.15)
 
 
-@pytest.mark.parametrize(
-    ("seed", "days"),
-    [(11, 4), *(pytest.param(one, 6, marks=pytest.mark.proof) for one in (11, 13))],
-)
-def test_one_node_is_kept_when_there_is_one(seed, days):
-    fit, scores = identify_spindle_network(Given(days_of(ONE, seed, days, **DIRT), RECORDS, QUICK))
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", [11, 13])
+def test_one_node_is_kept_when_there_is_one(seed):
+    fit, scores = identify_spindle_network(Given(days_of(ONE, seed, 6, **DIRT), RECORDS, QUICK))
     assert fit.parameters.nodes == 1
     assert {"1 node", "2 nodes", "2 nodes, bearings in the body"} <= set(scores)
 
@@ -228,3 +226,57 @@ def test_position_and_parameters_are_inverse():
 def test_settings_that_make_no_sense_are_refused(wrong, words):
     with pytest.raises(ValueError, match=words):
         SpindleFitSettings(**wrong)  # type: ignore[arg-type]
+
+
+SINGLE = SpindleFitSettings(step_s=60.0, time_constants_s=(1500.0,), nodes=(1,))
+COOLED = SpindleRecords(coolant=True)
+
+
+def cooled_days(truth: SpindleThermalParameters, count: int = 6):
+    """Days with a coolant that warms by another amount each, and noise of 0.1 K."""
+    rng = np.random.default_rng(1)
+    found = []
+    for number, piece in enumerate(days_of(ONE, 7, count)):
+        steps = len(piece.frame)
+        coolant = 22 + rng.uniform(2, 12) * np.sin(np.arange(steps) / rng.uniform(40, 90)) ** 2
+        T = temperatures(heat_of(piece.frame), 24.0, truth, piece.step, coolant=coolant)[0]
+        noise = 0.1 * np.random.default_rng(number).normal(size=steps)
+        piece.frame["spindle_temperature"] = T + noise
+        piece.frame["coolant_temperature"] = coolant
+        found.append(piece)
+    return found
+
+
+def test_a_spindle_that_the_coolant_cools_gets_its_sink():
+    truth = SpindleThermalParameters(
+        heating=ONE.heating, cooling_rate=1 / 1500, coolant_rate=1 / 1200, ambient=24.0
+    )
+    fit, scores = identify_spindle_network(Given(cooled_days(truth), COOLED, SINGLE))
+    assert fit.parameters.coolant_rate == pytest.approx(1 / 1200, rel=0.05)
+    assert scores["1 node with coolant"] < scores["1 node"]
+
+
+def test_a_coolant_that_does_nothing_is_no_sink():
+    fit, scores = identify_spindle_network(Given(cooled_days(ONE), COOLED, SINGLE))
+    assert fit.parameters.coolant_rate == 0.0
+    assert set(scores) == {"1 node", "1 node with coolant"}
+
+
+@pytest.mark.parametrize("nodes", [1, 2])
+def test_without_heat_all_nodes_end_between_air_and_coolant_by_their_rates(nodes):
+    more = {"coupling_rate": 1 / 300, "capacity_ratio": 0.5, "body_cooling_rate": 1 / 2000}
+    p = SpindleThermalParameters(
+        cooling_rate=1 / 2000 if nodes == 1 else 0.0, coolant_rate=1 / 1000, ambient=20.0,
+        **(more if nodes == 2 else {}),
+    )  # fmt: skip
+    end = temperatures(np.zeros((20_000, len(SOURCES))), 50.0, p, 10.0, coolant=np.full(20_000, 35))
+    # balance of the two sinks: (20 / 2000 + 35 / 1000) / (1 / 2000 + 1 / 1000)
+    np.testing.assert_allclose(end[:, -1], 30.0, atol=1e-6)
+    still = temperatures(np.zeros((3, len(SOURCES))), end[0, -1], p, 10.0, coolant=np.full(3, 35.0))
+    np.testing.assert_allclose(still, 30.0, atol=1e-6)  # the body starts in balance too
+
+
+def test_a_sink_without_the_temperature_of_its_coolant_is_refused():
+    p = SpindleThermalParameters(cooling_rate=1e-3, coolant_rate=1e-3)
+    with pytest.raises(ValueError, match=r"coolant_rate = 0\.001 1/s needs the coolant"):
+        temperatures(np.zeros((3, len(SOURCES))), 20.0, p, 10.0)
