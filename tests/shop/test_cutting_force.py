@@ -59,7 +59,8 @@ def turn(
     angle = (np.arange(STEPS) + 0.5) * 2 * pi / STEPS
     feed = np.full(STEPS, f_z * len(radii) / (2 * pi))
     x = 1.0 + angle * feed
-    return forces(edge, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
+    flank = np.zeros((len(radii), 3)) + edge.flank
+    return forces(edge, flank, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
 
 
 def altintas(
@@ -195,7 +196,13 @@ def test_a_pass_goes_from_air_into_the_cut_and_out(immersion):
     angle = np.arange(turns * 90) * 2 * pi / 90
     x = -7.0 + angle / (2 * pi) * per_turn
     out = pass_forces(
-        c, tool, work, Motion(angle=angle, x=x * 1e-3), VB=0.0, length=length, slice_height=0.5
+        c,
+        tool,
+        work,
+        Motion(angle=angle, x=x * 1e-3),
+        flank=work.flank(0.0),
+        length=length,
+        slice_height=0.5,
     )
     torque = out[:, 3].reshape(turns, 90).mean(axis=1)
     way = x.reshape(turns, 90).mean(axis=1)

@@ -231,9 +231,9 @@ def test_crosstalk_keeps_to_its_share():
 
 
 def test_the_converter_has_two_ends():
-    values, told = converted(np.array([[-11.0, 0.26, 11.0]]), 10.0, 8)
+    values, at_end = converted(np.array([[-11.0, 0.26, 11.0]]), 10.0, 8)
     assert values == pytest.approx(np.array([[-10.0, 0.234375, 10 - 10 / 128]]))
-    assert told["clipped"] == [1, 0, 1]
+    assert at_end.tolist() == [1, 0, 1]
 
 
 def test_a_tool_of_another_count_of_teeth_is_named():

@@ -208,7 +208,7 @@ def straight(tool: EndMill, immersion: str, width: float, feed: float, speed: fl
         tool,
         Workpiece(),
         Motion(angle=angle, x=x),
-        VB=wear(tool, USED),
+        flank=Workpiece().flank(wear(tool, USED)),
         length=40.0,
         slice_height=0.0625,
     )

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.shop.cutting.force import AXIAL, Motion, X, Y, cut_length, pass_forces, wear
 from pipeline.shop.cutting.parameters import (
     RATE,
@@ -175,13 +175,12 @@ def _sampled(mode: ChannelMode) -> tuple[Floats, Floats]:
     return above.ravel(), below
 
 
-def converted(values: Floats, ends: float, bits: int) -> tuple[Floats, dict[str, Any]]:
-    """Values after the converter, and how many of each channel stand at its ends."""
-    step = ends / 2 ** (bits - 1)
-    counts = np.clip(np.round(values / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    at_end = (np.abs(counts) >= 2 ** (bits - 1) - 1).sum(axis=0)
-    out: Floats = counts * step
-    return out, {"range_N": ends, "step_N": step, "clipped": at_end.tolist()}
+def converted(values: Floats, ends: Any, bits: int) -> tuple[Floats, Ints]:
+    """Values (T, C) in steps of a converter that reaches to ``ends``, and how many stand there."""
+    last = 2 ** (bits - 1)
+    step = ends / last
+    counts = np.clip(np.round(values / step), -last, last - 1)
+    return counts * step, (np.abs(counts) >= last - 1).sum(axis=0)
 
 
 def write_recording(
@@ -244,8 +243,8 @@ def _recorded(
     motion = _motion(test, cutting, random)
     true = replace(test.conditions, depth=depth)
     force = pass_forces(
-        true, cutting.tool, cutting.workpiece, motion, VB=VB, length=d.series.block,
-        slice_height=SLICE,
+        true, cutting.tool, cutting.workpiece, motion, flank=cutting.workpiece.flank(VB),
+        length=d.series.block, slice_height=SLICE,
     )  # fmt: skip
     own, lead = baseline(d, random), round(LEAD * RATE) * FINE
     if test.fault == "lost":
@@ -253,7 +252,7 @@ def _recorded(
         mixed[LOST] *= SHARE_OF_LOST
     values = amplified(force, mixed, own, d, lead, random)
     ends = d.low_range if test.fault == "clipped" else d.range
-    written, counted = converted(values, ends, d.bits)
+    written, clipped = converted(values, ends, d.bits)
     rows = round(KEPT * len(written)) if test.fault == "torn" else len(written)
     file = f"dynamometer/{test.name}.csv"
     start = round(float(random.uniform(2, 5)), 1)
@@ -273,7 +272,8 @@ def _recorded(
         "rows": rows,
         "true": {
             "depth_mm": depth, "wear_um": VB * 1e6, "offset_N": own.offset.tolist(),
-            "drift_N_s": own.drift.tolist(), **counted,
+            "drift_N_s": own.drift.tolist(), "range_N": ends, "step_N": ends / 2 ** (d.bits - 1),
+            "clipped": clipped.tolist(),
             **_motion_truth(motion, force, lead, cutting),
         },
     }  # fmt: skip

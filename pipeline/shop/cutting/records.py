@@ -152,8 +152,9 @@ def _power(one: Pass, cutting: Cutting, VB: float) -> PassPower:
     angle = np.arange(revolutions * STEPS) * 2 * np.pi / STEPS
     x = -tool.diameter / 2 + angle / (2 * np.pi) * feed
     motion = Motion(angle=angle, x=x * 1e-3)
+    flank = cutting.workpiece.flank(VB)
     force = pass_forces(
-        c, tool, cutting.workpiece, motion, VB=VB, length=length, slice_height=SLICE
+        c, tool, cutting.workpiece, motion, flank=flank, length=length, slice_height=SLICE
     )
     power = force[:, 3].reshape(revolutions, STEPS).mean(axis=1) * c.speed * np.pi / 30
     position = x.reshape(revolutions, STEPS).mean(axis=1)

@@ -13,26 +13,22 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache
 from math import pi
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from pipeline.schema import store
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import DAY
-from pipeline.shop.cutting.force import Motion
+from pipeline.shop.cutting.dynamometer import Window, converted
+from pipeline.shop.cutting.force import AXIAL, CHIP, RUBBING, Motion, X, Y
 from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
 from pipeline.shop.parameters import ShopParameters, stamp
 from pipeline.shop.wear.parameters import CHANNELS, Mode, PlannedLife, Sensors, Wear
 from pipeline.shop.wear.teeth import (
-    AXIAL,
-    CHIP,
-    RUBBING,
     WornTool,
-    X,
-    Y,
     conditions,
     cut_forces,
     flank_wear,
@@ -135,7 +131,7 @@ def channels(
 ) -> Floats:  # fmt: skip
     """Signals at the sensors at each row, shape (T, 7) [N, m/s2, V].
 
-    ``force`` (FINE T, 5): of :func:`pipeline.shop.wear.teeth.cut_forces`; ``angle`` (FINE T,): of
+    ``force`` (FINE T, 6): of :func:`pipeline.shop.wear.teeth.cut_forces`; ``angle`` (FINE T,): of
     the spindle [rad]; ``cutting_speed`` [m/s].
     """
     rate = sensors.rate * FINE
@@ -173,15 +169,7 @@ def recorded(
     values += random.normal(0, 1, CHANNELS) * offset + random.normal(0, 1, CHANNELS) * drift * time
     phase = random.uniform(0, 2 * np.pi, 3)
     values[:, FORCES] += sensors.hum * np.sin(2 * np.pi * sensors.mains * time + phase)
-    return converted(sensors, values)
-
-
-def converted(sensors: Sensors, values: Floats) -> Floats:
-    """Values (T, 7) in the converter's steps, cut off at its ends."""
-    ends = 2.0 ** (sensors.bits - 1)
-    step = np.array(sensors.ranges) / ends
-    out: Floats = np.clip(np.round(values / step), -ends, ends - 1) * step
-    return out
+    return converted(values, np.array(sensors.ranges), sensors.bits)[0]
 
 
 def truth(sensors: Sensors, mounting: Mounting) -> dict[str, Any]:
@@ -189,8 +177,6 @@ def truth(sensors: Sensors, mounting: Mounting) -> dict[str, Any]:
     names = zip(sensors.columns, mounting.gain.tolist(), strict=True)
     return {"gain": {n: round(g, 5) for n, g in names}, "emission_creep": round(mounting.creep, 5)}
 
-
-Window = Literal["inside", "entry", "exit"]
 
 BLOCK = 120.0
 """Length of a pass [mm]."""
