@@ -199,13 +199,7 @@ class CodeTimes(Ranged, section="CodeTimes"):
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters(Ranged, section="ControlParameters"):
-    """Settings of a machine's control, and of the adapter that polls it.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or a cut could accelerate more than an axis can.
-    """
+    """Settings of a machine's control, and of the adapter that polls it."""
 
     x: AxisLimits = field(default_factory=AxisLimits)
     y: AxisLimits = field(default_factory=AxisLimits)
@@ -348,13 +342,7 @@ class LoggerParameters(Ranged, section="LoggerParameters"):
 
 @dataclass(frozen=True, kw_only=True)
 class ShopParameters(Ranged, section="ShopParameters"):
-    """A machine of the simulated shop and the weeks to simulate.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or ``first_day`` is not an ISO date on a Monday.
-    """
+    """A machine of the simulated shop and the weeks to simulate."""
 
     machine: str
     seed: Annotated[int, Range(least=0, most=2**32 - 1)] = 1

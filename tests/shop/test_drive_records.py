@@ -26,7 +26,7 @@ from pipeline.shop.drives.records import (
     travel,
 )
 
-from .conftest import Read, Simulated, machine_conf, read_back, shop_parameters
+from .conftest import Read, Simulated, read_back, shop_parameters
 
 HERTZ = 2000
 SOON = 300
@@ -173,22 +173,6 @@ def test_every_file_is_read_and_only_the_torn_row_is_lost(read):
     assert 5e6 < total < 25e6
 
 
-def test_channels_are_those_of_the_drive_records_in_their_units(read):
-    units = {"reference": "MILLIMETER", "position": "MILLIMETER", "command": "AMPERE",
-             "load": "NEWTON"}  # fmt: skip
-    axes = read.conf["drive_records"]["axes"]
-    for file, letter in SINGLE.items():
-        for quantity, channel in axes[letter].items():
-            if quantity != "load" or "load-step" in file:
-                assert read.units[file][channel] == units[quantity]
-    program = next(f for f in read.units if "program" in f)
-    assert {axes[a][q] for a in "XYZ" for q in axes[a] if q != "load"} < set(read.units[program])
-    motor = read.conf["drive_records"]["motor"]["channels"]
-    found = {k: read.units["motor/speed-steps-X.csv"][c] for k, c in motor.items()}
-    assert found == {"u_d": "VOLT", "u_q": "VOLT", "i_d": "AMPERE", "i_q": "AMPERE",
-                     "speed": "REVOLUTION/MINUTE"}  # fmt: skip
-
-
 def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
     """The tool's clock is off by parts in a million; its stamps tell the rows that are missing."""
     rate = 1 + read.made.truth["drives"]["more"]["tool"]["clock_error"] * 1e-6
@@ -312,18 +296,3 @@ def test_the_workpiece_adds_its_mass(read):
         found.append(np.sum(rest[rows] * a[rows]) / np.sum(a[rows] ** 2))
     assert found[0] == pytest.approx(truth.mass, rel=0.01)
     assert found[1] - found[0] == pytest.approx(told["mass_kg"], rel=0.05)
-
-
-def test_the_siblings_have_two_makers_drives():
-    first, second = (machine_conf(machine) for machine in ("mill01", "mill02"))
-    columns = [
-        {
-            source["column"]
-            for record in conf["records"]
-            if record["files"].startswith("servo/")
-            for source in record["table"]["columns"].values()
-        }
-        for conf in (first, second)
-    ]
-    assert not columns[0] & columns[1]
-    assert first["drive"] != second["drive"]

@@ -10,7 +10,7 @@ import pytest
 from pipeline.shop.control.planner import Ramp
 from pipeline.shop.cutting.parameters import Conditions, Cutting, EndMill, SpindleTests
 from pipeline.shop.cutting.records import shown_load, write_cutting
-from pipeline.shop.parameters import MotorParameters, SpindleParameters
+from pipeline.shop.parameters import SpindleParameters
 from pipeline.shop.spindle import available_power, no_load_power
 
 from .conftest import LogFile, read_log, shop_parameters
@@ -59,13 +59,6 @@ def test_without_a_cut_the_log_shows_the_power_of_the_truth(cuts):
         )
         met.append(speed)
     assert met == [s for s, _ in truth["spindle"]["no_load_W"]]
-
-
-def test_the_power_without_a_cut_grows_with_the_oils_five_thirds(cuts):
-    """Between the load's own friction (1) and the air's (3): Palmgren's 5/3 in the middle."""
-    speed, power = np.array(cuts.truth["spindle"]["no_load_W"]).T
-    slope = np.diff(np.log(power)) / np.diff(np.log(speed))
-    assert slope.min() > 1.4 and slope.max() < 2.0
 
 
 def test_the_load_of_each_pass_is_its_power(cuts):
@@ -119,18 +112,6 @@ def test_each_pass_meets_the_engagement_that_it_states(cuts):
     assert -height.min() < -float(box[3])
 
 
-def test_specific_force_is_power_over_removal(cuts):
-    """From the lines of the text themselves; thick chips take less, a worn edge more."""
-    rows = cuts.truth["spindle"]["passes"]
-    removal = [r["depth_mm"] * r["width_mm"] * r["feed_mm_min"] / 60 for r in rows]
-    force = [r["power_W"] * 1e3 / q for r, q in zip(rows, removal, strict=True)]
-    assert [r["specific_force_N_mm2"] for r in rows] == pytest.approx(force)
-    mean = cuts.truth["spindle"]["specific_force"]
-    assert min(force) < mean < max(force)
-    bare = cuts.truth["parameters"]["K_tc"]
-    assert bare < min(force) and max(force) < 2.5 * bare
-
-
 def test_speeding_up_takes_the_energy_of_the_rotor():
     """The meter without lag and noise: power over time is friction's work and J w2 / 2.
 
@@ -153,12 +134,6 @@ def test_speeding_up_takes_the_energy_of_the_rotor():
     base = spindle.motor.base_speed * RPM
     stored = spindle.motor.inertia * ((9000 * RPM) ** 2 - base**2) / 2
     assert work == pytest.approx(stored + idle, rel=0.01)  # the lag carries 1 % over the edge
-
-
-def test_torque_is_what_is_limited_below_the_base_speed():
-    motor = MotorParameters()
-    power = available_power(np.array([625.0, 1250.0, 2500.0, 9000.0]), motor)
-    assert power == pytest.approx(np.array([0.25, 0.5, 1.0, 1.0]) * motor.rated_power)
 
 
 def test_asking_for_what_there_is_not_is_named(tmp_path):

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
@@ -117,12 +118,15 @@ def _summary(cuts: Sequence[Trial]) -> dict[str, Any]:
     time = np.array([one.time_s for one in cuts])
     peak = np.array([one.peak_load_N for one in cuts])
     worst = cuts[int(np.argmax(peak))]
-    spreads = {
-        name: {key: round(float(getattr(values, key)()), digits) for key in ("mean", "min", "max")}
-        for name, values, digits in (("time_s", time, 3), ("peak_load_N", peak, 2))
-    }
-    above = int((peak > worst.limit_load_N).sum())
-    return {**spreads, "peak_line": worst.peak_line, "above": above}
+    return {
+        "time_s": _spread(time, 3), "peak_load_N": _spread(peak, 2), "peak_line": worst.peak_line,
+        "above": int((peak > worst.limit_load_N).sum()),
+    }  # fmt: skip
+
+
+def _spread(values: ArrayLike, digits: int) -> dict[str, float]:
+    """Mean, least and greatest value."""
+    return {f: round(float(getattr(np, f)(values)), digits) for f in ("mean", "min", "max")}
 
 
 UNEVEN = 0.01
@@ -162,7 +166,7 @@ def _spreads(found: Sequence[Any]) -> Any:
         return {key: _spreads([one[key] for one in found]) for key in found[0]}
     if any(one is None for one in found):
         return None
-    return {f: round(float(getattr(np, f)(found)), 4) for f in ("mean", "min", "max")}
+    return _spread(found, 4)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

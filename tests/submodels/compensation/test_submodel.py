@@ -335,11 +335,6 @@ def test_the_first_reason_is_said_where_no_recording_can_be_learnt_from(tmp_path
         build(tmp_path, {"p0": error_table(0)})
 
 
-def test_a_pattern_that_fits_no_file_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=r"compensation_records\.recordings = 'other/\*'"):
-        build(tmp_path, recordings(), wanted=records(recordings=("other/*",)))
-
-
 def test_signals_and_drives_are_both_read(tmp_path):
     with pytest.raises(ValueError, match="name both in reads"):
         SUBMODEL.cases(Records(signals=tmp_path), judging(TRAINING, records()))
