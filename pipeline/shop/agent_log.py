@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.si import DAY
 from pipeline.shop.files import write_text
-from pipeline.shop.parameters import LogParameters, ShopParameters, stamp
+from pipeline.shop.parameters import LogParameters, Random, ShopParameters, stamp
 from pipeline.shop.sensors import DataItem, SensedDay, data_items
 from pipeline.shop.timeline import Alarm
 
@@ -112,7 +112,7 @@ class Loss:
         return self.cause == "disconnect" and self.kept > self.start
 
 
-def losses(on: float, off: float, p: LogParameters, random: np.random.Generator) -> list[Loss]:
+def losses(on: float, off: float, p: LogParameters, random: Random) -> list[Loss]:
     """Connections lost and silences of one day between ``on`` and ``off`` [s], in order."""
     drawn: list[Loss] = []
     causes = ["disconnect"] * random.poisson(p.disconnects)
@@ -128,9 +128,7 @@ def losses(on: float, off: float, p: LogParameters, random: np.random.Generator)
     return sorted(drawn, key=lambda x: x.start)
 
 
-def spread(
-    count: int, low: int, high: int, random: np.random.Generator, apart: int = APART
-) -> Ints:
+def spread(count: int, low: int, high: int, random: Random, apart: int = APART) -> Ints:
     """Up to ``count`` polls between ``low`` and ``high``, at least ``apart`` from each other."""
     places: list[int] = []
     for place in np.sort(random.integers(low, max(high, low + 1), count)):
@@ -139,7 +137,7 @@ def spread(
     return np.array(places, dtype=int)
 
 
-def zero_polls(mean: float, polls: int, random: np.random.Generator) -> Ints:
+def zero_polls(mean: float, polls: int, random: Random) -> Ints:
     """Polls at which a temperature reads 0: single polls, crowded in spells."""
     ends = np.cumsum(random.exponential(SPELL, 2 * polls // SPELL + 20)).astype(int)
     sick = np.searchsorted(ends, np.arange(polls)) % 2 == 1
@@ -151,9 +149,7 @@ def zero_polls(mean: float, polls: int, random: np.random.Generator) -> Ints:
     return chosen[np.diff(chosen, prepend=-9) > 1]
 
 
-def late_polls(
-    times: Floats, busy: Ints, mean: float, random: np.random.Generator
-) -> list[tuple[int, int]]:
+def late_polls(times: Floats, busy: Ints, mean: float, random: Random) -> list[tuple[int, int]]:
     """``(poll, polls late)`` of lines to be delayed; a younger line stands before each of them.
 
     ``times`` (P,) of the polls [s]; ``busy`` (P,) number of records of each poll.
@@ -167,7 +163,7 @@ def late_polls(
     return late
 
 
-def broken_line(stamp: str, random: np.random.Generator) -> tuple[str, str]:
+def broken_line(stamp: str, random: Random) -> tuple[str, str]:
     """Kind and text of a line that no reader can parse."""
     kind = str(random.choice(["torn", "impossible_time", "nulls"]))
     if kind == "torn":
@@ -179,7 +175,7 @@ def broken_line(stamp: str, random: np.random.Generator) -> tuple[str, str]:
 
 def inject_glitches(
     numbers: dict[str, Floats], stamps: list[str], p: ShopParameters, truth: LogTruth,
-    random: np.random.Generator,
+    random: Random,
 ) -> None:  # fmt: skip
     """Put wrong values into ``numbers`` (each (P,), as written) and enter them in the truth."""
     polls, log = len(stamps), p.log
@@ -287,7 +283,7 @@ class Log:
 
     parameters: ShopParameters
     folder: Path
-    random: np.random.Generator
+    random: Random
     truth: LogTruth = field(default_factory=LogTruth)
     last_burst: float = AGENT_UP  # s since the first midnight
 
@@ -334,9 +330,7 @@ def write_day(log: Log, day: SensedDay) -> None:
     )  # fmt: skip
 
 
-def _polls(
-    on: int, off: int, lost: list[Loss], p: ShopParameters, random: np.random.Generator
-) -> Floats:
+def _polls(on: int, off: int, lost: list[Loss], p: ShopParameters, random: Random) -> Floats:
     """Times of the polls that reach the log [s of the day]; the first is when the control is up."""
     ready = on + random.uniform(110, 155)
     count = int((off - on) / p.log.poll) + 50

@@ -33,6 +33,8 @@ from pipeline.shop.drives.parameters import Drives
 from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.wear.parameters import Wear
 
+Random = np.random.Generator
+"""Random numbers of one source of chance."""
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
 
@@ -383,7 +385,7 @@ class ShopParameters(Ranged, section="ShopParameters"):
         """Number of days simulated."""
         return 7 * self.weeks
 
-    def generator(self, stream: str) -> np.random.Generator:
+    def generator(self, stream: str) -> Random:
         """Random numbers of one source of chance, independent of how much others draw."""
         words = [self.seed, *stream.encode()]
         return np.random.Generator(np.random.PCG64(words))

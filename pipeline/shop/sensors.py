@@ -16,7 +16,7 @@ from pipeline.schema.files import replacing
 from pipeline.schema.si import DAY
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged, slewed
-from pipeline.shop.parameters import AirParameters, ShopParameters, stamp
+from pipeline.shop.parameters import AirParameters, Random, ShopParameters, stamp
 from pipeline.shop.spindle import BED, COOLANT, FRONT, HOUSING, REAR, Inputs, heat, state_at_rest
 from pipeline.shop.timeline import Execution, Mode, Timeline, carried
 
@@ -227,7 +227,7 @@ def ambient_temperature(parameters: ShopParameters) -> Floats:
     return np.asarray(building + outside + np.clip(smooth_weather, -4, 4) + wander - doors)
 
 
-def _doors(p: AirParameters, day: Ints, hour: Floats, random: np.random.Generator) -> Floats:
+def _doors(p: AirParameters, day: Ints, hour: Floats, random: Random) -> Floats:
     """Cold [K] that doors let in: a drop that recovers exponentially."""
     working = (day % 7 < 5) & (hour >= 6) & (hour < 17)
     opened = random.random(day.size) < np.where(working, p.doors_a_day / (11 * 60), 0.0)
@@ -248,7 +248,7 @@ class MachineState:
     """State of a machine that outlives a day."""
 
     parameters: ShopParameters
-    random: np.random.Generator
+    random: Random
     state: Floats  # of the heat network
     sensor: float  # degC, the motor's temperature as its sensor has it
     counters: dict[str, float]
@@ -399,7 +399,7 @@ def write_thermocouples(folder: Path, tips: Floats, parameters: ShopParameters) 
 
 
 def _faults(
-    read: Floats, true: Floats, parameters: ShopParameters, random: np.random.Generator
+    read: Floats, true: Floats, parameters: ShopParameters, random: Random
 ) -> tuple[list[dict[str, object]], list[dict[str, object]]]:
     """Blank stretches of a channel and put spikes into ``read`` (T, 6); the faults, in UTC."""
     p, names, start = parameters.logger, list(CHANNELS), parameters.start

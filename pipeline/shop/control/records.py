@@ -20,7 +20,7 @@ from pipeline.shop.control.planner import HOME, Control, Operator, Plan, Ramp, S
 from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ControlParameters, ShopParameters, stamp
+from pipeline.shop.parameters import ControlParameters, Random, ShopParameters, stamp
 
 ACTIVE, FEED_HOLD, STOPPED, COMPLETED = range(4)
 EXECUTION = ("ACTIVE", "FEED_HOLD", "STOPPED", "PROGRAM_COMPLETED")
@@ -207,7 +207,7 @@ def _rapid_knob(plan: Plan, operator: Operator, time: Floats) -> Floats:
 
 
 def log_lines(
-    run: Display, start: np.datetime64, control: ControlParameters, random: np.random.Generator,
+    run: Display, start: np.datetime64, control: ControlParameters, random: Random,
     torn: bool = False, load: Floats | None = None,
 ) -> list[str]:  # fmt: skip
     """Lines of a log, ``timestamp|item|value``, of a program that was started at ``start`` (UTC).
@@ -233,7 +233,7 @@ def log_lines(
     return text
 
 
-def _polls(end: float, control: ControlParameters, random: np.random.Generator) -> np.ndarray:
+def _polls(end: float, control: ControlParameters, random: Random) -> np.ndarray:
     """Times of the polls [s] since the start of the program, to the millisecond."""
     count = int((end + LEAD) / control.poll * 1.2) + 20
     steps = control.poll + random.normal(0, control.poll_jitter, count)
@@ -360,7 +360,7 @@ def _rapids_after_cuts(program: PartProgram) -> list[int]:
     return lines
 
 
-def _one(lines: list[int], random: np.random.Generator) -> int:
+def _one(lines: list[int], random: Random) -> int:
     return lines[int(random.integers(len(lines)))]
 
 

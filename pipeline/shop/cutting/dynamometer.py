@@ -23,7 +23,7 @@ from pipeline.shop.cutting.parameters import (
 )
 from pipeline.shop.files import rows_text, torn, write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.parameters import Random, ShopParameters
 
 Window = Literal["inside", "entry", "exit"]
 Fault = Literal["", "clipped", "torn", "lost"]
@@ -112,7 +112,7 @@ class Baseline:
     hum_phase: Floats
 
 
-def baseline(dynamometer: Dynamometer, random: np.random.Generator) -> Baseline:
+def baseline(dynamometer: Dynamometer, random: Random) -> Baseline:
     """Offset, drift and hum that are drawn for one recording."""
     return Baseline(
         offset=random.normal(0, dynamometer.offset, 3),
@@ -120,7 +120,7 @@ def baseline(dynamometer: Dynamometer, random: np.random.Generator) -> Baseline:
     )  # fmt: skip
 
 
-def crosstalk(dynamometer: Dynamometer, random: np.random.Generator) -> Floats:
+def crosstalk(dynamometer: Dynamometer, random: Random) -> Floats:
     """Share of each force (column) in each channel (row), shape (3, 3) [1]."""
     mixed: Floats = random.uniform(0.4, 1.0, (3, 3)) * random.choice((-1.0, 1.0), (3, 3))
     mixed *= dynamometer.crosstalk
@@ -138,7 +138,7 @@ def plate_force(on_tool: Floats, dynamometer: Dynamometer) -> Floats:
 
 def amplified(
     on_tool: Floats, mixed: Floats, own: Baseline, dynamometer: Dynamometer, lead: int,
-    random: np.random.Generator,
+    random: Random,
 ) -> Floats:  # fmt: skip
     """Output of the amplifier at each row, before the converter, shape (T, 3) [N].
 
@@ -235,9 +235,8 @@ def write_dynamometer(folder: Path, parameters: ShopParameters) -> Recorded:
 
 
 def _recorded(
-    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats,
-    random: np.random.Generator,
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats, random: Random
+) -> dict[str, Any]:
     d = cutting.dynamometer
     depth = test.conditions.depth + float(random.normal(0, d.depth_error)) * 1e-3
     motion = _motion(test, cutting, random)
@@ -298,7 +297,7 @@ def _motion_truth(motion: Motion, force: Floats, lead: int, cutting: Cutting) ->
     }  # fmt: skip
 
 
-def _motion(test: CuttingTest, cutting: Cutting, random: np.random.Generator) -> Motion:
+def _motion(test: CuttingTest, cutting: Cutting, random: Random) -> Motion:
     """Position of the tool at each step of a recording, its lead included."""
     dynamometer, c = cutting.dynamometer, test.conditions
     planned, radius = dynamometer.series, cutting.tool.radius

@@ -28,7 +28,13 @@ from pipeline.shop.cutting.force import (
 from pipeline.shop.cutting.parameters import Conditions, Cutting, SpindleTests, engaged
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ControlParameters, ShopParameters, SpindleParameters, stamp
+from pipeline.shop.parameters import (
+    ControlParameters,
+    Random,
+    ShopParameters,
+    SpindleParameters,
+    stamp,
+)
 from pipeline.shop.spindle import available_power, no_load_power
 
 NUMBER = 71
@@ -164,7 +170,7 @@ def _power(one: Pass, cutting: Cutting, VB: float) -> PassPower:
 
 def run(
     program: PartProgram, passes: list[tuple[Pass, PassPower]], start: np.datetime64,
-    parameters: ShopParameters, random: np.random.Generator,
+    parameters: ShopParameters, random: Random,
 ) -> tuple[list[str], Floats]:  # fmt: skip
     """Log lines of a run of ``program`` from ``start`` (UTC), and load (T,) [percent]."""
     control, spindle = parameters.control, parameters.spindle
@@ -197,7 +203,7 @@ def pass_truth(one: Pass, power: PassPower) -> dict[str, Any]:
 
 def shown_load(
     speed: Floats, cutting: Floats, cycle: float, spindle: SpindleParameters,
-    tests: SpindleTests, random: np.random.Generator,
+    tests: SpindleTests, random: Random,
 ) -> Floats:  # fmt: skip
     """Load that the meter shows in each cycle [s], shape (T,) [percent].
 

@@ -31,7 +31,7 @@ from pipeline.shop.drives.records import (
     travel,
     write_trace,
 )
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.parameters import Random, ShopParameters
 
 SLOWEST = 0.1
 """An axis whose command is slower counts as one that stands [mm/s]."""
@@ -113,7 +113,7 @@ def _stretches(
         yield {"file": file, **done, **told}
 
 
-def _begins(position: Floats, rows: int, rate: int, random: np.random.Generator) -> Ints:
+def _begins(position: Floats, rows: int, rate: int, random: Random) -> Ints:
     """First rows of stretches of ``rows`` with motion in positions (T, 3) [mm] at ``rate`` [Hz]."""
     moves = np.abs(np.diff(position, axis=0)).max(axis=1) * rate > SLOWEST
     begins = np.arange(int(random.integers(rows)), len(moves) - rows + 1, rows)
@@ -190,9 +190,8 @@ def _sweeps(command: Floats, frequency: int, shaft: ShaftRecords) -> Floats:
 
 
 def _written(
-    folder: Path, name: str, letter: str, command: Floats, swept: Floats,
-    parameters: ShopParameters,
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path, name: str, letter: str, command: Floats, swept: Floats, parameters: ShopParameters
+) -> dict[str, Any]:
     drives, tool = parameters.drives, parameters.drives.tool
     axis = drives.axes[letter]
     random = parameters.generator(f"shaft {name}")
@@ -210,9 +209,7 @@ def _written(
     return {"file": file, **done}
 
 
-def both_ends(
-    axis: Axis, out: Followed, shaft: ShaftRecords, random: np.random.Generator
-) -> dict[str, Floats]:
+def both_ends(axis: Axis, out: Followed, shaft: ShaftRecords, random: Random) -> dict[str, Floats]:
     """Positions of the motor and of the carriage as both encoders read them [mm]; shape (T,)."""
     turn = axis.gear * out.motor
     motor = out.motor + shaft.eccentricity * 1e-6 * np.sin(turn + 0.4)

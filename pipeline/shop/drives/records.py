@@ -26,7 +26,7 @@ from pipeline.shop.drives.motor import motor_truth, speed_steps
 from pipeline.shop.drives.parameters import RATE, Axis, ServoTool
 from pipeline.shop.files import rows_text, torn, write_text
 from pipeline.shop.motion import change_time, rest_to_rest
-from pipeline.shop.parameters import Bounds, ShopParameters
+from pipeline.shop.parameters import Bounds, Random, ShopParameters
 
 BELL = (0.008, 0.004)
 """Lengths of the two moving averages after the interpolation [s]."""
@@ -202,7 +202,7 @@ class Column:
 
 def write_trace(
     path: Path, head: Mapping[str, str], columns: list[Column], rate: int, tool: ServoTool,
-    random: np.random.Generator | None,
+    random: Random | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Write one file of T rows at ``rate`` [Hz]; returns its faults, made with ``random``."""
     size = columns[0].values.size
@@ -222,9 +222,7 @@ def write_trace(
     return {"rows": int(kept.size), "seconds": size / rate, **faults}
 
 
-def _faults(
-    stamps: Floats, random: np.random.Generator, tool: ServoTool
-) -> tuple[np.ndarray, dict[str, Any]]:
+def _faults(stamps: Floats, random: Random, tool: ServoTool) -> tuple[np.ndarray, dict[str, Any]]:
     """Rows that are kept, and the faults; one stamp is repeated in place."""
     keep = np.ones(stamps.size, bool)
     gaps = []
@@ -365,7 +363,7 @@ def trace_head(machine: str, letters: Iterable[str], rate: int) -> dict[str, str
 
 
 def axis_columns(
-    letter: str, axis: Axis, command: Floats, tool: ServoTool, random: np.random.Generator, *,
+    letter: str, axis: Axis, command: Floats, tool: ServoTool, random: Random, *,
     load: Floats | None = None, extra: Floats | None = None, load_cell: bool = False,
     rate: int = RATE,
 ) -> list[Column]:  # fmt: skip

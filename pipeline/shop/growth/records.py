@@ -28,7 +28,7 @@ from pipeline.shop.growth.heat import (
 )
 from pipeline.shop.growth.parameters import PROFILES, SENSORS, Growth, Instruments, Season
 from pipeline.shop.motion import lagged, slewed
-from pipeline.shop.parameters import ShopParameters, stamp
+from pipeline.shop.parameters import Random, ShopParameters, stamp
 from pipeline.shop.spindle import state_at_rest
 
 Kind = Literal["warm-up", "steps", "random", "pauses", "equilibrium", "warm-start"]
@@ -109,9 +109,7 @@ def profiles(parameters: ShopParameters) -> Iterator[Profile]:
         )  # fmt: skip
 
 
-def _air(
-    seconds: int, first: int, level: float, season: Season, random: np.random.Generator
-) -> Floats:
+def _air(seconds: int, first: int, level: float, season: Season, random: Random) -> Floats:
     """Air at each second [degC], from ``first`` [s] of the day on."""
     hour = (first + np.arange(seconds)) / HOUR
     course = season.daily * np.cos(2 * np.pi * (hour - NOON) / 24)
@@ -127,7 +125,7 @@ def _air(
     return air
 
 
-def _speed(random: np.random.Generator, top: float, least: float = SLOWEST) -> float:
+def _speed(random: Random, top: float, least: float = SLOWEST) -> float:
     return float(np.round(random.uniform(least, 1.0) * top / ROUNDED) * ROUNDED)
 
 
@@ -138,9 +136,7 @@ def _held(blocks: list[tuple[float, float]], seconds: int) -> Floats:
     return np.append(held, np.full(seconds - held.size, blocks[-1][0]))
 
 
-def _command(
-    kind: Kind, number: int, random: np.random.Generator, parameters: ShopParameters
-) -> Floats:
+def _command(kind: Kind, number: int, random: Random, parameters: ShopParameters) -> Floats:
     """Commanded speed at each second of a record [rev/min]."""
     top = parameters.spindle.top_speed
     hours = {"warm-up": (4.0, 5.5), "equilibrium": (6.5, 8.0)}.get(kind, (4.0, 7.5))
@@ -167,7 +163,7 @@ def _command(
     ]
 
 
-def _steps(random: np.random.Generator, top: float, seconds: int) -> Floats:
+def _steps(random: Random, top: float, seconds: int) -> Floats:
     """A staircase of speeds up and down again, each held for half an hour or more."""
     count = int(random.integers(4, 7))
     up = np.linspace(float(random.uniform(0.15, 0.3)), float(random.uniform(0.85, 1.0)), count)
@@ -181,7 +177,7 @@ def _steps(random: np.random.Generator, top: float, seconds: int) -> Floats:
     return _held([*blocks, (0.0, seconds)], seconds)
 
 
-def _random(random: np.random.Generator, top: float, seconds: int) -> Floats:
+def _random(random: Random, top: float, seconds: int) -> Floats:
     """Speeds at random, each held for 3 to 30 minutes; one in eight is a stop."""
     blocks = [(0.0, 120.0)]
     while sum(length for _, length in blocks) < seconds:
@@ -190,7 +186,7 @@ def _random(random: np.random.Generator, top: float, seconds: int) -> Floats:
     return _held(blocks, seconds)
 
 
-def _pauses(random: np.random.Generator, top: float, seconds: int) -> Floats:
+def _pauses(random: Random, top: float, seconds: int) -> Floats:
     """Work at one or two speeds, with short stops and breaks between."""
     blocks = [(0.0, 180.0)]
     speeds = [_speed(random, top, 0.35), _speed(random, top, 0.5)]
@@ -201,7 +197,7 @@ def _pauses(random: np.random.Generator, top: float, seconds: int) -> Floats:
     return _held(blocks, seconds)
 
 
-def _work(random: np.random.Generator, parameters: ShopParameters) -> Floats:
+def _work(random: Random, parameters: ShopParameters) -> Floats:
     """Speed over the hours of work before a warm start [rev/min], a short stop at its end."""
     seconds = round(float(random.uniform(1.5, 4.0)) * HOUR)
     work = _random(random, parameters.spindle.top_speed, seconds)
@@ -359,9 +355,7 @@ def _died(
     faults["dead_from_s"] = float(time[gone][0])
 
 
-def _blanked(
-    table: Floats, stand: Instruments, random: np.random.Generator
-) -> list[dict[str, object]]:
+def _blanked(table: Floats, stand: Instruments, random: Random) -> list[dict[str, object]]:
     """Take single values out of ``table``, of any column but the time; which ones."""
     cells = []
     for _ in range(int(random.poisson(stand.missing))):

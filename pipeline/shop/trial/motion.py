@@ -26,7 +26,7 @@ from pipeline.shop.control.postprocessor import Kind as StepKind
 from pipeline.shop.control.postprocessor import PartProgram, Point, Step
 from pipeline.shop.control.records import state_at
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ControlParameters, ShopParameters
+from pipeline.shop.parameters import ControlParameters, Random, ShopParameters
 from pipeline.shop.trial.job import Box, TrialJob
 
 CODES = {7: 8, 8: 8, 9: 9}
@@ -158,7 +158,7 @@ class _Steps:
 
 
 def control_of(
-    program: PartProgram, job: TrialJob, parameters: ShopParameters, random: np.random.Generator
+    program: PartProgram, job: TrialJob, parameters: ShopParameters, random: Random
 ) -> Control:
     """The shop's control before ``program``, with the job's tools in its magazine."""
     called = {s.number for s in program.steps if s.kind == "tool"} | {0, first_tool(job)}

@@ -25,7 +25,7 @@ from pipeline.shop.cutting.force import AXIAL, CHIP, RUBBING, Motion, X, Y
 from pipeline.shop.cutting.parameters import Conditions, Workpiece
 from pipeline.shop.files import write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ShopParameters, stamp
+from pipeline.shop.parameters import Random, ShopParameters, stamp
 from pipeline.shop.wear.parameters import CHANNELS, Mode, PlannedLife, Sensors, Wear
 from pipeline.shop.wear.teeth import (
     WornTool,
@@ -54,7 +54,7 @@ class Mounting:
     """Logarithm by which the emission's coupling changes over the life."""
 
 
-def mounted(sensors: Sensors, random: np.random.Generator) -> Mounting:
+def mounted(sensors: Sensors, random: Random) -> Mounting:
     """Sensors mounted anew, drawn."""
     gain = 1 + random.normal(0, sensors.gain, CHANNELS)
     gain[EMISSION] = np.exp(random.normal(0, sensors.coupling))
@@ -97,7 +97,7 @@ def _acceleration(force: Floats, modes: Sequence[Mode], rate: float) -> Floats:
     return total
 
 
-def _turning(sensors: Sensors, angle: Floats, random: np.random.Generator) -> Floats:
+def _turning(sensors: Sensors, angle: Floats, random: Random) -> Floats:
     """Acceleration by unbalance and bearings along x, y, z, shape (T, 3) [m/s2]."""
     speed = (angle[-1] - angle[0]) / (angle.size - 1) * sensors.rate * FINE / (2 * np.pi) / TURNS
     out = np.zeros((angle.size, 3))
@@ -110,9 +110,7 @@ def _turning(sensors: Sensors, angle: Floats, random: np.random.Generator) -> Fl
     return out
 
 
-def _emission(
-    sensors: Sensors, force: Floats, cutting_speed: float, random: np.random.Generator
-) -> Floats:
+def _emission(sensors: Sensors, force: Floats, cutting_speed: float, random: Random) -> Floats:
     """Envelope of the acoustic emission before its gain, shape (T,) [V]."""
     work = sensors.shear * force[:, CHIP] + sensors.flank * force[:, RUBBING]
     level = np.sqrt(np.maximum(work * cutting_speed, 0.0))
@@ -126,9 +124,8 @@ def _emission(
 
 
 def channels(
-    sensors: Sensors, force: Floats, angle: Floats, cutting_speed: float,
-    random: np.random.Generator,
-) -> Floats:  # fmt: skip
+    sensors: Sensors, force: Floats, angle: Floats, cutting_speed: float, random: Random
+) -> Floats:
     """Signals at the sensors at each row, shape (T, 7) [N, m/s2, V].
 
     ``force`` (FINE T, 6): of :func:`pipeline.shop.wear.teeth.cut_forces`; ``angle`` (FINE T,): of
@@ -158,7 +155,7 @@ def _before_converter(values: Floats) -> Floats:
 
 
 def recorded(
-    sensors: Sensors, true: Floats, mounting: Mounting, life: float, random: np.random.Generator
+    sensors: Sensors, true: Floats, mounting: Mounting, life: float, random: Random
 ) -> Floats:
     """Output of the converter for ``true`` (T, 7), in its units, at a share of the ``life``."""
     gain = mounting.gain.copy()
@@ -216,7 +213,7 @@ class Course:
     """Time in the cut until the tool is worn, also of one that is still in use [min]."""
 
 
-def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course:
+def course(wear: Wear, life: PlannedLife, random: Random) -> Course:
     """Life of one tool, until a reading shows that it is worn."""
     cutter, planned = wear.cutter(life), wear.planned(life)
     tool = new_tool(cutter, wear.rate, random)
@@ -238,7 +235,7 @@ def course(wear: Wear, life: PlannedLife, random: np.random.Generator) -> Course
     )  # fmt: skip
 
 
-def _measured(wear: Wear, mean: Floats, random: np.random.Generator) -> Floats:
+def _measured(wear: Wear, mean: Floats, random: Random) -> Floats:
     """Readings of the microscope of mean lands (K,) [um], NaN where there is none."""
     scope = wear.microscope
     read = mean + random.normal(0, scope.error, mean.size)
@@ -258,7 +255,7 @@ class _Cut:
     motion: Motion
 
 
-def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
+def _cut(wear: Wear, life: Course, k: int, random: Random) -> _Cut:
     told = life.cuts[k % len(life.cuts)]
     depth = told.depth * (1 + random.normal(0, wear.depth_error))
     side = told.width if told.immersion == "slot" else told.width * (
@@ -275,9 +272,7 @@ def _cut(wear: Wear, life: Course, k: int, random: np.random.Generator) -> _Cut:
     return _Cut(conditions=true, workpiece=batch, window=window, motion=motion)
 
 
-def _motion(
-    wear: Wear, c: Conditions, window: Window, radius: float, random: np.random.Generator
-) -> Motion:
+def _motion(wear: Wear, c: Conditions, window: Window, radius: float, random: Random) -> Motion:
     """Position of the tool at each step of a record, its lead included."""
     rate, velocity, length = wear.sensors.rate * FINE, c.feed / 60e3, BLOCK * 1e-3
     ramp = AIR + radius / velocity if window != "inside" else 0.0
@@ -363,7 +358,7 @@ def _life(
 
 
 def _values(
-    wear: Wear, life: Course, mounting: Mounting, k: int, random: np.random.Generator
+    wear: Wear, life: Course, mounting: Mounting, k: int, random: Random
 ) -> tuple[_Cut, Floats]:
     """The record ``k`` of a life, and its seven channels as the converter has them, (T, 7)."""
     cut = _cut(wear, life, k, random)

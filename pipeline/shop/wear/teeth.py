@@ -20,6 +20,7 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.force import Motion, edges, pass_forces
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece, engaged
+from pipeline.shop.parameters import Random
 from pipeline.shop.wear.parameters import Cutter, PlannedCut, WearRate
 
 STEP = 0.1
@@ -38,7 +39,7 @@ class WornTool:
     teeth: Floats
 
 
-def new_tool(cutter: Cutter, law: WearRate, random: np.random.Generator) -> WornTool:
+def new_tool(cutter: Cutter, law: WearRate, random: Random) -> WornTool:
     """A tool as it comes out of its box into its holder, drawn."""
     runout, tilt = cutter.runout * random.rayleigh(0.8), cutter.tilt * random.rayleigh(0.8)
     angle, turned = random.uniform(-180, 180, 2)
