@@ -9,14 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.schema.golden import FrozenSet, GoldenSets
-from pipeline.schema.model import SourceFile
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.compensation import submodel
-from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, modelled_following
+from pipeline.submodels.compensation.features import modelled_following
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     FUZZY,
@@ -102,12 +100,6 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     return build(tmp_path_factory.mktemp("compensation"), recordings())
 
 
-def test_training_recordings_alone_are_fitted_on(built):
-    assert tuple(one.case for one in built.model.trained_on) == TRAINING
-    roles = {one.case: one.role for one in built.verdict.cases}
-    assert roles == dict.fromkeys(TRAINING, "training") | dict.fromkeys(HELD_OUT, "held_out")
-
-
 def test_the_fit_does_not_change_when_held_out_recordings_do(built, tmp_path):
     found = recordings() | {"p5": table(50), "p6": table(60, extra=False)}
     again = build(tmp_path, found)
@@ -175,14 +167,6 @@ def test_predictions_are_of_the_whole_following_error(built):
     assert {fact.unit for case in built.verdict.cases for fact in case.facts.values()} == {"%"}
 
 
-def test_a_frozen_recording_is_judged_as_golden(built):
-    frozen = FrozenSet(files=(SourceFile(file="feed/p0.csv", sha256="0" * 64),))
-    sets = GoldenSets(machine="rig", golden=frozen)
-    found = SUBMODEL.cases(Records(**built.reads), judging(TRAINING, records()), sets)
-    assert {case.name: case.role for case in found.cases}["feed/p0.csv"] == "golden"
-    assert [case.name for case in found.of("training")] == list(TRAINING[1:])
-
-
 @pytest.mark.parametrize("broken", [False, True])
 def test_the_end_of_a_recording_is_held_out_by_time(tmp_path, broken):
     """Of a machine with one recording, also where it has a gap."""
@@ -203,12 +187,6 @@ def test_the_end_of_a_recording_is_held_out_by_time(tmp_path, broken):
         assert begin.max() < end.min()
     assert found.verdict.judged_role == "held_out"
     assert not any("same bytes" in reason for reason in found.verdict.reasons)
-
-
-def test_a_copy_of_a_recording_is_none(tmp_path):
-    found = build(tmp_path, recordings() | {"copy": table(0)})
-    (left,) = found.verdict.left_out
-    assert left.case == "feed/copy.csv" and "copy of feed/p0.csv" in left.reason
 
 
 def test_a_copied_part_is_found_by_its_samples(tmp_path):
@@ -316,13 +294,6 @@ def test_a_command_has_the_residual_that_its_recording_shows(built):
     assert np.sqrt(np.mean((found - truth) ** 2)) < 0.3 * np.sqrt(np.mean(truth**2))
     coarse, _ = model.residual("X", reference[::2], error[::2], command[::2], 2 * PERIOD)
     assert np.sqrt(np.mean((coarse - found[::2]) ** 2)) < 0.2 * np.sqrt(np.mean(truth**2))
-
-
-def test_no_measurement_is_an_input_of_what_serves(built):
-    uses = built.model.axes["X"]
-    assert not MEASURED & {one.name for one in uses[PREDICTION].inputs}
-    ages = {one.name: one.older_than_s for one in uses[ESTIMATION].inputs}
-    assert ages[RESIDUAL] == LINEAR.horizon_s
 
 
 def test_without_a_training_recording_there_is_no_model(tmp_path):
