@@ -20,7 +20,7 @@ from pipeline.schema.verdict import Verdict
 from pipeline.submodels.deformation.model import DeformationModel, Learnt, load_growth_model
 from pipeline.submodels.deformation.records import AMBIENT, SPEED
 from pipeline.submodels.deformation.submodel import SUBMODEL
-from pipeline.thermal.lagged import lag
+from pipeline.thermal.sensors import lag
 from tests.small_project import ROOT
 from tests.submodels.deformation.growth_files import NAMES, made, table
 from tests.submodels.deformation.test_submodel import QUICK, ROLES, build, recordings

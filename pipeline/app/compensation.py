@@ -12,8 +12,6 @@ from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.cases import Records
 from pipeline.submodels.contract import sections
-from pipeline.submodels.deformation.comparison import GROWTH as QUANTITY
-from pipeline.submodels.deformation.comparison import PERSISTENCE
 from pipeline.submodels.deformation.control_text import (
     CONTROLS,
     Written,
@@ -21,7 +19,9 @@ from pipeline.submodels.deformation.control_text import (
     table_lines,
 )
 from pipeline.submodels.deformation.correction import correction
+from pipeline.submodels.deformation.methods import PERSISTENCE
 from pipeline.submodels.deformation.model import GrowthModel, load_growth_model
+from pipeline.submodels.deformation.records import GROWTH as QUANTITY
 from pipeline.submodels.deformation.records import State
 from pipeline.submodels.deformation.submodel import SUBMODEL
 

@@ -33,6 +33,8 @@ from pipeline.shop.drives.parameters import Drives
 from pipeline.shop.growth.parameters import Growth
 from pipeline.shop.wear.parameters import Wear
 
+Random = np.random.Generator
+"""Random numbers of one source of chance."""
 Bounds = tuple[float, float]
 """Greatest acceleration [mm/s2] and jerk [mm/s3] of a motion."""
 
@@ -199,13 +201,7 @@ class CodeTimes(Ranged, section="CodeTimes"):
 
 @dataclass(frozen=True, kw_only=True)
 class ControlParameters(Ranged, section="ControlParameters"):
-    """Settings of a machine's control, and of the adapter that polls it.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or a cut could accelerate more than an axis can.
-    """
+    """Settings of a machine's control, and of the adapter that polls it."""
 
     x: AxisLimits = field(default_factory=AxisLimits)
     y: AxisLimits = field(default_factory=AxisLimits)
@@ -348,13 +344,7 @@ class LoggerParameters(Ranged, section="LoggerParameters"):
 
 @dataclass(frozen=True, kw_only=True)
 class ShopParameters(Ranged, section="ShopParameters"):
-    """A machine of the simulated shop and the weeks to simulate.
-
-    Raises
-    ------
-    ValueError
-        When a value is out of its range or ``first_day`` is not an ISO date on a Monday.
-    """
+    """A machine of the simulated shop and the weeks to simulate."""
 
     machine: str
     seed: Annotated[int, Range(least=0, most=2**32 - 1)] = 1
@@ -395,7 +385,7 @@ class ShopParameters(Ranged, section="ShopParameters"):
         """Number of days simulated."""
         return 7 * self.weeks
 
-    def generator(self, stream: str) -> np.random.Generator:
+    def generator(self, stream: str) -> Random:
         """Random numbers of one source of chance, independent of how much others draw."""
         words = [self.seed, *stream.encode()]
         return np.random.Generator(np.random.PCG64(words))

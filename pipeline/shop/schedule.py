@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import DAY
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.parameters import Random, ShopParameters
 from pipeline.shop.timeline import (
     WARM_UP,
     Alarm,
@@ -76,7 +76,7 @@ class Shop:
     """State of the shop that outlives a day."""
 
     parameters: ShopParameters
-    random: np.random.Generator
+    random: Random
     job: Job | None = None
     cycles: int = 0
 
@@ -113,7 +113,7 @@ def run_program(shop: Shop, day: Timeline, start: int, run: Run) -> int:
     return t
 
 
-def _overrides(day: Timeline, t: int, run: Run, random: np.random.Generator) -> None:
+def _overrides(day: Timeline, t: int, run: Run, random: Random) -> None:
     """Set overrides: slow for a first part, sometimes faster or slower later."""
     first = run.part == 1
     day.rapid_override[t:] = random.choice([25.0, 50.0]) if first else 100.0
@@ -180,9 +180,7 @@ def _write(day: Timeline, a: int, path: Floats, operation: Operation, power: flo
     day.coolant[a:b] = operation.coolant
 
 
-def _path(
-    operation: Operation, length: int, override: float, random: np.random.Generator
-) -> Floats:
+def _path(operation: Operation, length: int, override: float, random: Random) -> Floats:
     """Path of the tool in each second, shape (6, length); rows as in :func:`_write`."""
     s, zero = np.arange(length, dtype=float), np.zeros(length)
     x_0, y_0, z_0 = random.uniform(-180, -20), random.uniform(-120, 0), random.uniform(60, 160)
@@ -207,9 +205,7 @@ def _path(
     return np.array([x_0 + along, y_0 + 12 * (n % 8), z_0 - 2 * (n // 8), zero, feeds, engaged])
 
 
-def _feed_hold(
-    day: Timeline, t: int, operation: Operation, cycle: Cycle, random: np.random.Generator
-) -> int:
+def _feed_hold(day: Timeline, t: int, operation: Operation, cycle: Cycle, random: Random) -> int:
     end = t + int(random.integers(8, 75))
     day.execution[t:end], day.execution[end:] = Execution.FEED_HOLD, Execution.ACTIVE
     day.hold[t:end] = operation.motion == "contour"
@@ -218,14 +214,14 @@ def _feed_hold(
     return end
 
 
-def _optional_stop(day: Timeline, t: int, cycle: Cycle, random: np.random.Generator) -> int:
+def _optional_stop(day: Timeline, t: int, cycle: Cycle, random: Random) -> int:
     end = t + int(random.integers(20, 150))  # M01: the operator measures
     day.execution[t:end], day.execution[end:] = Execution.INTERRUPTED, Execution.ACTIVE
     cycle.interrupted_s += end - t
     return end
 
 
-def _trouble(day: Timeline, t: int, random: np.random.Generator) -> None:
+def _trouble(day: Timeline, t: int, random: Random) -> None:
     """An alarm ends the run; sometimes the operator hits the emergency stop."""
     fault = FAULTS[random.integers(len(FAULTS))]
     end = t + int(random.integers(40, 300))
@@ -301,7 +297,7 @@ def _changeover(shop: Shop, day: Timeline, t: int) -> int:
     return end
 
 
-def _by_hand(day: Timeline, a: int, b: int, random: np.random.Generator) -> None:
+def _by_hand(day: Timeline, a: int, b: int, random: Random) -> None:
     """Rotate the spindle by a line of manual data input, move the axes by the handwheel."""
     day.mode[a:b], day.execution[a:b] = Mode.MANUAL_DATA_INPUT, Execution.ACTIVE
     day.speed_command[a:b] = float(random.choice([500.0, 1000.0, 2000.0, 3000.0]))
@@ -320,7 +316,7 @@ def _pause(shop: Shop, t: int) -> int:
     return t
 
 
-def _warnings(day: Timeline, random: np.random.Generator) -> None:
+def _warnings(day: Timeline, random: Random) -> None:
     for _ in range(int(random.poisson(4))):
         warning = WARNINGS[random.integers(len(WARNINGS))]
         a = int(random.integers(day.on + 300, day.off))

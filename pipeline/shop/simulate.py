@@ -11,19 +11,17 @@ import numpy as np
 from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import DAY
+from pipeline.shop import sensors
+from pipeline.shop.agent_log import Log, Unobserved, write_day
 from pipeline.shop.control.records import write_control
 from pipeline.shop.cutting.records import write_cutting
-from pipeline.shop.drives.feed_records import write_feed
+from pipeline.shop.drives.feed_records import write_feed, write_shafts
 from pipeline.shop.drives.records import write_drives
-from pipeline.shop.drives.shafts import write_shafts
 from pipeline.shop.files import write_text
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import ShopParameters, stamp
-from pipeline.shop.records import sensors
-from pipeline.shop.records.agent_log import Log, write_day
-from pipeline.shop.records.data_items import write_devices
-from pipeline.shop.records.log_faults import Unobserved
 from pipeline.shop.schedule import Shop, working_day
+from pipeline.shop.sensors import write_devices
 from pipeline.shop.timeline import Cycle, Timeline
 from pipeline.shop.trial.job import write_parts
 from pipeline.shop.wear.records import write_wear

@@ -118,7 +118,7 @@ def _edges(p: SpindleParameters) -> list[tuple[int, int, float, Path]]:
     ]
 
 
-class _Bearing(NamedTuple):
+class Bearing(NamedTuple):
     """The fields of ``BearingParameters``, in their order."""
 
     pieces: int
@@ -129,9 +129,11 @@ class _Bearing(NamedTuple):
     growth: float
 
 
-class _Constants(NamedTuple):
-    front: _Bearing
-    rear: _Bearing
+class Constants(NamedTuple):
+    """Constants of bearings, motor, chiller and heat shares in SI, speeds in rev/min."""
+
+    front: Bearing
+    rear: Bearing
     slope: float
     intercept: float
     rated_torque: float
@@ -180,11 +182,12 @@ class Heat(NamedTuple):
     to_chiller: float
 
 
-def _constants(p: SpindleParameters) -> _Constants:
+def constants(p: SpindleParameters) -> Constants:
+    """Constants of a spindle."""
     slope, intercept = viscosity_line(p.viscosity_40, p.viscosity_100)
     m, c = p.motor, p.chiller
-    return _Constants(
-        front=_Bearing(*astuple(p.front)), rear=_Bearing(*astuple(p.rear)),
+    return Constants(
+        front=Bearing(*astuple(p.front)), rear=Bearing(*astuple(p.rear)),
         slope=slope, intercept=intercept,
         rated_torque=m.rated_power / (m.base_speed * RPM), base_speed=m.base_speed,
         top_speed=p.top_speed, copper=m.copper_loss, rotor=m.rotor_loss,
@@ -201,9 +204,9 @@ def capacities(p: SpindleParameters) -> Floats:
     return np.array([getattr(p.masses, node) for node in NODES])
 
 
-def state_at_rest(ambient: float) -> Floats:
+def state_at_rest(ambient: float, nodes: int = len(NODES)) -> Floats:
     """State of a machine that has the temperature of the air [degC]; the chiller is off."""
-    return np.append(np.full(len(NODES), ambient), 0.0)
+    return np.append(np.full(nodes, ambient), 0.0)
 
 
 def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1) -> Heat:
@@ -213,12 +216,12 @@ def heat(state: Floats, inputs: Inputs, p: SpindleParameters, substeps: int = 1)
     kinds = np.array([int(kind) for *_, kind in table])
     conductances = np.array([g for _, _, g, _ in table])
     return Heat(*_simulated(
-        state.copy(), inputs, _constants(p), ends, kinds, conductances, capacities(p), substeps
+        state.copy(), inputs, constants(p), ends, kinds, conductances, capacities(p), substeps
     ))  # fmt: skip
 
 
 @compiled_with()
-def _bearing_heat(speed: float, own: float, growth: float, b: _Bearing, k: _Constants) -> float:
+def _bearing_heat(speed: float, own: float, growth: float, b: Bearing, k: Constants) -> float:
     """Friction heat [W] of a bearing set at temperature ``own``; ``growth`` = shaft - housing."""
     if speed < 1.0:
         return 0.0
@@ -244,7 +247,7 @@ def _factor(kind: int, speed: float, on: bool, flood: bool, difference: float) -
 
 @compiled_with()
 def _sources(
-    q: np.ndarray, t: np.ndarray, i: int, acceleration: float, x: Inputs, k: _Constants
+    q: np.ndarray, t: np.ndarray, i: int, acceleration: float, x: Inputs, k: Constants
 ) -> float:
     """Fill ``q`` with the heat made in each node [W]; return the motor's torque [N m]."""
     n, omega = x.speed[i], x.speed[i] * RPM
@@ -273,20 +276,19 @@ def _sources(
 
 
 @compiled_with()
-def _chiller(state: Floats, i: int, x: Inputs, k: _Constants) -> float:
-    """Switch the chiller with its hysteresis; return the heat that it takes away [W]."""
-    ambient = x.ambient[i]
+def chiller_heat(state: Floats, node: int, ambient: float, on: bool, k: Constants) -> float:
+    """Switch the chiller, the last of ``state``, by its ``node``; the heat that it takes [W]."""
     setpoint = k.setpoint - 20.0 + ambient if k.follows else k.setpoint
-    if not x.power[i] or state[CHILLER] < setpoint - k.hysteresis_band:
-        state[10] = 0.0
-    elif state[CHILLER] > setpoint + k.hysteresis_band:
-        state[10] = 1.0
-    return state[10] * k.capacity * max(1.0 - k.capacity_slope * (ambient - 20.0), 0.1)
+    if not on or state[node] < setpoint - k.hysteresis_band:
+        state[-1] = 0.0
+    elif state[node] > setpoint + k.hysteresis_band:
+        state[-1] = 1.0
+    return state[-1] * k.capacity * max(1.0 - k.capacity_slope * (ambient - 20.0), 0.1)
 
 
 @compiled_with()
 def _simulated(
-    state: Floats, x: Inputs, k: _Constants, ends: np.ndarray, kinds: np.ndarray,
+    state: Floats, x: Inputs, k: Constants, ends: np.ndarray, kinds: np.ndarray,
     conductances: np.ndarray, masses: np.ndarray, substeps: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float, float]:  # fmt: skip
     steps, nodes, dt = x.speed.size, masses.size, 1.0 / substeps
@@ -297,7 +299,7 @@ def _simulated(
         for _ in range(substeps):
             torques[i] = _sources(q, state, i, acceleration, x, k)
             generated += q.sum() * dt
-            cold = _chiller(state, i, x, k)
+            cold = chiller_heat(state, CHILLER, x.ambient[i], x.power[i], k)
             q[CHILLER] -= cold
             to_chiller += cold * dt
             for e in range(kinds.size):

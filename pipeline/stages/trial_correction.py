@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.corrected import corrected_trials
+from pipeline.shop.trial.trials import corrected_trials
 
 
 def trial_correction(corrected: Path, driven: Path, *, shop: ShopParameters) -> None:

@@ -9,14 +9,20 @@ from pathlib import Path
 from typing import Any
 
 import cattrs
+import numpy as np
+import pyarrow.parquet as pq
 import pytest
 import yaml
 
+from pipeline.parallel import Compute
+from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.growth.records import write_growth
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.simulate import simulate
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.ingest import ingest
 from tests.shared import made_once
 
 CONF = Path(__file__).parents[2] / "conf" / "shop"
@@ -46,6 +52,44 @@ class Simulated:
 
     def log(self, name: str) -> LogFile:
         return read_log(self.folder / name)
+
+
+@dataclass(frozen=True)
+class Read:
+    """Records as the machine's own file in conf/ has them read: traces and units by raw file."""
+
+    made: Simulated
+    signals: Path
+    conf: dict[str, Any]
+    manifest: dict[str, dict[str, Any]]
+    traces: dict[str, dict[str, np.ndarray]]
+    units: dict[str, dict[str, str]]
+    told: dict[str, dict[str, Any]]
+
+
+def machine_conf(machine: str) -> dict[str, Any]:
+    """The machine's own file in conf/."""
+    found: dict[str, Any] = yaml.safe_load((CONF.parent / f"machine/{machine}.yaml").read_text())
+    return found
+
+
+def read_back(made: Simulated, folder: Path, signals: Path, told: list[dict[str, Any]]) -> Read:
+    """Read what stands in ``folder`` by the machine's file; ``told``: what is true of each file."""
+    conf = machine_conf(made.parameters.machine)
+    rooms = tuple(f"{path.name}/" for path in folder.iterdir())
+    sources = [r for r in conf["records"] if r["files"].startswith(rooms)]
+    strict = cattrs.Converter(forbid_extra_keys=True)
+    ingest(folder, signals, strict.structure(sources, list[RecordSource]),
+           MachineIdentity(**conf["identity"]))  # fmt: skip
+    manifest = json.loads((signals / "manifest.json").read_text())["files"]
+    tables = {n: pq.read_table(signals / entry["output"]) for n, entry in manifest.items()}
+    return Read(
+        made=made, signals=signals, conf=conf, manifest=manifest,
+        traces={n: {c: t[c].to_numpy() for c in t.column_names} for n, t in tables.items()},
+        units={n: {f.name: f.metadata[b"unit"].decode() for f in t.schema if f.metadata}
+               for n, t in tables.items()},
+        told={f["file"]: f for f in told},
+    )  # fmt: skip
 
 
 def read_log(path: Path) -> LogFile:
@@ -100,10 +144,10 @@ def merged(section: dict[str, Any], changes: dict[str, Any]) -> dict[str, Any]:
     return section | changes | inner
 
 
-def run(root: Path, machine: str, **changes: Any) -> Simulated:
+def run(root: Path, machine: str, compute: Compute = "serial", **changes: Any) -> Simulated:
     parameters = shop_parameters(machine, **changes)
     truth = root / "truth" / f"{machine}.json"
-    simulate(root / "raw" / machine, truth, parameters)
+    simulate(root / "raw" / machine, truth, parameters, compute)
     return Simulated(root / "raw" / machine, json.loads(truth.read_text()), parameters)
 
 
@@ -130,10 +174,11 @@ def week(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
 
 @pytest.fixture(scope="session")
 def plain_week(week: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
-    """The same week once more, without the servo tool."""
+    """The same week once more, without the servo tool, its kinds of records beside each other."""
     machine = week.parameters.machine
+    changes = {**NO_CUTS, **NO_DRIVES, **NO_GROWTH, **NO_WEAR}
     folder = tmp_path_factory.mktemp(f"{machine}-plain")
-    return run(folder, machine, weeks=1, **NO_CUTS, **NO_DRIVES, **NO_GROWTH, **NO_WEAR)
+    return run(folder, machine, compute="threads", weeks=1, **changes)
 
 
 def recorded(
@@ -162,7 +207,7 @@ def feeds(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return recorded(tmp_path_factory, request.param, write_feed)
 
 
-@pytest.fixture(scope="session", params=["mill01", "mill02"])
+@pytest.fixture(scope="session", params=MACHINES)
 def warm(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     """The growth records of each machine."""
     return recorded(tmp_path_factory, request.param, write_growth)

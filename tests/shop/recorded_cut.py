@@ -15,18 +15,18 @@ import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.shop.drives.axis import follow
-from pipeline.shop.drives.commands import smoothed
 from pipeline.shop.drives.parameters import RATE
-from pipeline.shop.drives.records import Column, axis_columns
+from pipeline.shop.drives.records import Column, axis_columns, smoothed
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.blank import Swept, swept
 from pipeline.shop.trial.cutting import Chance, _cuts, chance, check_cut
 from pipeline.shop.trial.job import TrialJob
 from pipeline.shop.trial.motion import (
+    Swept,
     Track,
     commands_at,
     control_of,
     program_steps,
+    swept,
     tip_shift,
 )
 

@@ -1,9 +1,11 @@
-"""The log reads like a real one, and its dirt is exactly what the truth says."""
+"""A week at the machine: its log and the logger's files, with the faults that are told."""
 
 from collections import Counter
 from datetime import datetime, timedelta
+from itertools import pairwise
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 
 from .conftest import LogFile, Record, Simulated
@@ -30,9 +32,7 @@ def files(week: Simulated) -> dict[str, LogFile]:
     return {f["file"]: week.log(f["file"]) for f in week.truth["log"]["files"]}
 
 
-def test_every_line_is_a_record_or_among_the_rejected(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_every_line_is_a_record_or_among_the_rejected(week, files):
     for told in week.truth["log"]["files"]:
         found = files[told["file"]]
         assert len(found.lines) == told["lines"]
@@ -42,17 +42,13 @@ def test_every_line_is_a_record_or_among_the_rejected(
     assert lines == Counter(r["line"] for r in week.truth["log"]["rejected"])
 
 
-def test_lines_older_than_one_before_them_are_as_many_as_told(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_lines_older_than_one_before_them_are_as_many_as_told(week, files):
     told = {f["file"]: f["out_of_order"] for f in week.truth["log"]["files"]}
     assert {name: f.out_of_order for name, f in files.items()} == told
     assert sum(told.values()) > 0
 
 
-def test_wrong_values_are_as_many_as_told_and_where_told(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_wrong_values_are_as_many_as_told_and_where_told(week, files):
     records = [r for f in files.values() for r in f.records]
     for kind, is_wrong in WRONG.items():
         found = sorted((r.time, r.name, r.fields[0]) for r in records if is_wrong(r))
@@ -61,7 +57,7 @@ def test_wrong_values_are_as_many_as_told_and_where_told(
     assert week.truth["log"]["counts"]["glitches"]["zero_temperature"] > 100
 
 
-def test_all_items_become_unavailable_when_told(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_all_items_become_unavailable_when_told(week, files):
     bursts = [b for b in week.truth["log"]["bursts"] if b["kind"] != "agent_start"]
     gone = Counter(
         r.time
@@ -74,7 +70,7 @@ def test_all_items_become_unavailable_when_told(week: Simulated, files: dict[str
     assert sum(gone.values()) == len(bursts) + len(files)
 
 
-def test_late_lines_stand_after_younger_ones(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_late_lines_stand_after_younger_ones(week, files):
     records = [r for f in files.values() for r in f.records]
     where: dict[tuple[datetime, str], list[int]] = {}
     for k, r in enumerate(records):
@@ -86,7 +82,7 @@ def test_late_lines_stand_after_younger_ones(week: Simulated, files: dict[str, L
         assert records[k - 1].time > records[k].time
 
 
-def test_weekend_and_night_are_silent(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_weekend_and_night_are_silent(week, files):
     days = {d["date"]: d for d in week.truth["days"]}
     for name, found in files.items():
         day = days[name[6:16]]
@@ -106,7 +102,7 @@ def _execution(files: dict[str, LogFile]) -> list[Record]:
     )
 
 
-def test_cycles_are_what_the_execution_shows(week: Simulated, files: dict[str, LogFile]) -> None:
+def test_cycles_are_what_the_execution_shows(week, files):
     """Both ways: each edge of a cycle is a change of the log; no other automatic run is there."""
     changes = _execution(files)
     poll = timedelta(seconds=4.5)  # two polls of which one may be skipped, and a rounding
@@ -133,19 +129,7 @@ def test_cycles_are_what_the_execution_shows(week: Simulated, files: dict[str, L
         assert mode[before[-1]] == "MANUAL_DATA_INPUT", f"ACTIVE at {t} in no cycle"
 
 
-def test_complete_cycles_raise_the_part_count(week: Simulated) -> None:
-    kinds = Counter((c["kind"], c["complete"]) for c in week.truth["cycles"])
-    assert kinds["part", True] > kinds["part", False]
-    for c in week.truth["cycles"]:
-        assert _time(c["start"]) < _time(c["end"])
-        assert c["tool_changes"] <= 5
-    numbers = [c["number"] for c in week.truth["cycles"]]
-    assert numbers == list(range(1, len(numbers) + 1))
-
-
-def test_every_item_of_the_log_is_in_the_device_model(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_every_item_of_the_log_is_in_the_device_model(week, files):
     root = ElementTree.parse(week.folder / "Devices.xml").getroot()
     described = {e.get("name"): e for e in root.iter() if e.tag.endswith("}DataItem")}
     assert {r.name for f in files.values() for r in f.records} == set(described)
@@ -155,9 +139,7 @@ def test_every_item_of_the_log_is_in_the_device_model(
     assert len(ids) == len(set(ids))
 
 
-def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(week, files):
     """Feeds of catalogue size: 8 to 66 mm/s; in mm/min sixty times that."""
     native = week.parameters.log.kind == "adapter"
     feeds = [
@@ -172,9 +154,7 @@ def test_an_adapter_writes_native_units_and_several_pairs_on_a_line(
     assert (records > 1.5 * sum(len(f.lines) for f in files.values())) == native
 
 
-def test_the_c_axis_stands_still_in_spindle_mode_and_is_held_between_parts(
-    week: Simulated, files: dict[str, LogFile]
-) -> None:
+def test_the_c_axis_stands_still_in_spindle_mode_and_is_held_between_parts(week, files):
     records = [r for f in files.values() for r in f.records]
     modes = {r.fields[0] for r in records if r.name == "S1func"}
     if not week.parameters.c_axis:
@@ -184,3 +164,70 @@ def test_the_c_axis_stands_still_in_spindle_mode_and_is_held_between_parts(
     angles = {r.fields[0] for r in records if r.name == "Cang"} - {"UNAVAILABLE"}
     assert all(0 <= float(a) < 360 for a in angles)
     assert "90" in angles  # where it is held for loading
+
+
+HEADER = 8
+
+
+@pytest.fixture(scope="module")
+def rows(week: Simulated) -> tuple[list[datetime], np.ndarray]:
+    p = week.parameters.logger
+    separator = ";" if p.decimal == "," else ","
+    times, values = [], []
+    for path in sorted((week.folder / "thermocouples").glob("*.csv")):
+        for line in path.read_text(encoding=p.encoding).splitlines()[HEADER:]:
+            time, *cells = line.split(separator)
+            times.append(datetime.fromisoformat(time))
+            values.append([float(c.replace(p.decimal, ".")) if c else np.nan for c in cells])
+    return times, np.array(values)
+
+
+def test_a_row_each_ten_seconds_of_the_loggers_clock(week, rows):
+    times, values = rows
+    assert len(times) == week.truth["thermocouples"]["rows"]
+    assert values.shape[1] == len(week.truth["thermocouples"]["channels"]) == 6
+    assert {b - a for a, b in pairwise(times)} == {timedelta(seconds=10)}
+
+
+def test_one_file_a_day_with_names_and_units(week):
+    p = week.parameters.logger
+    files = sorted((week.folder / "thermocouples").glob("*.csv"))
+    assert [f.stem for f in files] == [d["date"] for d in week.truth["days"]]
+    lines = files[0].read_text(encoding=p.encoding).splitlines()
+    separator = ";" if p.decimal == "," else ","
+    assert lines[6].split(separator) == ["Time", *week.truth["thermocouples"]["channels"]]
+    assert set(lines[7].split(separator)[1:]) == {"°C" if p.decimal == "," else "degC"}
+
+
+def test_blanks_and_spikes_are_as_told(week, rows):
+    _, values = rows
+    told = week.truth["thermocouples"]
+    assert int(np.isnan(values).sum()) == told["blank_cells"] > 0
+    assert int((values > 1000).sum()) == len(told["spikes"]) > 0
+
+
+def test_the_clock_is_off_by_what_is_told(week, rows):
+    """A spike's place in the file, taken back through the stated clock, is its true time."""
+    times, values = rows
+    told = week.truth["thermocouples"]
+    clock = told["clock"]
+    start = datetime.fromisoformat(week.parameters.first_day)
+    shown = sorted(times[k] for k in np.flatnonzero((values > 1000).any(axis=1)))
+    true = sorted({datetime.fromisoformat(s["time"].removesuffix("Z")) for s in told["spikes"]})
+    for a, b in zip(shown, true, strict=True):
+        seconds = (b - start).total_seconds()
+        off = seconds * clock["drift_s_per_day"] / 86400 + clock["offset_s"]
+        expected = b + timedelta(seconds=off + 3600 * clock["zone_hours"])
+        assert abs((a - expected).total_seconds()) < 0.01
+
+
+def test_bearings_follow_the_work_and_the_weekend_is_cold(week, rows):
+    times, values = rows
+    values = np.where(values > 1000, np.nan, values)
+    weekday = np.array([t.weekday() for t in times])
+    hour = np.array([t.hour for t in times])
+    front = values[:, 0] - values[:, 3]  # above the air
+    working = np.nanmean(front[(weekday < 5) & (hour >= 9) & (hour < 13)])
+    sunday = np.nanmean(front[weekday == 6])
+    assert working > 8.0
+    assert sunday < 3.0

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.schema.si import RPM
-from pipeline.shop.control.display import display
 from pipeline.shop.control.planner import Control, Operator, Plan, Ramp, section
 from pipeline.shop.control.postprocessor import PartProgram, Post, Step, Tool
+from pipeline.shop.control.records import display
 from pipeline.shop.motion import profile, rest_to_rest
 from pipeline.shop.parameters import ControlParameters, MotorParameters
 
@@ -48,11 +48,11 @@ def spans(found: Plan, kind: str) -> list[float]:
         (300.0, 500.0, 300.0 / 500.0 + 500.0 / A + A / J),
     ],
 )
-def test_one_way_takes_the_time_of_the_closed_form(length: float, cap: float, time: float) -> None:
+def test_one_way_takes_the_time_of_the_closed_form(length, cap, time):
     assert rest_to_rest(length, cap, A, J).duration == pytest.approx(time, rel=EXACT)
 
 
-def test_profiles_are_as_fast_as_a_time_optimal_planner() -> None:
+def test_profiles_are_as_fast_as_a_time_optimal_planner():
     """Ruckig (MIT) finds the fastest motion under the same limits; ours is that one."""
     ruckig = pytest.importorskip("ruckig")
     random = np.random.default_rng(5)
@@ -77,7 +77,7 @@ stretches = st.lists(
 
 @settings(max_examples=150, deadline=None)
 @given(stretches)
-def test_no_cut_passes_its_limits(blocks: list[tuple[float, float, float]]) -> None:
+def test_no_cut_passes_its_limits(blocks):
     """Restated from samples of the speed along polylines; corners from the angle between chords."""
     control = ControlParameters()
     points, heading = [np.zeros(3)], 0.0
@@ -108,7 +108,7 @@ def test_no_cut_passes_its_limits(blocks: list[tuple[float, float, float]]) -> N
         assert speed <= limit + near
 
 
-def test_a_cut_at_reduced_feed_takes_the_closed_form() -> None:
+def test_a_cut_at_reduced_feed_takes_the_closed_form():
     made = post()
     made.line(x=150.0, feed=1200.0)
     found = plan(made.end("O1"), Operator(feed_override=((0, 80.0),)))
@@ -119,7 +119,7 @@ def test_a_cut_at_reduced_feed_takes_the_closed_form() -> None:
     assert spans(found, "cut") == [pytest.approx(150 / v + short, rel=EXACT)]
 
 
-def test_rapids_move_each_axis_on_its_own() -> None:
+def test_rapids_move_each_axis_on_its_own():
     made = post()
     made.rapid(x=300.0, y=40.0)
     found = plan(made.end("O1"))
@@ -130,7 +130,7 @@ def test_rapids_move_each_axis_on_its_own() -> None:
     assert [p.length for p in moved.axes] == pytest.approx([300, 40])
 
 
-def test_arcs_turn_the_way_of_their_code() -> None:
+def test_arcs_turn_the_way_of_their_code():
     made = post()
     made.arc(10.0, 10.0, (10.0, 0.0), anticlockwise=False)
     made.arc(0.0, 20.0, (0.0, 10.0), anticlockwise=True)
@@ -140,7 +140,7 @@ def test_arcs_turn_the_way_of_their_code() -> None:
     assert turns == pytest.approx([-np.pi / 2, np.pi / 2, -2 * np.pi])
 
 
-def test_deep_holes_are_pecked() -> None:
+def test_deep_holes_are_pecked():
     """Fanuc's G83 by hand: up to R after each peck, back to the clearance above it."""
     made = post()
     made.drill([(30.0, 40.0)], 2.0, -9.0, peck=4.0)
@@ -152,7 +152,7 @@ def test_deep_holes_are_pecked() -> None:
     ]  # fmt: skip
 
 
-def test_in_position_waits_until_the_lag_has_died_down() -> None:
+def test_in_position_waits_until_the_lag_has_died_down():
     """The drive x' = k (x_ref - x), integrated in small steps past the end of a rapid."""
     control = ControlParameters()
     way = rest_to_rest(200.0, 600.0, 5e3, 5e4)
@@ -168,7 +168,7 @@ def test_in_position_waits_until_the_lag_has_died_down() -> None:
     assert waited == pytest.approx(time - way.duration, abs=2e-4)  # of the small steps
 
 
-def test_the_look_ahead_sees_as_many_blocks_as_it_is_told() -> None:
+def test_the_look_ahead_sees_as_many_blocks_as_it_is_told():
     """Blocks of 0.02 mm on a line: with ten in sight it must be able to stop within 0.2 mm."""
     steps = [Step(kind="line", line=k, end=(0.02 * k, 0.0, 0.0)) for k in range(1, 1501)]
     feeds = np.full(1500, 100.0)
@@ -180,7 +180,7 @@ def test_the_look_ahead_sees_as_many_blocks_as_it_is_told() -> None:
     assert near.motion.duration > 1.5 * far.motion.duration
 
 
-def test_the_spindle_takes_up_what_the_motor_gives() -> None:
+def test_the_spindle_takes_up_what_the_motor_gives():
     """Torque times speed, integrated over the run-up, is the energy that turns at its end."""
     ramp = Ramp(motor=MotorParameters(), overload=1.5, n_0=0.0, n_1=9000.0)
     time = np.linspace(0, ramp.duration, 20001)
@@ -192,7 +192,7 @@ def test_the_spindle_takes_up_what_the_motor_gives() -> None:
     assert back.at(back.duration - time) == pytest.approx(ramp.at(time), abs=1e-6)
 
 
-def test_where_the_spindle_is_waited_for() -> None:
+def test_where_the_spindle_is_waited_for():
     made = post()
     made.rapid(z=2.0)
     made.line(x=10.0)
@@ -208,7 +208,7 @@ def test_where_the_spindle_is_waited_for() -> None:
     assert cut["before_cutting"] < cut["at_m3"]
 
 
-def test_a_hold_delays_by_its_length_and_changes_nothing_else() -> None:
+def test_a_hold_delays_by_its_length_and_changes_nothing_else():
     made = post()
     made.line(x=100.0)
     program = made.end("O1")
@@ -223,13 +223,13 @@ def test_a_hold_delays_by_its_length_and_changes_nothing_else() -> None:
     assert slope <= control.cutting_acceleration * 1e3
 
 
-def test_lines_that_cut_nothing_cannot_be_held() -> None:
+def test_lines_that_cut_nothing_cannot_be_held():
     made = post()
     operator = Operator(holds={90: 5.0})
     with pytest.raises(ValueError, match="line 90 and those after it cut nothing"):
         display(plan(made.end("O1"), operator), operator, ControlParameters())
 
 
-def test_cuts_that_an_axis_cannot_follow_are_refused() -> None:
+def test_cuts_that_an_axis_cannot_follow_are_refused():
     with pytest.raises(ValueError, match=r"5.39, more than the weakest axis can: 4.5"):
         ControlParameters(cutting_acceleration=5.0, centripetal_acceleration=2.0)

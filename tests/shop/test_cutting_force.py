@@ -25,7 +25,6 @@ from pipeline.shop.cutting.parameters import (
     Conditions,
     Cutting,
     EndMill,
-    Immersion,
     Workpiece,
     engaged,
 )
@@ -60,7 +59,8 @@ def turn(
     angle = (np.arange(STEPS) + 0.5) * 2 * pi / STEPS
     feed = np.full(STEPS, f_z * len(radii) / (2 * pi))
     x = 1.0 + angle * feed
-    return forces(edge, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
+    flank = np.zeros((len(radii), 3)) + edge.flank
+    return forces(edge, flank, its, radii, np.ones(len(radii)), lag, height, angle, x, feed)
 
 
 def altintas(
@@ -86,7 +86,7 @@ def altintas(
 
 @pytest.mark.parametrize(("begin", "end"), [(0, pi), (0, pi / 2), (pi / 2, pi), (2.0, pi)])
 @pytest.mark.parametrize("flutes", [2, 3, 4])
-def test_mean_forces_are_those_of_the_closed_form(flutes: int, begin: float, end: float) -> None:
+def test_mean_forces_are_those_of_the_closed_form(flutes, begin, end):
     """Without any of the richer effects: on a circle so large that the trochoid is one.
 
     2e-3 of the greatest component: steps of half a degree at the engagement's ends.
@@ -102,7 +102,7 @@ def test_mean_forces_are_those_of_the_closed_form(flutes: int, begin: float, end
 
 
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 3.0])  # runout over feed per tooth: 3 lets teeth miss
-def test_power_is_specific_energy_times_what_is_removed(ratio: float) -> None:
+def test_power_is_specific_energy_times_what_is_removed(ratio):
     """With only K_tc every removed mm3 takes the same work, whichever tooth removes it.
 
     The lever of a chip's force is R, that of its middle R - h / 2: apart by h / 2R of the thickest.
@@ -118,7 +118,7 @@ def test_power_is_specific_energy_times_what_is_removed(ratio: float) -> None:
     assert work == pytest.approx(800e6 * removed, rel=1e-3 + thickest / 2 / tool.radius)
 
 
-def test_chips_are_those_of_true_paths() -> None:
+def test_chips_are_those_of_true_paths():
     """Against a root finder on the parametric paths of all earlier teeth.
 
     2 nm of 20 um and more: the search ends after two rounds.
@@ -151,7 +151,7 @@ def reached(phi: float, back: int, radius: float, feed: float) -> float:
     return float(place(crossed) @ [sin(phi), cos(phi)])
 
 
-def test_the_edge_grows_from_nothing_and_the_cut_with_its_exponent() -> None:
+def test_the_edge_grows_from_nothing_and_the_cut_with_its_exponent():
     blunt_edge = edge_coefficients(Workpiece(), 20e-6)
     assert edge_force(blunt_edge, 0.0, 1.0) == (0.0, 0.0, 0.0)
     assert max(edge_force(blunt_edge, 1e-12, 1.0)) < 1.0  # N/m, where a sudden edge has 3e4
@@ -162,7 +162,7 @@ def test_the_edge_grows_from_nothing_and_the_cut_with_its_exponent() -> None:
     assert blunt - sharp == pytest.approx(0.2 * Workpiece().edge[1], rel=1e-6)
 
 
-def test_without_the_richer_effects_the_truth_is_what_was_put_in() -> None:
+def test_without_the_richer_effects_the_truth_is_what_was_put_in():
     """A straight line is fitted to a straight line; ploughing is as short as it can be."""
     plain = replace(Workpiece(), exponent=0.0, ploughing=0.01)
     cutting = Cutting(workpiece=plain, tool=replace(EndMill(), tilt=0.0))
@@ -176,7 +176,7 @@ def test_without_the_richer_effects_the_truth_is_what_was_put_in() -> None:
     assert runout(cutting, 3.0) == pytest.approx({"runout": 6.5, "runout_angle": 48.0})
 
 
-def test_the_offset_stands_where_its_angle_says() -> None:
+def test_the_offset_stands_where_its_angle_says():
     """Without helix, tooth j is 2 pi j / N behind the first: R + rho cos(lambda + 2 pi j / N)."""
     tool = replace(EndMill(), helix=0.0, tilt=0.0, runout=10.0, runout_angle=30.0)
     teeth = edges(tool, 2.0, 0.5)
@@ -187,7 +187,7 @@ def test_the_offset_stands_where_its_angle_says() -> None:
 
 
 @pytest.mark.parametrize("immersion", ["slot", "up", "down"])
-def test_a_pass_goes_from_air_into_the_cut_and_out(immersion: Immersion) -> None:
+def test_a_pass_goes_from_air_into_the_cut_and_out(immersion):
     tool, work = EndMill(), Workpiece()
     c = Conditions(immersion=immersion, depth=2.0, width=6.0 if immersion != "slot" else 12.0,
                    feed=1440.0, speed=4000.0)  # fmt: skip
@@ -196,7 +196,13 @@ def test_a_pass_goes_from_air_into_the_cut_and_out(immersion: Immersion) -> None
     angle = np.arange(turns * 90) * 2 * pi / 90
     x = -7.0 + angle / (2 * pi) * per_turn
     out = pass_forces(
-        c, tool, work, Motion(angle=angle, x=x * 1e-3), VB=0.0, length=length, slice_height=0.5
+        c,
+        tool,
+        work,
+        Motion(angle=angle, x=x * 1e-3),
+        flank=work.flank(0.0),
+        length=length,
+        slice_height=0.5,
     )
     torque = out[:, 3].reshape(turns, 90).mean(axis=1)
     way = x.reshape(turns, 90).mean(axis=1)
@@ -207,7 +213,7 @@ def test_a_pass_goes_from_air_into_the_cut_and_out(immersion: Immersion) -> None
     assert (np.diff(entry) > -0.02 * steady.mean()).all() and entry[0] < 0.3 * steady.mean()
 
 
-def test_engagement_and_wear_have_their_limits() -> None:
+def test_engagement_and_wear_have_their_limits():
     slot = Conditions(immersion="slot", width=12.0, speed=6000.0, feed=600.0)
     assert engaged(slot, 12.0) == pytest.approx((0, pi))
     assert engaged(replace(slot, immersion="up", width=6.0), 12.0) == pytest.approx((0, pi / 2))

@@ -1,4 +1,4 @@
-"""The simulated axes: balances, steady states, another solver, limits of their loops."""
+"""The simulated axes and their motor: balances, steady states, other solvers, limits."""
 
 from dataclasses import replace
 from math import pi
@@ -7,9 +7,27 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from pipeline.schema.si import RPM
 from pipeline.shop.drives.axis import Followed, follow, truth
-from pipeline.shop.drives.commands import Move, travel
+from pipeline.shop.drives.motor import (
+    FIELD,
+    HOLD,
+    I_D,
+    I_Q,
+    RATE,
+    SPEED,
+    SPEEDS,
+    TORQUE,
+    U_D,
+    U_Q,
+    WARMTH,
+    _change,
+    _machine,
+    driven,
+    speed_steps,
+)
 from pipeline.shop.drives.parameters import Axis, Cascade, Drives, Friction
+from pipeline.shop.drives.records import Move, travel
 
 from .conftest import shop_parameters
 
@@ -57,9 +75,7 @@ def stribeck(axis: Axis, v: float) -> float:
 
 @every_axis
 @pytest.mark.parametrize("speed", [1.0, 5.0, 40.0, 200.0])
-def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(
-    axis: Axis, speed: float
-) -> None:
+def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(axis, speed):
     """At constant feed the current carries F(v), and e = (1 - f_v) v / (S_pp P_p).
 
     5e-5 of the force: three times what is found, the steps of the finest encoder; 0.1 nm of the
@@ -80,7 +96,7 @@ def test_steady_force_is_the_friction_curve_and_the_lag_that_of_the_loop(
 
 
 @every_axis
-def test_what_the_motor_gives_is_kept_lifted_or_lost(axis: Axis) -> None:
+def test_what_the_motor_gives_is_kept_lifted_or_lost(axis):
     """Work in = kinetic + elastic + potential energy + friction, over strokes under load.
 
     Recorded at each step; semi-implicit Euler keeps the balance to first order in its step, 2e-4
@@ -109,7 +125,7 @@ def test_what_the_motor_gives_is_kept_lifted_or_lost(axis: Axis) -> None:
 
 
 @every_axis
-def test_friction_never_gives_more_than_its_bristles_hold(axis: Axis) -> None:
+def test_friction_never_gives_more_than_its_bristles_hold(axis):
     """LuGre's friction is passive: its work from the start is at least the bristles' energy."""
     calm = quiet(axis, position_frequency=40000, velocity_frequency=40000)
     out = run(calm, way(calm, *[Move(length=s * 2.0, speed=30.0, pause=0.02) for s in (1, -1)]))
@@ -118,7 +134,7 @@ def test_friction_never_gives_more_than_its_bristles_hold(axis: Axis) -> None:
     assert np.all(work >= held - 1e-4)  # J; of the sum for an integral
 
 
-def test_a_push_at_standstill_bends_screw_and_bristles() -> None:
+def test_a_push_at_standstill_bends_screw_and_bristles():
     """Before it slides the carriage gives way by F / (K + sigma_0); the motor holds its place.
 
     A push of a fiftieth of static friction: creep of the bristles and half a step of the scale, by
@@ -134,7 +150,7 @@ def test_a_push_at_standstill_bends_screw_and_bristles() -> None:
     assert abs(out.motor[settled]) < 0.5e-9
 
 
-def test_play_is_lost_at_each_reversal() -> None:
+def test_play_is_lost_at_each_reversal():
     """Carriage behind screw, there less back: the play and twice what friction bends the screw."""
     axis = quiet(shop_parameters("mill02").drives.y, **FINE)
     assert axis.backlash > 0
@@ -147,7 +163,7 @@ def test_play_is_lost_at_each_reversal() -> None:
 
 
 @every_axis
-def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis: Axis) -> None:
+def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis):
     out = run(quiet(axis), np.full(axis.cascade.position_frequency, 0.1234))
     assert out.current * axis.force_constant == pytest.approx(
         np.full(out.current.size, axis.weight), abs=1.0
@@ -156,7 +172,7 @@ def test_at_rest_it_hangs_on_the_current_that_carries_its_weight(axis: Axis) -> 
     assert (axis.weight > 0) == axis.vertical
 
 
-def test_the_current_keeps_its_limit_and_the_integral_does_not_wind_up() -> None:
+def test_the_current_keeps_its_limit_and_the_integral_does_not_wind_up():
     """Driven far into the limit, the current turns as soon as the velocity's error does.
 
     20 ms: the filter of the velocity, the delay and the current's lag, many times; an integral that
@@ -224,7 +240,7 @@ def by_another_solver(axis: Axis, moves: tuple[Move, ...], times: np.ndarray) ->
 
 @pytest.mark.parametrize("letter", ["X", "Z"])
 @pytest.mark.parametrize("seconds", [0.45, pytest.param(0.9, marks=pytest.mark.proof)])
-def test_another_solver_finds_the_same_motion(letter: str, seconds: float) -> None:
+def test_another_solver_finds_the_same_motion(letter, seconds):
     """Stroke of mill01, as proof also its reversal, by LSODA with loops in continuous time.
 
     With loops at 40 kHz what is left is their delay of 25 to 50 us and the steps of the encoder:
@@ -252,6 +268,98 @@ def test_another_solver_finds_the_same_motion(letter: str, seconds: float) -> No
         (lambda: Drives(x=Axis(cascade=Cascade(position_frequency=1000))), "one for all axes"),
     ],
 )
-def test_drives_that_cannot_be_are_named(make, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_drives_that_cannot_be_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()
+
+
+STATES = np.random.default_rng(4).uniform(-1, 1, (200, 7)) * [15, 15, 240, 3.0, 0, 300, 300]
+
+
+def test_electric_power_is_heat_field_and_work():
+    """1.5 (u i) = 1.5 R i^2 + d/dt 1.5 (L_d i_d^2 + L_q' i_q^2)/2 + T w, to rounding."""
+    m = _machine(Drives().x)._replace(lost_voltage=0.0, viscous=0.0, coulomb=0.0)
+    for i_d, i_q, speed, angle, _, u_d, u_q in STATES.tolist():
+        d_d, d_q, d_speed, _, _ = _change(m, (i_d, i_q, speed, angle, 0.0), u_d, u_q, 0.0)
+        given = 1.5 * (u_d * i_d + u_q * i_q)
+        heat = 1.5 * m.resistance * (i_d**2 + i_q**2)
+        slope_q = m.inductance_q * (1 - 3 * m.saturation * i_q**2)
+        field = 1.5 * (m.inductance_d * i_d * d_d + slope_q * i_q * d_q)
+        work = m.inertia * d_speed * speed
+        assert given == pytest.approx(heat + field + work, abs=1e-9 * (abs(given) + 1000))
+
+
+def test_the_dead_time_takes_power_and_is_gone_without_current():
+    m = _machine(Drives().x)
+    free = m._replace(lost_voltage=0.0)
+    for i_d, i_q, speed, angle, _, u_d, u_q in STATES.tolist():
+        x = (i_d, i_q, speed, angle, 0.0)
+        with_, without = (_change(k, x, u_d, u_q, 0.0) for k in (m, free))
+        lost = 1.5 * (
+            i_d * m.inductance_d * (without[0] - with_[0])
+            + i_q * m.inductance_q * (1 - 3 * m.saturation * i_q**2) * (without[1] - with_[1])
+        )
+        phases = [i_d * np.cos(angle - k) - i_q * np.sin(angle - k) for k in (0, 2.0944, -2.0944)]
+        spent = sum(m.lost_voltage * p * p / (abs(p) + 0.1) for p in phases)
+        assert lost == pytest.approx(spent, rel=1e-4, abs=1e-3)  # 2.0944 for a third of a turn
+    still = _change(m, (0.0, 0.0, 0.0, 1.0, 0.0), 5.0, 7.0, 0.0)
+    assert still[:2] == pytest.approx((5.0 / m.inductance_d, 7.0 / m.inductance_q))
+
+
+def test_currents_go_as_another_solver_goes():
+    """SciPy's solver with the recorded voltages, period for period, finds the recorded state.
+
+    1e-8 A: of Runge-Kutta steps of 20 us with time constants of 8 ms; without the dead time, whose
+    kink at zero current no step of fixed length meets.
+    """
+    m = _machine(Drives().x)._replace(lost_voltage=0.0)
+    part = np.arange(120)
+    out = driven(m, np.full(part.size, 900 * RPM), np.where(part > 60, -3.0, 0.0),
+                 np.where(part > 90, 5.0, 0.0))  # fmt: skip
+    x = np.zeros(5)
+    for k in range(part.size):
+        assert out[k, [I_D, I_Q, SPEED]] == pytest.approx(x[:3], abs=1e-8)
+        load = 5.0 if k > 90 else 0.0
+        x = solve_ivp(
+            lambda _, y, k=k, load=load: _change(m, tuple(y), *out[k, [U_D, U_Q]], load),
+            (0, m.period), x, rtol=1e-10, atol=1e-12,
+        ).y[:, -1]  # fmt: skip
+    assert np.abs(out[:, I_D]).max() > 2
+
+
+@pytest.mark.parametrize("machine", ["mill01", "mill02"])
+def test_at_steady_speed_the_voltages_are_those_of_the_equations(machine):
+    """u_q = R i_q + w (L_d i_d + flux) and u_d = R i_d - w L_q i_q, but for the dead time.
+
+    Means of the last tenths before each change; the dead time takes 4/pi of its voltage at most.
+    """
+    axis = shop_parameters(machine).drives.x
+    m, out = _machine(axis), speed_steps(axis)
+    spread = []
+    for k in range(len(SPEEDS) * len(FIELD)):
+        last = int((k + 1) * HOLD / len(FIELD) * RATE) - 2
+        u_d, u_q, i_d, i_q, speed, warmth = out[last - 200 : last, : WARMTH + 1].mean(axis=0)
+        w, r = m.pole_pairs * speed, m.resistance * (1 + 0.00393 * warmth)
+        flux_q = m.inductance_q * i_q * (1 - m.saturation * i_q**2)
+        settled = np.ptp(out[last - 200 : last, SPEED]) < 1.0
+        if settled:
+            spread.append(u_q - r * i_q - w * (m.inductance_d * i_d + m.flux))
+            spread.append(u_d - r * i_d + w * flux_q)
+    assert len(spread) > 30
+    assert np.abs(spread).max() < 4 / np.pi * axis.motor.dead_time_error + 0.1
+    assert np.abs(spread).max() > 0.5 * axis.motor.dead_time_error
+
+
+@pytest.mark.parametrize("machine", ["mill01", "mill02"])
+def test_the_motor_is_the_one_of_the_axis(machine):
+    """Torque for each ampere without i_d is the axis' torque constant; its limits are kept."""
+    axis = shop_parameters(machine).drives.x
+    out = speed_steps(axis)
+    plain = (np.abs(out[:, I_D]) < 0.02) & (np.abs(out[:, I_Q]) > 3)
+    constant = out[plain, TORQUE] / out[plain, I_Q]
+    assert constant == pytest.approx(np.full(plain.sum(), axis.motor.torque_constant), rel=1e-3)
+    limit = axis.motor.bus_voltage / np.sqrt(3)
+    assert np.hypot(out[:, U_D], out[:, U_Q]).max() <= limit * (1 + 1e-9)
+    assert 0.2 < out[-1, WARMTH] < 10
+    travel = np.cumsum(out[:, SPEED]) / RATE / axis.gear
+    assert np.ptp(travel) < 0.6  # m

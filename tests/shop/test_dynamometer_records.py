@@ -1,6 +1,5 @@
 """Recordings of the dynamometer: what a plain reader finds in them is what is true of them."""
 
-import json
 import re
 from dataclasses import replace
 from math import pi
@@ -16,7 +15,7 @@ from pipeline.shop.cutting.force import AXIAL
 from pipeline.shop.cutting.parameters import RATE, Dynamometer, EndMill
 from pipeline.shop.cutting.records import write_cutting
 
-from .conftest import Simulated, digests, shop_parameters
+from .conftest import Simulated, shop_parameters
 
 NAME = re.compile(
     r"(?P<immersion>slot|up|down)-n(?P<speed>\d+)f(?P<feed>\d+)ap(?P<depth>[\d.]+)"
@@ -39,19 +38,7 @@ def files(cuts: Simulated, fault: str | None = None) -> list[dict[str, Any]]:
     return [f for f in cuts.truth["more"]["files"] if fault is None or f["fault"] == fault]
 
 
-def test_the_series_is_slots_and_half_immersions_at_feeds_depths_and_speeds(
-    cuts: Simulated,
-) -> None:
-    rows = [f["conditions"] for f in files(cuts, "")]
-    slots = [r for r in rows if r["immersion"] == "slot"]
-    assert len({(r["feed_per_tooth"]) for r in slots if r["speed"] == slots[0]["speed"]}) >= 4
-    assert len({r["depth"] for r in slots}) == len({r["speed"] for r in slots}) == 2
-    assert {r["immersion"] for r in rows} == {"slot", "up", "down"}
-    assert {f["window"] for f in files(cuts, "")} == {"inside", "entry", "exit"}
-    assert sorted(f["fault"] for f in files(cuts) if f["fault"]) == ["clipped", "lost", "torn"]
-
-
-def test_names_and_heads_say_the_conditions(cuts: Simulated) -> None:
+def test_names_and_heads_say_the_conditions(cuts):
     written = {f"dynamometer/{p.name}" for p in (cuts.folder / "dynamometer").iterdir()}
     assert written == {f["file"] for f in files(cuts)}
     for f in files(cuts):
@@ -69,7 +56,7 @@ def test_names_and_heads_say_the_conditions(cuts: Simulated) -> None:
         assert float(re.split("[,;]", head[10])[1]) == RATE
 
 
-def test_every_row_is_there_at_ten_thousand_a_second(cuts: Simulated) -> None:
+def test_every_row_is_there_at_ten_thousand_a_second(cuts):
     for f in files(cuts):
         table = read(cuts, f["file"])
         assert list(table.columns) == ["Time", *FORCES]
@@ -86,7 +73,7 @@ def plate(machine: str, mean: list[float]) -> np.ndarray:
     return np.array([ahead, left, lift] if machine == "mill01" else [-left, ahead, -lift])
 
 
-def test_means_are_those_of_the_cut_seen_through_the_chain(cuts: Simulated) -> None:
+def test_means_are_those_of_the_cut_seen_through_the_chain(cuts):
     """Over the time inside the material: crosstalk, offset and drift are told.
 
     1 N: a broken turn more or less of 50, and the noise's own mean.
@@ -102,7 +89,7 @@ def test_means_are_those_of_the_cut_seen_through_the_chain(cuts: Simulated) -> N
         assert seen == pytest.approx(expected, abs=1.0)
 
 
-def test_in_the_air_there_is_nothing_but_the_chain(cuts: Simulated) -> None:
+def test_in_the_air_there_is_nothing_but_the_chain(cuts):
     d = cuts.parameters.cutting.dynamometer
     for f in files(cuts, ""):
         if f["window"] == "inside":
@@ -114,7 +101,7 @@ def test_in_the_air_there_is_nothing_but_the_chain(cuts: Simulated) -> None:
         assert forces.std(axis=0).min() > 5 * spread
 
 
-def test_teeth_pass_at_the_true_speed(cuts: Simulated) -> None:
+def test_teeth_pass_at_the_true_speed(cuts):
     """Phase of the teeth's own harmonic advances as the spindle turns, to 0.03 %."""
     flutes = cuts.parameters.cutting.tool.flutes
     for f in files(cuts, ""):
@@ -132,7 +119,7 @@ def test_teeth_pass_at_the_true_speed(cuts: Simulated) -> None:
         assert abs(true / f["conditions"]["speed"] - 1) < 3e-3
 
 
-def test_faults_are_as_told(cuts: Simulated) -> None:
+def test_faults_are_as_told(cuts):
     d = cuts.parameters.cutting.dynamometer
     (clipped,), (lost,), (torn,) = (files(cuts, k) for k in ("clipped", "lost", "torn"))
     assert clipped["reject"] and lost["reject"] and not torn["reject"]
@@ -147,18 +134,11 @@ def test_faults_are_as_told(cuts: Simulated) -> None:
     assert all(not any(f["true"]["clipped"]) for f in files(cuts, ""))
 
 
-def test_values_stand_on_the_converters_steps(cuts: Simulated) -> None:
+def test_values_stand_on_the_converters_steps(cuts):
     """To the six digits that are written: 5e-4 N of some hundred."""
     f = files(cuts, "")[0]
     counts = read(cuts, f["file"])[FORCES].to_numpy() / f["true"]["step_N"]
     assert np.abs(counts - np.round(counts)).max() < 0.02
-
-
-def test_wear_grows_over_the_series_and_with_it_the_edge(cuts: Simulated) -> None:
-    worn = [f["true"]["wear_um"] for f in files(cuts)]
-    assert (np.diff(worn) > 0).all() and worn[0] > 0
-    mean = np.mean([f["true"]["wear_um"] for f in files(cuts) if not f["reject"]])
-    assert cuts.truth["more"]["mean_wear_um"] == pytest.approx(mean)
 
 
 def misses(cuts: Simulated, coefficients: dict[str, float]) -> np.ndarray:
@@ -175,7 +155,7 @@ def misses(cuts: Simulated, coefficients: dict[str, float]) -> np.ndarray:
     return np.array(out).swapaxes(0, 1)
 
 
-def test_the_truth_predicts_the_mean_forces(cuts: Simulated) -> None:
+def test_the_truth_predicts_the_mean_forces(cuts):
     """Closed form of the linear-edge model with the truth's coefficients, against what was cut.
 
     What it cannot know: wear over the series (8 to 38 um on mill02, a quarter of the edge's force),
@@ -184,16 +164,6 @@ def test_the_truth_predicts_the_mean_forces(cuts: Simulated) -> None:
     apart, true = misses(cuts, cuts.truth["parameters"])
     share = np.linalg.norm(apart, axis=1) / np.linalg.norm(true, axis=1)
     assert 0.005 < share.max() < 0.15 and share.mean() < 0.06
-
-
-def test_the_other_coefficients_meet_the_mean_forces_best(cuts: Simulated) -> None:
-    """Least squares: the gradient over each coefficient vanishes, and no other set does better."""
-    best = cuts.truth["more"]["mean_force"]
-    least = (misses(cuts, best)[0] ** 2).sum()
-    assert least < (misses(cuts, cuts.truth["parameters"])[0] ** 2).sum()
-    for name, value in best.items():
-        for share in (0.999, 1.001):
-            assert (misses(cuts, best | {name: share * value})[0] ** 2).sum() > least
 
 
 def linear_edge_integrals(p: dict[str, float], h: float, begin: float, end: float) -> np.ndarray:
@@ -206,34 +176,14 @@ def linear_edge_integrals(p: dict[str, float], h: float, begin: float, end: floa
     return np.array([weights @ f for f in (x, y, a)]) * (end - begin) / 400 / 3
 
 
-def test_the_truth_is_whole(cuts: Simulated) -> None:
-    names = {"K_tc", "K_rc", "K_ac", "K_te", "K_re", "K_ae", "runout", "runout_angle", "helix"}
-    assert set(cuts.truth["parameters"]) == names
-    assert all(np.isfinite(v) for v in cuts.truth["parameters"].values())
-    more = cuts.truth["more"]
-    assert more["tool"]["tilt"] > 0 and more["workpiece"]["exponent"] > 0
-    assert set(more["dynamometer"]["channels"]) == set(FORCES)
-    assert all(f["reason"] for f in files(cuts) if f["fault"])
-    assert "least squares" in more["definition"]["K_tc K_rc K_ac K_te K_re K_ae"]
-
-
-@pytest.mark.parametrize(
-    "cuts", ["mill01", pytest.param("mill02", marks=pytest.mark.proof)], indirect=True
-)
-def test_the_same_bytes_every_time(cuts: Simulated, tmp_path: Path) -> None:
-    again = write_cutting(tmp_path, cuts.parameters)
-    assert json.loads(json.dumps(again)) == cuts.truth
-    assert digests(tmp_path) == digests(cuts.folder)
-
-
-def test_a_recording_too_short_for_the_tool_is_named(tmp_path: Path) -> None:
+def test_a_recording_too_short_for_the_tool_is_named(tmp_path):
     short = {"dynamometer": {"series": {"seconds": 0.1, "block": 20.0}}}
     with pytest.raises(ValueError, match=r"Series.seconds = 0.1 s is too short.*12.0 mm"):
         write_cutting(tmp_path, shop_parameters("mill01", cutting=short))
 
 
 @pytest.mark.parametrize("frequency", [50.0, 1000.0, 2000.0])
-def test_a_channel_answers_as_its_mode(frequency: float) -> None:
+def test_a_channel_answers_as_its_mode(frequency):
     """Gain 1 / sqrt((1 - r2)2 + (2 zeta r)2) once it has settled.
 
     A sine that goes straight from step to step has sinc2 of its height.
@@ -253,19 +203,19 @@ def test_a_channel_answers_as_its_mode(frequency: float) -> None:
     assert not out[:, :2].any()
 
 
-def test_crosstalk_keeps_to_its_share() -> None:
+def test_crosstalk_keeps_to_its_share():
     mixed = crosstalk(Dynamometer(), np.random.default_rng(5))
     assert np.diag(mixed) == pytest.approx(np.ones(3))
     beside = np.abs(mixed[~np.eye(3, dtype=bool)])
     assert beside.max() <= 0.018 and beside.min() > 0.005
 
 
-def test_the_converter_has_two_ends() -> None:
-    values, told = converted(np.array([[-11.0, 0.26, 11.0]]), 10.0, 8)
+def test_the_converter_has_two_ends():
+    values, at_end = converted(np.array([[-11.0, 0.26, 11.0]]), 10.0, 8)
     assert values == pytest.approx(np.array([[-10.0, 0.234375, 10 - 10 / 128]]))
-    assert told["clipped"] == [1, 0, 1]
+    assert at_end.tolist() == [1, 0, 1]
 
 
-def test_a_tool_of_another_count_of_teeth_is_named() -> None:
+def test_a_tool_of_another_count_of_teeth_is_named():
     with pytest.raises(ValueError, match=r"EndMill.sharpness = \(1.0, 1.1\).*3 teeth"):
         EndMill(sharpness=(1.0, 1.1))

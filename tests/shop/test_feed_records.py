@@ -1,61 +1,34 @@
 """Records of feeds are read as the machine's file says, and hold what the truth says."""
 
-import json
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
+from dataclasses import replace
 
-import cattrs
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
-import yaml
 
-from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.control.part_programs import part_programs
 from pipeline.shop.control.planner import HOME
-from pipeline.shop.drives.commands import commanded
 from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.drives.parameters import FeedRecords
-from pipeline.signals.formats import RecordSource
-from pipeline.signals.ingest import ingest
+from pipeline.shop.drives.records import commanded
 
-from .conftest import Simulated, digests, shop_parameters
+from .conftest import Read, Simulated, digests, read_back, shop_parameters
 
-CONF = Path(__file__).parents[2] / "conf" / "machine"
 RATE = 500
-
-
-@dataclass(frozen=True)
-class Read:
-    traces: dict[str, dict[str, np.ndarray]]
-    manifest: dict[str, dict[str, Any]]
-    told: dict[str, dict[str, Any]]
-    feeds: Simulated
-
-    def row(self, name: str) -> np.ndarray:
-        """Row of the full table in which each sample stands."""
-        clock = 1 + self.feeds.parameters.drives.tool.clock_error * 1e-6
-        return np.round(self.traces[name]["t"] / clock * RATE).astype(int)
 
 
 @pytest.fixture(scope="module")
 def read(feeds: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Read:
-    out = tmp_path_factory.mktemp("feed-signals")
-    conf = yaml.safe_load((CONF / f"{feeds.parameters.machine}.yaml").read_text())
-    converter = cattrs.Converter(forbid_extra_keys=True)
-    records = [r for r in conf["records"] if r["files"].startswith("feed/")]
-    sources = [converter.structure(r, RecordSource) for r in records]
-    ingest(feeds.folder, out, sources, MachineIdentity(**conf["identity"]))
-    manifest = json.loads((out / "manifest.json").read_text())["files"]
-    tables = {name: pq.read_table(out / entry["output"]) for name, entry in manifest.items()}
-    return Read(
-        traces={n: {c: t[c].to_numpy() for c in t.column_names} for n, t in tables.items()},
-        manifest=manifest, told={f["file"]: f for f in feeds.truth["files"]}, feeds=feeds,
-    )  # fmt: skip
+    signals = tmp_path_factory.mktemp("feed-signals")
+    return read_back(feeds, feeds.folder, signals, feeds.truth["files"])
 
 
-def test_every_file_is_read_whole_and_they_are_not_large(read: Read) -> None:
+def row_of(read: Read, name: str) -> np.ndarray:
+    """Row of the full table in which each sample of a file stands."""
+    clock = 1 + read.made.parameters.drives.tool.clock_error * 1e-6
+    return np.round(read.traces[name]["t"] / clock * RATE).astype(int)
+
+
+def test_every_file_is_read_whole_and_they_are_not_large(read):
     assert read.manifest.keys() == read.told.keys() and len(read.told) == 3 * 9 + 8
     for name, entry in read.manifest.items():
         assert (entry["reason"], entry["rejected"]) == (None, 0)
@@ -63,19 +36,19 @@ def test_every_file_is_read_whole_and_they_are_not_large(read: Read) -> None:
         letters = read.told[name].get("axis", "XYZ").lower()
         quantities = ("position_command", "position", "current")
         assert set(read.traces[name]) == {"t"} | {f"{a}_{q}" for a in letters for q in quantities}
-    assert sum(p.stat().st_size for p in read.feeds.folder.rglob("*")) < 13e6
+    assert sum(p.stat().st_size for p in read.made.folder.rglob("*")) < 13e6
 
 
-def test_gaps_and_repeated_stamps_are_where_the_truth_says(read: Read) -> None:
+def test_gaps_and_repeated_stamps_are_where_the_truth_says(read):
     for name, told in read.told.items():
-        row = read.row(name)
+        row = row_of(read, name)
         lost = {g["row"] + k for g in told["gaps"] for k in range(g["lost"])}
-        assert len(told["gaps"]) == read.feeds.parameters.drives.tool.dropped
+        assert len(told["gaps"]) == read.made.parameters.drives.tool.dropped
         missing = set(range(round(told["seconds"] * RATE))) - set(row.tolist())
         assert missing == lost | set(told["repeated"])
 
 
-def test_strokes_go_there_and_back_from_places_of_their_own(read: Read) -> None:
+def test_strokes_go_there_and_back_from_places_of_their_own(read):
     """100 mm twice at the feed, from standstill to standstill, in the machine's frame."""
     strokes = {n: f for n, f in read.told.items() if "axis" in f}
     for name, told in strokes.items():
@@ -87,7 +60,7 @@ def test_strokes_go_there_and_back_from_places_of_their_own(read: Read) -> None:
         up = np.flatnonzero(np.diff((command > told["start_mm"] + 50).astype(int)) == 1)
         assert len(up) == 2
         assert np.all(command[:100] == command[0]) and np.all(command[-100:] == command[0])
-        row = read.row(name)
+        row = row_of(read, name)
         speed = (command[50:] - command[:-50]) / (row[50:] - row[:-50]) * RATE * 60
         fast = np.abs(speed) > 0.99 * told["feed_mm_min"]
         assert np.median(np.abs(speed[fast])) == pytest.approx(told["feed_mm_min"], rel=1e-3)
@@ -98,14 +71,14 @@ def test_strokes_go_there_and_back_from_places_of_their_own(read: Read) -> None:
         (500, 1), (1000, 1), (1500, 1), (1500, 2), (2000, 1), (3000, 1), (3000, 2), (4500, 1),
         (6000, 1),
     }  # fmt: skip
-    lead = read.feeds.parameters.drives.x.lead
+    lead = read.made.parameters.drives.x.lead
     phases = [f["start_mm"] / lead % 1 for f in strokes.values() if f["axis"] == "X"]
     assert len({round(p, 3) for p in phases}) == 9 and np.ptp(phases) > 0.3
 
 
-def test_stretches_are_cut_out_of_their_program(read: Read) -> None:
+def test_stretches_are_cut_out_of_their_program(read):
     """Commands are those of the program from that moment on; in each an axis moves."""
-    shop = read.feeds.parameters
+    shop = read.made.parameters
     frequency = shop.drives.x.cascade.position_frequency
     programs, _ = part_programs(shop.control, shop.generator("part programs"))
     position = {p.name: commanded(p, shop, frequency, HOME) for p in programs}
@@ -115,7 +88,7 @@ def test_stretches_are_cut_out_of_their_program(read: Read) -> None:
     ]
     ends: dict[str, float] = {}
     for name, told in parts.items():
-        row, trace = read.row(name), read.traces[name]
+        row, trace = row_of(read, name), read.traces[name]
         assert told["seconds"] == 12 and ends.get(told["program"], 0) <= told["start_s"]
         ends[told["program"]] = told["start_s"] + 12
         whole = position[told["program"]][:: frequency // RATE]
@@ -136,7 +109,7 @@ def test_stretches_are_cut_out_of_their_program(read: Read) -> None:
             assert abs(trace["x_position_command"][0] - trace["x_position"][0]) > 0.01
 
 
-def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path: Path) -> None:
+def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path):
     few = {"feeds": ((6000.0, 1),), "stretches": (0, 0, 1, 0)}
     for name, changes in {"one": {}, "again": {}, "other": {"seed": 3}}.items():
         write_feed(tmp_path / name, shop_parameters("mill02", drives={"feed": few}, **changes))
@@ -145,7 +118,7 @@ def test_the_same_bytes_every_time_and_others_for_another_seed(tmp_path: Path) -
     assert one.keys() == other.keys() and not set(one.values()) & set(other.values())
 
 
-def test_a_program_too_short_for_its_stretches_is_named(tmp_path: Path) -> None:
+def test_a_program_too_short_for_its_stretches_is_named(tmp_path):
     shop = shop_parameters("mill01")
     feed = replace(shop.drives.feed, feeds=((6000.0, 1),), stretches=(0, 0, 40, 0))
     with pytest.raises(ValueError, match=r"asks for 40 of 12 s of O5103, which moves in \d+ such"):
@@ -162,6 +135,6 @@ def test_a_program_too_short_for_its_stretches_is_named(tmp_path: Path) -> None:
         ({"seconds": 1.0}, "seconds = 1.0 s must lie from 2 to 600"),
     ],
 )
-def test_settings_out_of_range_are_named(changes: dict[str, Any], words: str) -> None:
+def test_settings_out_of_range_are_named(changes, words):
     with pytest.raises(ValueError, match=words):
         FeedRecords(**changes)

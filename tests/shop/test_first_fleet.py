@@ -9,7 +9,7 @@ import yaml
 from pipeline.fleet import Fleet
 from pipeline.parameters import structure
 from pipeline.schema.golden import read_golden
-from pipeline.shop.growth.profiles import KINDS
+from pipeline.shop.growth.records import KINDS
 from pipeline.shop.parameters import ShopParameters
 from pipeline.stages.compose import composed
 from pipeline.submodels.cases import Roles
@@ -28,9 +28,7 @@ def values() -> dict[str, Any]:
     return read
 
 
-def test_the_fleet_is_one_mill_with_every_sub_model_at_the_quick_budget(
-    values: dict[str, Any],
-) -> None:
+def test_the_fleet_is_one_mill_with_every_sub_model_at_the_quick_budget(values):
     written = yaml.safe_load((ROOT / "conf/fleet/demo.yaml").read_text())
     fleet = structure({"fleet": written}, "fleet", Fleet)
     simulated = yaml.safe_load((ROOT / "conf/fleet/simulated.yaml").read_text())
@@ -39,7 +37,7 @@ def test_the_fleet_is_one_mill_with_every_sub_model_at_the_quick_budget(
     assert values["budget"] == "quick"
 
 
-def test_the_mill_is_its_sibling_but_for_what_is_recorded(values: dict[str, Any]) -> None:
+def test_the_mill_is_its_sibling_but_for_what_is_recorded(values):
     own, other = (values["machine"][name]["shop"] for name in (MILL, SIBLING))
     assert {key for key in own.keys() | other.keys() if own.get(key) != other.get(key)} <= RECORDED
     own_drives, other_drives = (
@@ -48,7 +46,7 @@ def test_the_mill_is_its_sibling_but_for_what_is_recorded(values: dict[str, Any]
     assert own_drives.axes == other_drives.axes and own_drives.shaft == other_drives.shaft
 
 
-def test_nothing_of_the_golden_set_is_learnt_from(values: dict[str, Any]) -> None:
+def test_nothing_of_the_golden_set_is_learnt_from(values):
     roles = structure(values, f"machine.{MILL}.roles", Roles)
     golden = read_golden(ROOT / f"data/golden/{MILL}.json").golden
     assert golden is not None and golden.days is not None and roles.training_days is not None
@@ -56,9 +54,7 @@ def test_nothing_of_the_golden_set_is_learnt_from(values: dict[str, Any]) -> Non
     assert not [one.file for one in golden.files if roles.is_training(one.file)]
 
 
-def test_growth_is_learnt_from_each_kind_of_record_and_judged_on_others(
-    values: dict[str, Any],
-) -> None:
+def test_growth_is_learnt_from_each_kind_of_record_and_judged_on_others(values):
     roles = structure(values, f"machine.{MILL}.roles", Roles)
     numbers = structure(values, f"machine.{MILL}.shop", ShopParameters).growth.numbers
     learnt = [n for n in numbers if roles.is_training(f"growth/profile-{n:02d}-x.csv")]
@@ -66,7 +62,7 @@ def test_growth_is_learnt_from_each_kind_of_record_and_judged_on_others(
     assert len(numbers) - len(learnt) >= 3
 
 
-def test_four_tools_are_learnt_from_and_others_are_judged(values: dict[str, Any]) -> None:
+def test_four_tools_are_learnt_from_and_others_are_judged(values):
     """Folds of two leave two tools to learn from and to stop by."""
     roles = structure(values, f"machine.{MILL}.roles", Roles)
     lives = structure(values, f"machine.{MILL}.shop", ShopParameters).wear.lives

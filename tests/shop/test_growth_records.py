@@ -1,21 +1,14 @@
 """Records of spindle growth: layout, zero, faults as the truth says them, and what ingest keeps."""
 
 from fnmatch import fnmatchcase
-from pathlib import Path
-from typing import Any
 
-import cattrs
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
-from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.growth.records import write_growth
-from pipeline.signals.formats import RecordSource
-from pipeline.stages.ingest import ingest
 
-from .conftest import CONF, Simulated, digests, shop_parameters
+from .conftest import Read, Simulated, digests, machine_conf, read_back, shop_parameters
 
 HEAD = 8
 TORN = {"mill01": 8, "mill02": 21}
@@ -38,13 +31,7 @@ def _number(cell: str) -> float:
     return np.nan if cell in ("", "---") else float(cell)
 
 
-def _machine(warm: Simulated) -> dict[str, Any]:
-    path = CONF.parent / "machine" / f"{warm.parameters.machine}.yaml"
-    read: dict[str, Any] = yaml.safe_load(path.read_text(encoding="utf-8"))
-    return read
-
-
-def test_a_chosen_record_is_that_of_the_whole_year(warm: Simulated, tmp_path: Path) -> None:
+def test_a_chosen_record_is_that_of_the_whole_year(warm, tmp_path):
     """Before a sensor fails, no record depends on which others are made."""
     few = shop_parameters(warm.parameters.machine, growth={"numbers": [2, 9]})
     told = write_growth(tmp_path, few)
@@ -53,7 +40,7 @@ def test_a_chosen_record_is_that_of_the_whole_year(warm: Simulated, tmp_path: Pa
     assert digests(tmp_path).items() <= digests(warm.folder).items()
 
 
-def test_names_units_and_one_row_a_minute(warm: Simulated, tables: dict[int, np.ndarray]) -> None:
+def test_names_units_and_one_row_a_minute(warm, tables):
     stand = warm.parameters.growth.instruments
     separator = ";" if stand.decimal == "," else ","
     for told in warm.truth["files"]:
@@ -70,8 +57,8 @@ def test_names_units_and_one_row_a_minute(warm: Simulated, tables: dict[int, np.
         np.testing.assert_array_equal(time, 60.0 * np.arange(len(time)))
 
 
-def test_both_roles_hold_all_kinds(warm: Simulated) -> None:
-    patterns = _machine(warm)["roles"]["training"]
+def test_both_roles_hold_all_kinds(warm):
+    patterns = machine_conf(warm.parameters.machine)["roles"]["training"]
     kinds: dict[bool, list[str]] = {True: [], False: []}
     for told in warm.truth["files"]:
         training = any(fnmatchcase(told["file"], pattern) for pattern in patterns)
@@ -81,9 +68,7 @@ def test_both_roles_hold_all_kinds(warm: Simulated) -> None:
     assert set(kinds[True]) == set(kinds[False]) and len(set(kinds[True])) == 6
 
 
-def test_growth_begins_at_zero_also_of_a_warm_machine(
-    warm: Simulated, tables: dict[int, np.ndarray]
-) -> None:
+def test_growth_begins_at_zero_also_of_a_warm_machine(warm, tables):
     for told in warm.truth["files"]:
         assert told["true_growth_um"][0] == 0.0
         shown = tables[told["number"]]
@@ -93,9 +78,7 @@ def test_growth_begins_at_zero_also_of_a_warm_machine(
             assert above > 5.0 and min(told["true_growth_um"]) < -3.0
 
 
-def test_growth_is_the_true_one_with_the_probes_noise(
-    warm: Simulated, tables: dict[int, np.ndarray]
-) -> None:
+def test_growth_is_the_true_one_with_the_probes_noise(warm, tables):
     noise = warm.parameters.growth.instruments.probe_noise
     greatest = []
     for told in warm.truth["files"]:
@@ -108,9 +91,7 @@ def test_growth_is_the_true_one_with_the_probes_noise(
     assert 40 < max(greatest) < 75
 
 
-def test_sensors_drift_and_die_where_the_truth_says(
-    warm: Simulated, tables: dict[int, np.ndarray]
-) -> None:
+def test_sensors_drift_and_die_where_the_truth_says(warm, tables):
     truth, stand = warm.truth, warm.parameters.growth.instruments
     drifting, dead = (int(truth[k]["column"][1:]) + 1 for k in ("drifting", "dead"))
     still, beside = {}, {}
@@ -142,53 +123,26 @@ def test_sensors_drift_and_die_where_the_truth_says(
     assert truth["drifting"]["profile"] <= 14 >= truth["dead"]["profile"]
 
 
-def test_offsets_lie_within_class_a_and_readings_are_quantised(
-    warm: Simulated, tables: dict[int, np.ndarray]
-) -> None:
-    assert all(abs(s["offset_K"]) < 0.15 + 0.002 * 30 for s in warm.truth["sensors"])
-    step = warm.parameters.growth.instruments.resolution
-    values = np.concatenate([t[:, 2:12].ravel() for t in tables.values()])
-    counts = values[np.isfinite(values)] / step
-    np.testing.assert_allclose(counts, np.round(counts), atol=1e-6)
-
-
-def test_the_air_is_of_another_day_in_each_record(
-    warm: Simulated, tables: dict[int, np.ndarray]
-) -> None:
-    means = [float(np.nanmean(t[:, 11])) for t in tables.values()]
-    assert max(means) - min(means) > 4.0
-    assert max(float(np.ptp(t[np.isfinite(t[:, 11]), 11])) for t in tables.values()) > 2.0
-
-
 @pytest.fixture(scope="module")
-def ingested(warm: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The records as stage ``ingest`` reads them with the machine's own layout."""
-    machine, signals = _machine(warm), tmp_path_factory.mktemp("signals")
-    strict = cattrs.Converter(forbid_extra_keys=True)
-    identity = strict.structure(machine["identity"], MachineIdentity)
-    records = strict.structure(machine["records"], tuple[RecordSource, ...])
-    ingest(warm.folder, signals, identity=identity, records=records)
-    return signals
+def ingested(warm: Simulated, tmp_path_factory: pytest.TempPathFactory) -> Read:
+    return read_back(warm, warm.folder, tmp_path_factory.mktemp("signals"), warm.truth["files"])
 
 
-def test_ingest_rejects_the_torn_row_alone(warm: Simulated, ingested: Path) -> None:
-    rejected = pq.read_table(ingested / "rejected.parquet").to_pylist()
+def test_ingest_rejects_the_torn_row_alone(warm, ingested):
+    rejected = pq.read_table(ingested.signals / "rejected.parquet").to_pylist()
     torn = next(f for f in warm.truth["files"] if f["torn"])
     assert torn["number"] == TORN[warm.parameters.machine]
     assert [(r["file"], r["line"]) for r in rejected] == [(torn["file"], HEAD + torn["rows"] + 1)]
     assert "13 columns" in rejected[0]["reason"]
 
 
-def test_ingest_keeps_values_and_says_nothing_where_there_is_none(
-    warm: Simulated, ingested: Path, tables: dict[int, np.ndarray]
-) -> None:
+def test_ingest_keeps_values_and_says_nothing_where_there_is_none(warm, ingested, tables):
     names = ["t", "spindle_speed", *(f"temperature_{k}" for k in range(1, 10)),
              "ambient_temperature", "growth"]  # fmt: skip
     for told in warm.truth["files"]:
-        name = told["file"].replace("/", "__")
-        table = pq.read_table(ingested / "traces" / f"{name}.parquet")
-        assert table.column_names == names
-        read = np.column_stack([c.to_numpy() for c in table.columns])
+        trace = ingested.traces[told["file"]]
+        assert list(trace) == names
+        read = np.column_stack(list(trace.values()))
         read[:, 12] *= 1e3  # MTConnect's unit of lengths is the millimetre
         np.testing.assert_allclose(read, tables[told["number"]], rtol=1e-12, atol=1e-9)
         blank = {(m["row"], m["column"]) for m in told["missing"]}

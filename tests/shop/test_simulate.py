@@ -3,13 +3,9 @@
 import json
 import subprocess
 import sys
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-from pipeline.parallel import Compute
 from pipeline.shop.cutting.records import write_cutting
 from pipeline.shop.drives.feed_records import write_feed
 from pipeline.shop.growth.parameters import Growth
@@ -29,7 +25,6 @@ from .conftest import (
     NO_DRIVES,
     NO_GROWTH,
     NO_WEAR,
-    Simulated,
     digests,
     run,
     shop_parameters,
@@ -46,7 +41,7 @@ one_machine = pytest.mark.parametrize(
 
 @pytest.mark.proof
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine: str, tmp_path: Path) -> None:
+def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine, tmp_path):
     """Twice all records, then the cutting tests alone and the week without them."""
     first, again = (run(tmp_path / name, machine, weeks=1) for name in ("first", "again"))
     whole = digests(first.folder)
@@ -60,7 +55,7 @@ def test_a_week_with_all_records_has_the_bytes_of_its_parts(machine: str, tmp_pa
 
 
 @one_machine
-def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> None:
+def test_the_same_bytes_every_time(week, plain_week):
     """Once more, without the servo tool, which none of the other records knows of."""
     whole = digests(week.folder)
     others = {n: h for n, h in whole.items() if not n.startswith(("servo/", "motor/", "shaft/"))}
@@ -70,8 +65,9 @@ def test_the_same_bytes_every_time(week: Simulated, plain_week: Simulated) -> No
     assert different == {"drives", "shafts", "parameters"}
 
 
-@pytest.mark.parametrize("compute", ["threads", pytest.param("processes", marks=pytest.mark.proof)])
-def test_kinds_beside_each_other_write_the_same_bytes(compute: Compute, tmp_path: Path) -> None:
+@pytest.mark.proof
+@pytest.mark.parametrize("compute", ["threads", "processes"])
+def test_kinds_beside_each_other_write_the_same_bytes(compute, tmp_path):
     """Kinds of records share no state: where each is written changes neither them nor the truth."""
     some = {"growth": {"numbers": [3]}, "wear": {"most": 2}}
     short = shop_parameters("mill01", weeks=1, **some, **NO_CUTS, **NO_DRIVES)
@@ -87,9 +83,7 @@ def test_kinds_beside_each_other_write_the_same_bytes(compute: Compute, tmp_path
     [PLAIN, pytest.param({}, marks=pytest.mark.proof)],
     ids=["plain", "all"],
 )
-def test_another_seed_is_another_week(
-    parts: dict[str, Any], week: Simulated, plain_week: Simulated, tmp_path: Path
-) -> None:
+def test_another_seed_is_another_week(parts, week, plain_week, tmp_path):
     machine = week.parameters.machine
     other = run(tmp_path / "other", machine, weeks=1, seed=3, **parts)
     same_parts = run(tmp_path / "ours", machine, weeks=1) if not parts else plain_week
@@ -102,30 +96,9 @@ def test_another_seed_is_another_week(
     assert same <= {"Devices.xml", "agent/2026-01-10.txt", "agent/2026-01-11.txt"}
 
 
-def test_truth_does_not_stand_among_the_records(tmp_path: Path) -> None:
+def test_truth_does_not_stand_among_the_records(tmp_path):
     with pytest.raises(ValueError, match="must not stand among the records"):
         simulate(tmp_path, tmp_path / "truth.json", shop_parameters("mill01"))
-
-
-def test_the_truth_carries_the_parameters_and_the_label(week: Simulated) -> None:
-    assert week.truth["simulated"] is True
-    assert week.truth["machine"] == week.parameters.machine
-    told = week.truth["parameters"]["spindle"]["motor"]["copper_loss"]
-    assert told == week.parameters.spindle.motor.copper_loss
-
-
-def test_the_siblings_are_two_machines() -> None:
-    first, second = shop_parameters("mill01"), shop_parameters("mill02")
-    assert first.c_axis and not second.c_axis
-    assert (first.log.kind, second.log.kind) == ("agent", "adapter")
-    assert (first.control.spindle_wait, second.control.spindle_wait) == ("at_m3", "before_cutting")
-    assert first.spindle != second.spindle
-    for kind, parts in {
-        "growth": ("body", "expansion", "paths", "season", "instruments"),
-        "wear": ("workpiece", "cutters", "lives", "rate", "sensors", "microscope"),
-    }.items():
-        own, other = (getattr(p, kind) for p in (first, second))
-        assert all(getattr(own, part) != getattr(other, part) for part in parts)
 
 
 @pytest.mark.parametrize(
@@ -133,9 +106,7 @@ def test_the_siblings_are_two_machines() -> None:
     [(write_wear, NO_WEAR), (write_growth, NO_GROWTH), (write_cutting, NO_CUTS),
      (write_feed, NO_DRIVES)],
 )  # fmt: skip
-def test_nothing_is_written_of_what_is_not_recorded(
-    write: Callable[[Path, ShopParameters], Any], changes: dict[str, Any], tmp_path: Path
-) -> None:
+def test_nothing_is_written_of_what_is_not_recorded(write, changes, tmp_path):
     assert write(tmp_path, shop_parameters("mill01", **changes)) == {}
     assert not list(tmp_path.iterdir())
 
@@ -159,24 +130,24 @@ def test_nothing_is_written_of_what_is_not_recorded(
         (lambda: SpindleParameters(viscosity_100=30.0), "oil gets thinner"),
     ],
 )
-def test_values_out_of_range_are_named(make, words: str) -> None:  # type: ignore[no-untyped-def]
+def test_values_out_of_range_are_named(make, words):
     with pytest.raises(ValueError, match=words):
         make()
 
 
-def test_unknown_programs_are_named(tmp_path: Path) -> None:
+def test_unknown_programs_are_named(tmp_path):
     p = shop_parameters("mill01", programs=["O7777"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="O7777"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 
 
-def test_only_c_axis_programs_and_no_c_axis_is_an_error(tmp_path: Path) -> None:
+def test_only_c_axis_programs_and_no_c_axis_is_an_error(tmp_path):
     p = shop_parameters("mill02", programs=["O4410"], weeks=1, **PLAIN)
     with pytest.raises(ValueError, match="without a C axis"):
         simulate(tmp_path / "raw", tmp_path / "truth.json", p)
 
 
-def test_the_room_starts_without_numba() -> None:
+def test_the_room_starts_without_numba():
     code = "import sys, pipeline.shop.parameters; print('numba' in sys.modules)"
     said = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert said.stdout.strip() == "False"

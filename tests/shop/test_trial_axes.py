@@ -14,8 +14,7 @@ from pipeline.machine.control.interpolate import Trace
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.drives.axis import truth
-from pipeline.shop.drives.commands import Move, travel
-from pipeline.shop.drives.records import axis_columns
+from pipeline.shop.drives.records import Move, axis_columns, travel
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.job import TrialJob
 from pipeline.submodels.drive.presliding import identify_presliding
@@ -119,7 +118,7 @@ def slot() -> AxesRecord:
     return record_axes(SLOT, "P", JOB, MACHINE, 3)
 
 
-def test_the_motor_draws_what_the_cut_takes(slot: AxesRecord) -> None:
+def test_the_motor_draws_what_the_cut_takes(slot):
     """In the middle of the slot the command is that of air and F / k; the error is that of air."""
     air = record_axes(SLOT, "P", JOB, MACHINE, 3, cut=False)
     assert not air.cutting.any() and slot.cutting.any()
@@ -160,7 +159,7 @@ def compared(text: str, seed: int) -> dict[str, float]:
     return out | {"following": rms(np.concatenate(less)) / rms(np.concatenate(whole))}
 
 
-def test_the_twin_draws_and_lags_as_the_shop_floor_records_it() -> None:
+def test_the_twin_draws_and_lags_as_the_shop_floor_records_it():
     """5 % RMS of an axis that moves, in one part; the batch's force is unknown by 4 %."""
     found = compared(SLOT, 3)
     assert found["X command"] < 0.05 and found["X following"] < 0.05
@@ -173,7 +172,7 @@ def test_the_twin_draws_and_lags_as_the_shop_floor_records_it() -> None:
 @pytest.mark.proof
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("text", [SLOT, CORNERS])
-def test_the_twin_and_the_shop_floor_over_parts_and_programs(text: str, seed: int) -> None:
+def test_the_twin_and_the_shop_floor_over_parts_and_programs(text, seed):
     found = compared(text, seed)
     assert found["following"] < 0.05
     for name, value in found.items():

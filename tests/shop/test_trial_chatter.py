@@ -68,9 +68,7 @@ STABLE, CHATTER = 0.25, 0.4
         (9_000.0, 1.0, 3),
     ],
 )
-def test_chatter_begins_at_the_depth_of_the_delayed_equation(
-    rpm: float, immersion: float, flutes: int
-) -> None:
+def test_chatter_begins_at_the_depth_of_the_delayed_equation(rpm, immersion, flutes):
     """10 % below it and 15 % above, where vibration grows until teeth leave the material.
 
     At a thin chip: the tip stands off by as much as a part of a 1 mm immersion all the same, and
@@ -94,12 +92,12 @@ def test_chatter_begins_at_the_depth_of_the_delayed_equation(
     assert found[0][5] < STABLE and found[1][5] > CHATTER
 
 
-def test_a_line_too_short_to_settle_is_left_out() -> None:
+def test_a_line_too_short_to_settle_is_left_out():
     text = side_cut(1.0, 1.0, 12_000.0, 2400.0).replace("X60 F", "X1 F2400\nX1.2 F")
     assert 6 not in shares(text, even(2), [TIP])
 
 
-def test_a_soft_tip_chatters_where_a_stiff_one_does_not() -> None:
+def test_a_soft_tip_chatters_where_a_stiff_one_does_not():
     text = side_cut(4.0, 1.0, 12_000.0, 2400.0)
     stiff, soft = (shares(text, even(2), [replace(TIP, stiffness=k)])[5] for k in (1e8, 2e5))
     assert stiff < STABLE and soft > CHATTER

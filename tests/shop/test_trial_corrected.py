@@ -1,4 +1,4 @@
-"""Corrected commands on the shop floor: what is left of the errors, by its own axes."""
+"""Corrected commands on the shop's axes: shares that are left, tables that cannot be driven."""
 
 import json
 from pathlib import Path
@@ -9,11 +9,15 @@ import pytest
 import yaml
 
 from pipeline.shop.drives.axis import follow
-from pipeline.shop.drives.commands import Move, circles, travel
+from pipeline.shop.drives.records import Move, circles, travel
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.corrected import CommandedPath, Commands, _driven, corrected_trials
+from pipeline.shop.trial.trials import CommandedPath, Commands, _driven, corrected_trials
 from pipeline.stages.__main__ import run
+from pipeline.twin.correction import corrected_command
+from pipeline.twin.program_axes import between
 from tests.small_project import inside
+from tests.twin.shop_drives import shop_drives
+from tests.twin.test_correction import CIRCLE, STROKE, T, reference, rms
 
 from .conftest import CONF, shop_parameters
 
@@ -51,7 +55,7 @@ def circle(machine: str, share: float) -> Columns:
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_without_a_correction_all_is_left(machine: str, tmp_path: Path) -> None:
+def test_without_a_correction_all_is_left(machine, tmp_path):
     """The same noise before and after: not a bit of difference."""
     table = write(tmp_path / "a.csv", circle(machine, 0.0))
     found = drive_corrected(table, MACHINES[machine], 1)
@@ -64,7 +68,7 @@ def test_without_a_correction_all_is_left(machine: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("machine", ["mill01", "mill02"])
-def test_what_the_axes_lack_is_taken_back(machine: str, tmp_path: Path) -> None:
+def test_what_the_axes_lack_is_taken_back(machine, tmp_path):
     """The lag of a constant speed goes away; added twice it comes back with the other sign."""
     shop = MACHINES[machine]
     for share, least, most in ((1.0, 0.0, 0.2), (2.0, 0.8, 1.2), (-1.0, 1.8, 2.2)):
@@ -78,7 +82,7 @@ def test_what_the_axes_lack_is_taken_back(machine: str, tmp_path: Path) -> None:
     assert found["axes"]["X"]["measured"]["before"]["max_um"] == pytest.approx(lag, rel=0.1)
 
 
-def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path: Path) -> None:
+def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path):
     """The play of the sibling's screw stands between its motor's encoder and the carriage."""
     for machine, least in (("mill01", 0.0), ("mill02", 1.0)):
         found = drive_corrected(
@@ -89,7 +93,7 @@ def test_the_carriage_is_where_a_scale_shows_it_and_a_motor_does_not(tmp_path: P
         assert least <= abs(apart) < least + (0.1 if least == 0 else 20)
 
 
-def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path: Path) -> None:
+def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path):
     """4 ms between rows and 2 ms between rows are the same smooth motion."""
     way = travel([Move(length=20.0, speed=25.0)], SHOP.control.path_bounds, 2000) - 250
     found = []
@@ -102,7 +106,7 @@ def test_a_single_axis_has_no_path_and_the_table_is_driven_at_any_rate(tmp_path:
     assert one["before"]["rms_um"] == pytest.approx(other["before"]["rms_um"], rel=0.01)
 
 
-def test_distance_from_a_path_counts_across_it_alone() -> None:
+def test_distance_from_a_path_counts_across_it_alone():
     angle = np.linspace(0, np.pi, 2000)
     path = 10 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     path = np.concatenate([path[:1], path, path[-1:]])  # standstill before and after
@@ -116,7 +120,7 @@ def test_distance_from_a_path_counts_across_it_alone() -> None:
     assert alone.distance(np.array([[1.0, 3.0]])) == pytest.approx([3.0])
 
 
-def test_over_seeds_each_number_has_a_spread(tmp_path: Path) -> None:
+def test_over_seeds_each_number_has_a_spread(tmp_path):
     table = write(tmp_path / "a.csv", circle("mill01", 0.5))
     found = corrected_trials(table, SHOP, range(2))
     alone = [drive_corrected(table, SHOP, seed)["path"]["measured"] for seed in range(2)]
@@ -147,9 +151,7 @@ GOOD: Columns = {
         (GOOD | {"X_corrected": np.array([0, 0, np.inf, 0])}, "row 3: X_corrected = inf"),
     ],
 )
-def test_a_table_that_cannot_be_driven_is_one_sentence(
-    columns: Columns, words: str, tmp_path: Path
-) -> None:
+def test_a_table_that_cannot_be_driven_is_one_sentence(columns, words, tmp_path):
     with pytest.raises(ValueError, match=words) as error:
         drive_corrected(write(tmp_path / "a.csv", columns), SHOP, 1)
     assert "a.csv" in str(error.value) and "\n" not in str(error.value)
@@ -165,13 +167,13 @@ def test_a_table_that_cannot_be_driven_is_one_sentence(
         ("t;X;X_corrected\n0;0;0\n0,1;0;0\n", "has the columns t;X;X_corrected"),
     ],
 )
-def test_a_text_that_is_no_table_is_one_sentence(text: str, words: str, tmp_path: Path) -> None:
+def test_a_text_that_is_no_table_is_one_sentence(text, words, tmp_path):
     (tmp_path / "a.csv").write_text(text)
     with pytest.raises(ValueError, match=words):
         drive_corrected(tmp_path / "a.csv", SHOP, 1)
 
 
-def test_the_stage_drives_every_table_of_a_folder(tmp_path: Path) -> None:
+def test_the_stage_drives_every_table_of_a_folder(tmp_path):
     machine = yaml.safe_load((CONF / "mill01.yaml").read_text())
     (tmp_path / "params.yaml").write_text(
         yaml.safe_dump({"machine": {"mill01": {"shop": machine}}})
@@ -190,3 +192,28 @@ def test_the_stage_drives_every_table_of_a_folder(tmp_path: Path) -> None:
     assert one["seeds"] == SHOP.trial_drives
     assert one["axes"]["X"]["measured"]["share_left"]["max"] < 0.2
     assert two["path"]["carriage"]["share_left"] == {"mean": 1.0, "min": 1.0, "max": 1.0}
+
+
+MACHINE = ShopParameters(machine="mill77")
+DRIVES = shop_drives(MACHINE.drives)
+
+
+@pytest.mark.parametrize("letter", DRIVES)
+@pytest.mark.parametrize("text", [STROKE, CIRCLE], ids=["stroke", "circle"])
+def test_a_corrected_command_takes_the_following_error_of_a_machine_away(
+    letter, text, record_property
+):
+    wanted, axis = reference(text), MACHINE.drives.axes[letter]
+    ticks = round(axis.cascade.position_frequency * T)
+
+    def error(command):
+        """Of the scale and of the carriage, with torsion, cogging, bristles and quantisation."""
+        found = follow(axis, between(command, ticks), np.random.default_rng(0))
+        return wanted - found.measured[::ticks], wanted - found.carriage[::ticks]
+
+    corrected = corrected_command(letter, wanted, T, DRIVES[letter]).corrected
+    for name, before, after in zip(("scale", "carriage"), error(wanted), error(corrected),
+                                   strict=True):  # fmt: skip
+        record_property(f"{name}_um", f"{rms(before) * 1e6:.1f} -> {rms(after) * 1e6:.1f}")
+        assert rms(after) < 0.015 * rms(before)
+        assert np.abs(after).max() < 0.04 * np.abs(before).max()

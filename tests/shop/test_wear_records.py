@@ -1,27 +1,19 @@
 """Tool lives: the wear of their teeth, what a land does to forces, and the records of both."""
 
 import csv
-from collections import Counter
 from dataclasses import replace
 from math import pi
-from pathlib import Path
-from typing import Any
 
-import cattrs
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-import yaml
 
-from pipeline.schema.identity import MachineIdentity
-from pipeline.shop.cutting.force import Motion
+from pipeline.shop.cutting.force import Motion, X, Y
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.wear.parameters import PlannedLife, Wear
 from pipeline.shop.wear.records import BLOCK, course, write_wear
 from pipeline.shop.wear.teeth import (
     WornTool,
-    X,
-    Y,
     chip_loads,
     conditions,
     cut_forces,
@@ -29,12 +21,10 @@ from pipeline.shop.wear.teeth import (
     new_tool,
     workpiece,
 )
-from pipeline.signals.formats import RecordSource
-from pipeline.stages.ingest import ingest
 
-from .conftest import CONF, Simulated, shop_parameters
+from .conftest import MACHINES, Simulated, machine_conf, read_back, shop_parameters
 
-MACHINES = pytest.mark.parametrize("machine", ["mill01", "mill02"])
+each_machine = pytest.mark.parametrize("machine", ["mill01", "mill02"])
 
 
 def generator() -> np.random.Generator:
@@ -49,7 +39,7 @@ def short(machine: str) -> ShopParameters:
     return replace(p, wear=wear)
 
 
-@pytest.fixture(scope="module", params=["mill01", "mill02"])
+@pytest.fixture(scope="module", params=MACHINES)
 def lives(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Simulated:
     folder = tmp_path_factory.mktemp(f"{request.param}-wear")
     parameters = short(request.param)
@@ -70,8 +60,8 @@ def even(tool: WornTool) -> WornTool:
     return WornTool(mill=mill, teeth=np.ones(tool.mill.flutes))
 
 
-@MACHINES
-def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine: str) -> None:
+@each_machine
+def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine):
     """Rates of the mean land in the first minutes, in the middle and from 180 um on."""
     wear = shop_parameters(machine).wear
     plan = wear.lives[0]
@@ -84,8 +74,8 @@ def test_a_life_has_a_break_in_a_steady_stretch_and_a_steep_end(machine: str) ->
     assert rate[0] > 2 * middle and end > 1.3 * middle and (rate > 0).all()
 
 
-@MACHINES
-def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine: str) -> None:
+@each_machine
+def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine):
     """Life over speed in a log-log line: 1/n of 2 to 6 (ISO 3685, carbide: n of 0.15 to 0.5)."""
     wear = shop_parameters(machine).wear
     plan = wear.lives[0]
@@ -99,7 +89,7 @@ def test_speed_shortens_life_as_a_taylor_exponent_of_carbide(machine: str) -> No
     assert 2.0 < np.log(lasting[0] / lasting[1]) / np.log(1.2 / 0.9) < 6.0
 
 
-def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more() -> None:
+def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more():
     wear = shop_parameters("mill01").wear
     cutter = wear.cutter(wear.lives[0])
     tool = new_tool(cutter, wear.rate, generator())
@@ -111,7 +101,7 @@ def test_teeth_wear_apart_and_the_one_that_carries_more_wears_more() -> None:
     assert loads.mean() == pytest.approx(1.0, abs=1e-9)  # radii close round the circle
 
 
-def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot() -> None:
+def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot():
     """By hand: over a slot N a / pi times the radial edge force along -x, the tangential along y.
 
     Ploughing is whole under all but the thinnest chips, hence 4 % of tolerance.
@@ -133,19 +123,7 @@ def test_a_land_adds_pressure_and_friction_to_the_mean_force_of_a_slot() -> None
     assert more[Y] == pytest.approx(pressure * wear.workpiece.flank_friction, rel=0.04)
 
 
-def test_records_have_their_columns_units_and_length(lives: Simulated) -> None:
-    sensors = lives.parameters.wear.sensors
-    for told in (f for tool in lives.truth["tools"] for f in tool["files"]):
-        schema = pq.read_schema(lives.folder / told["file"])
-        assert tuple(schema.names) == sensors.columns
-        units = tuple(schema.field(n).metadata[b"unit"].decode() for n in schema.names)
-        assert units == sensors.units
-        rows = pq.read_metadata(lives.folder / told["file"]).num_rows
-        whole = round(sensors.rate * sensors.seconds)
-        assert rows == whole if told["window"] == "inside" else rows > whole
-
-
-def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives: Simulated) -> None:
+def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives):
     rows = listed(lives)
     told = [f for tool in lives.truth["tools"] for f in tool["files"]]
     assert [r["File"] for r in rows] == [f["file"] for f in told]
@@ -157,7 +135,7 @@ def test_the_list_has_a_row_a_record_and_the_reading_where_there_is_one(lives: S
         assert minutes == sorted(minutes) and minutes[0] > 0
 
 
-def test_a_channel_without_its_plug_shows_next_to_nothing(lives: Simulated) -> None:
+def test_a_channel_without_its_plug_shows_next_to_nothing(lives):
     sensors = lives.parameters.wear.sensors
     files = lives.truth["tools"][0]["files"]
     level = []
@@ -169,8 +147,8 @@ def test_a_channel_without_its_plug_shows_next_to_nothing(lives: Simulated) -> N
     assert max(level[1:3]) < 0.05 * min(sound)
 
 
-@MACHINES
-def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(machine: str) -> None:
+@each_machine
+def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(machine):
     parameters = shop_parameters(machine)
     wear, errors, counts = parameters.wear, [], []
     for plan in wear.lives:
@@ -188,12 +166,11 @@ def test_readings_err_as_the_microscope_does_and_the_last_one_ends_the_life(mach
     assert len(wear.lives) == 10 and min(counts) >= 8 and 160 <= sum(counts) <= 300
 
 
-@MACHINES
-def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine: str) -> None:
+@each_machine
+def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine):
     from fnmatch import fnmatchcase
 
-    conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
-    patterns = [p for p in conf["roles"]["training"] if p.startswith("wear/")]
+    patterns = [p for p in machine_conf(machine)["roles"]["training"] if p.startswith("wear/")]
     wear = shop_parameters(machine).wear
     sides: dict[bool, list[PlannedLife]] = {True: [], False: []}
     for plan in wear.lives:
@@ -207,36 +184,28 @@ def test_roles_part_tools_and_both_sides_hold_every_type_and_cut(machine: str) -
         assert {c for p in side for c in p.cuts} == {c.name for c in wear.cuts}
 
 
-def test_ingest_keeps_every_row_with_its_unit_and_the_list(
-    lives: Simulated, tmp_path: Path
-) -> None:
-    machine = lives.parameters.machine
-    conf: dict[str, Any] = yaml.safe_load((CONF.parent / "machine" / f"{machine}.yaml").read_text())
-    sources = cattrs.structure(conf["records"], list[RecordSource])
-    named = MachineIdentity(name=machine, description="", origin="simulated", credit="")
-    ingest(lives.folder, tmp_path, records=tuple(sources), identity=named)
-    reasons = Counter(r["reason"] for r in pq.read_table(tmp_path / "rejected.parquet").to_pylist())
-    assert not reasons
-    told = lives.truth["tools"][0]["files"][0]
-    raw = pq.read_table(lives.folder / told["file"])
-    read = pq.read_table(tmp_path / "traces" / f"{told['file'].replace('/', '__')}.parquet")
-    assert read.column_names[1:] == [
+def test_ingest_keeps_every_row_with_its_unit_and_the_list(lives, tmp_path):
+    files = [f for tool in lives.truth["tools"] for f in tool["files"]]
+    found = read_back(lives, lives.folder, tmp_path, files)
+    assert not pq.read_table(tmp_path / "rejected.parquet").num_rows
+    raw = pq.read_table(lives.folder / files[0]["file"])
+    read = found.traces[files[0]["file"]]
+    assert list(read)[1:] == [
         "force_x", "force_y", "force_z", "vibration_x", "vibration_y", "vibration_z",
         "acoustic_emission",
     ]  # fmt: skip
     # MTConnect's accelerations are in mm/s^2, one g is 9.80665 m/s^2
     per = 9806.65 if lives.parameters.wear.sensors.units[3] == "g" else 1e3
     np.testing.assert_allclose(
-        read["vibration_x"].to_numpy(), raw.column(3).to_numpy().astype(float) * per, rtol=1e-9
+        read["vibration_x"], raw.column(3).to_numpy().astype(float) * per, rtol=1e-9
     )
-    table = pq.read_table(tmp_path / "traces" / "wear__lives.csv.parquet")
-    assert table["recording"].to_pylist() == [r["File"] for r in listed(lives)]
-    read_um = [None if v is None else round(v * 1e3, 6) for v in table["flank_wear"].to_pylist()]
-    told_um = [f["measured_um"] for tool in lives.truth["tools"] for f in tool["files"]]
-    assert read_um == told_um
+    table = found.traces["wear/lives.csv"]
+    assert table["recording"].tolist() == [r["File"] for r in listed(lives)]
+    read_um = [None if np.isnan(v) else round(v * 1e3, 6) for v in table["flank_wear"]]
+    assert read_um == [f["measured_um"] for f in files]
 
 
-def test_a_life_with_an_unknown_cut_is_refused() -> None:
+def test_a_life_with_an_unknown_cut_is_refused():
     wear = Wear()
     strange = replace(wear.lives[0], cuts=("boring",))
     with pytest.raises(ValueError, match="T21 has 'boring', which is none of slot roughing"):

@@ -22,7 +22,6 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Range, Ranged
 from pipeline.shop.cutting.force import EdgeCoefficients, edge_coefficients, edge_force, wear
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.blank import Swept
 from pipeline.shop.trial.cutting import (
     STEPS,
     STILL,
@@ -39,7 +38,7 @@ from pipeline.shop.trial.cutting import (
     _spindle_angle,
     _turning,
 )
-from pipeline.shop.trial.motion import Track
+from pipeline.shop.trial.motion import Swept, Track
 
 PER_WAVE = 24
 """Least number of steps in a wave of the highest mode."""

@@ -10,10 +10,11 @@ from scipy.integrate import solve_ivp
 from pipeline.thermal.deformation import (
     DeformationNetwork,
     GrowthRecord,
+    LaggedExpansion,
+    fit_expansion,
     simulate,
     start_of_nodes,
 )
-from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
 from pipeline.thermal.growth_fit import fit_network
 
 Array = NDArray[np.float64]
@@ -57,7 +58,7 @@ def predicted(network: DeformationNetwork, one: GrowthRecord) -> Array:
     return network.predict(one.speed_rad_s, one.ambient_C, one.temperatures_C[0], one.step)
 
 
-def test_the_growth_solves_its_equations() -> None:
+def test_the_growth_solves_its_equations():
     speed, ambient = np.full(40, 800.0), np.full(40, 21.0)
     speed[20:] = 300.0
     p = TRUTH
@@ -79,7 +80,7 @@ def test_the_growth_solves_its_equations() -> None:
     np.testing.assert_allclose(p.growth(nodes, speed), expected, atol=1e-13)
 
 
-def test_half_steps_change_nothing_where_the_inputs_are_held() -> None:
+def test_half_steps_change_nothing_where_the_inputs_are_held():
     one = record(0)
     whole = predicted(TRUTH, one)
     half = TRUTH.predict(
@@ -88,7 +89,7 @@ def test_half_steps_change_nothing_where_the_inputs_are_held() -> None:
     np.testing.assert_allclose(half[::2], whole, atol=1e-15)
 
 
-def test_the_future_changes_no_growth_before_it() -> None:
+def test_the_future_changes_no_growth_before_it():
     one = record(0)
     faster = one.speed_rad_s.copy()
     faster[150:] += 500.0
@@ -97,7 +98,7 @@ def test_the_future_changes_no_growth_before_it() -> None:
     assert changed[150] > predicted(TRUTH, one)[150]  # centrifugal: at once
 
 
-def test_leading_axes_carry_several_records() -> None:
+def test_leading_axes_carry_several_records():
     some = [record(k) for k in range(3)]
     together = TRUTH.predict(
         np.stack([one.speed_rad_s for one in some]), np.stack([one.ambient_C for one in some]),
@@ -106,7 +107,7 @@ def test_leading_axes_carry_several_records() -> None:
     np.testing.assert_allclose(together, [predicted(TRUTH, one) for one in some], atol=1e-18)
 
 
-def test_the_start_is_seen_in_the_sensors() -> None:
+def test_the_start_is_seen_in_the_sensors():
     shares = np.array(TRUTH.sensor_shares)
     shown = shares * 32.0 + (1 - shares) * 26.0
     np.testing.assert_allclose(
@@ -126,7 +127,7 @@ def fitted() -> DeformationNetwork:
     return fit_network([record(k, warm=k % 3 == 2) for k in range(6)], start_error_K=30.0)
 
 
-def test_the_fit_recovers_what_made_the_records(fitted: DeformationNetwork) -> None:
+def test_the_fit_recovers_what_made_the_records(fitted):
     rates = ("cooling_rate", "coupling_rate", "capacity_ratio", "structure_cooling_rate")
     for name in rates:
         assert getattr(fitted, name) == pytest.approx(getattr(TRUTH, name), rel=0.1), name
@@ -136,9 +137,7 @@ def test_the_fit_recovers_what_made_the_records(fitted: DeformationNetwork) -> N
 
 
 @pytest.mark.parametrize("warm", [False, True], ids=["cold", "warm start"])
-def test_it_predicts_another_record_heating_and_cooling(
-    fitted: DeformationNetwork, warm: bool
-) -> None:
+def test_it_predicts_another_record_heating_and_cooling(fitted, warm):
     one = record(99, noise=0.0, warm=warm)
     error = np.abs(predicted(fitted, one) - one.growth_m)
     assert np.nanmax(np.abs(one.growth_m)) > 10e-6
@@ -146,7 +145,7 @@ def test_it_predicts_another_record_heating_and_cooling(
 
 
 @pytest.mark.parametrize("shown", [0.0, np.nan], ids=["no sensor", "a lost sensor"])
-def test_growth_is_fitted_without_sensors_too(shown: float) -> None:
+def test_growth_is_fitted_without_sensors_too(shown):
     some = [record(k, noise=0.3) for k in range(3)]
     blind = [
         replace(one, temperatures_C=one.temperatures_C * [1.0, np.nan, 1.0])
@@ -158,7 +157,7 @@ def test_growth_is_fitted_without_sensors_too(shown: float) -> None:
     assert np.sqrt(np.nanmean(left**2)) < 1e-6
 
 
-def test_expansions_and_lags_are_recovered_from_measured_temperatures() -> None:
+def test_expansions_and_lags_are_recovered_from_measured_temperatures():
     truth = LaggedExpansion(expansions=(3e-6, -1e-6), lags_s=(200.0, 1500.0), centrifugal=4e-12)
     rng = np.random.default_rng(0)
 
@@ -180,7 +179,7 @@ def test_expansions_and_lags_are_recovered_from_measured_temperatures() -> None:
     assert np.array_equal(whole[:80], cut)
 
 
-def test_what_cannot_be_fitted_is_refused() -> None:
+def test_what_cannot_be_fitted_is_refused():
     one = record(0)
     with pytest.raises(ValueError, match="records of growth: 0"):
         fit_network([])
@@ -204,6 +203,6 @@ def test_what_cannot_be_fitted_is_refused() -> None:
         ({"growth_m": np.zeros(12)}, r"growth_m of shape \(12,\) must have 300 rows"),
     ],
 )  # fmt: skip
-def test_a_record_that_cannot_be_is_refused(change: dict, words: str) -> None:
+def test_a_record_that_cannot_be_is_refused(change, words):
     with pytest.raises(ValueError, match=words):
         replace(record(0), **change)

@@ -69,9 +69,7 @@ def integrated(
 
 @pytest.mark.parametrize("p", [ONE, TWO], ids=["one node", "two nodes"])
 @pytest.mark.parametrize("measured", [False, True], ids=["constant", "measured ambient"])
-def test_the_network_solves_its_differential_equation(
-    p: SpindleThermalParameters, measured: bool
-) -> None:
+def test_the_network_solves_its_differential_equation(p, measured):
     sources = working(60)
     ambient = 20 + 3 * np.sin(np.arange(60) / 9) if measured else np.full(60, p.ambient)
     start = [25.0, 23.0][: p.nodes]
@@ -83,7 +81,7 @@ def test_the_network_solves_its_differential_equation(
 
 
 @pytest.mark.parametrize("p", [ONE, TWO], ids=["one node", "two nodes"])
-def test_the_step_does_not_matter_where_the_sources_are_held(p: SpindleThermalParameters) -> None:
+def test_the_step_does_not_matter_where_the_sources_are_held(p):
     coarse = working(50)
     fine = np.repeat(coarse, 10, axis=0)
     at_coarse = temperatures(coarse, 30.0, p, DT)
@@ -91,14 +89,14 @@ def test_the_step_does_not_matter_where_the_sources_are_held(p: SpindleThermalPa
     np.testing.assert_allclose(at_fine, at_coarse, rtol=0, atol=1e-10)
 
 
-def test_the_steady_state_of_one_node_is_heat_over_cooling() -> None:
+def test_the_steady_state_of_one_node_is_heat_over_cooling():
     sources = np.broadcast_to(heat_sources(500.0, 0.4, 1.0), (3000, len(SOURCES)))
     rise = (2e-6 * 500 ** (5 / 3) + 0.1 * 0.4**2 + 0.01) * 900
     found = temperatures(sources, 22.0, ONE, DT)[0, -1]
     assert found == pytest.approx(22.0 + rise, abs=1e-9)
 
 
-def test_the_steady_state_of_two_nodes_loses_all_heat_to_the_ambient() -> None:
+def test_the_steady_state_of_two_nodes_loses_all_heat_to_the_ambient():
     sources = np.broadcast_to(heat_sources(500.0, 0.4, 0.0), (40_000, len(SOURCES)))
     first, body = temperatures(sources, 21.0, TWO, DT)[:, -1]
     heat = 2e-6 * 500 ** (5 / 3) + 5e-5 * 0.4 * 500 + 1e-8 * 500**2
@@ -108,7 +106,7 @@ def test_the_steady_state_of_two_nodes_loses_all_heat_to_the_ambient() -> None:
     assert first > body > 21
 
 
-def test_two_nodes_keep_the_energy_that_they_are_given() -> None:
+def test_two_nodes_keep_the_energy_that_they_are_given():
     p = SpindleThermalParameters(
         heating={"copper": 0.05}, cooling_rate=0.0, coupling_rate=1 / 300, capacity_ratio=0.5
     )
@@ -120,16 +118,14 @@ def test_two_nodes_keep_the_energy_that_they_are_given() -> None:
 
 
 @pytest.mark.parametrize("p", [ONE, TWO], ids=["one node", "two nodes"])
-def test_without_heat_a_spindle_falls_to_the_ambient_and_never_below(
-    p: SpindleThermalParameters,
-) -> None:
+def test_without_heat_a_spindle_falls_to_the_ambient_and_never_below(p):
     T = temperatures(np.zeros((60_000, len(SOURCES))), 60.0, p, DT)[0]
     assert np.all(np.diff(T) <= 1e-12)
     assert T.min() >= p.ambient - 1e-9
     assert T[-1] == pytest.approx(p.ambient, abs=1e-6)
 
 
-def test_a_stiff_coupling_makes_two_nodes_one_of_both_capacities() -> None:
+def test_a_stiff_coupling_makes_two_nodes_one_of_both_capacities():
     rigid = SpindleThermalParameters(
         heating={"copper": 0.1}, cooling_rate=1 / 900, ambient=20.0, coupling_rate=50.0,
         capacity_ratio=0.25, body_cooling_rate=1 / 3000,
@@ -145,7 +141,7 @@ def test_a_stiff_coupling_makes_two_nodes_one_of_both_capacities() -> None:
     np.testing.assert_allclose(found[0], found[1], atol=2e-3)
 
 
-def test_a_body_without_end_is_one_node_that_cools_into_it() -> None:
+def test_a_body_without_end_is_one_node_that_cools_into_it():
     huge = SpindleThermalParameters(
         heating={"copper": 0.1}, cooling_rate=0.0, ambient=20.0, coupling_rate=1 / 900,
         capacity_ratio=1e-12,
@@ -157,7 +153,7 @@ def test_a_body_without_end_is_one_node_that_cools_into_it() -> None:
 
 
 @pytest.mark.parametrize("ratio", [1e-9, 1e-3, 1.0, 1e3])
-def test_modes_stay_real_and_exact_where_both_nodes_cool_alike(ratio: float) -> None:
+def test_modes_stay_real_and_exact_where_both_nodes_cool_alike(ratio):
     # k + cooling = r + body loss: the eigenvectors of the plain matrix nearly coincide
     k, r = 1 / 600, ratio / 600
     p = SpindleThermalParameters(
@@ -172,7 +168,7 @@ def test_modes_stay_real_and_exact_where_both_nodes_cool_alike(ratio: float) -> 
 
 
 @pytest.mark.parametrize("p", [ONE, TWO], ids=["one node", "two nodes"])
-def test_a_population_is_a_loop(p: SpindleThermalParameters) -> None:
+def test_a_population_is_a_loop(p):
     sources = np.stack([[working(40, 3 * i + j) for j in range(3)] for i in range(2)])
     starts = np.arange(6.0).reshape(2, 3) + 20
     ambient = np.linspace(15, 25, 40) + np.arange(2)[:, None, None] + np.zeros((2, 3, 1))
@@ -185,7 +181,7 @@ def test_a_population_is_a_loop(p: SpindleThermalParameters) -> None:
 
 
 @pytest.mark.parametrize("p", [ONE, TWO], ids=["one node", "two nodes"])
-def test_a_run_can_be_cut_in_two(p: SpindleThermalParameters) -> None:
+def test_a_run_can_be_cut_in_two(p):
     sources = working(100)
     whole = temperatures(sources, 30.0, p, DT)
     body = whole[1, 37] if p.nodes == 2 else None
@@ -193,7 +189,7 @@ def test_a_run_can_be_cut_in_two(p: SpindleThermalParameters) -> None:
     np.testing.assert_allclose(second, whole[:, 37:], rtol=0, atol=1e-11)
 
 
-def test_the_body_starts_where_it_neither_warms_nor_cools() -> None:
+def test_the_body_starts_where_it_neither_warms_nor_cools():
     body = float(quasi_steady_body(40.0, 18.0, TWO))
     r = TWO.coupling_rate * TWO.capacity_ratio
     assert r * (40 - body) == pytest.approx(TWO.body_cooling_rate * (body - 18), rel=1e-12)
@@ -203,18 +199,18 @@ def test_the_body_starts_where_it_neither_warms_nor_cools() -> None:
     assert float(quasi_steady_body(40.0, 18.0, insulated)) == pytest.approx(40.0)
 
 
-def test_the_offset_adds_to_a_measured_ambient_only() -> None:
+def test_the_offset_adds_to_a_measured_ambient_only():
     p = SpindleThermalParameters(cooling_rate=1.0, ambient=5.0, ambient_offset=3.0)
     rest = np.zeros((200, len(SOURCES)))
     assert temperatures(rest, 0.0, p, DT)[0, -1] == pytest.approx(5.0)
     assert temperatures(rest, 0.0, p, DT, ambient=np.full(200, 18.0))[0, -1] == pytest.approx(21.0)
 
 
-def test_signs_of_speed_and_load_do_not_matter() -> None:
+def test_signs_of_speed_and_load_do_not_matter():
     np.testing.assert_array_equal(heat_sources(-7.0, -0.3, 1.0), heat_sources(7.0, 0.3, 1.0))
 
 
-def test_sources_of_table_units_are_si() -> None:
+def test_sources_of_table_units_are_si():
     """1000 rpm is 104.72 rad/s and 50 % is a half, worked out by hand."""
     speed, load = column("spindle_speed"), column("spindle_load")
     found = heat_sources(1000 * speed.factor + speed.offset, 50 * load.factor + load.offset, 1.0)
@@ -236,18 +232,18 @@ def test_sources_of_table_units_are_si() -> None:
         ({"cooling_rate": 1e-3, "heating": {"copper": float("nan")}}, r"heating\[copper\] = nan"),
     ],
 )
-def test_parameters_that_no_spindle_has_are_refused(wrong: dict[str, object], words: str) -> None:
+def test_parameters_that_no_spindle_has_are_refused(wrong, words):
     with pytest.raises(ValueError, match=words):
         SpindleThermalParameters(**wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_step_that_is_not_positive_is_refused(dt: float) -> None:
+def test_a_step_that_is_not_positive_is_refused(dt):
     with pytest.raises(ValueError, match=f"dt = {dt} s"):
         temperatures(np.zeros((3, len(SOURCES))), 20.0, ONE, dt)
 
 
-def test_a_winding_on_a_fixed_body_relaxes_to_where_it_began() -> None:
+def test_a_winding_on_a_fixed_body_relaxes_to_where_it_began():
     """Heated by 0.02 K/s for 20 time constants of 300 s it is 6 K above the body, then at it."""
     p = SpindleThermalParameters(
         heating={"position_hold": 0.02}, cooling_rate=0.0, coupling_rate=1 / 300
@@ -258,7 +254,7 @@ def test_a_winding_on_a_fixed_body_relaxes_to_where_it_began() -> None:
     np.testing.assert_array_equal(T[1], 24.0)
 
 
-def test_a_nearly_massless_winding_tends_to_the_fixed_body() -> None:
+def test_a_nearly_massless_winding_tends_to_the_fixed_body():
     held = heat_sources(np.zeros(500), np.zeros(500), np.arange(500) % 100 < 50)
     given = {"heating": {"position_hold": 0.02}, "cooling_rate": 0.0, "coupling_rate": 1 / 300}
     fixed = temperatures(held, 24.0, SpindleThermalParameters(**given), 10.0)
@@ -266,7 +262,7 @@ def test_a_nearly_massless_winding_tends_to_the_fixed_body() -> None:
     np.testing.assert_allclose(temperatures(held, 24.0, nearly, 10.0), fixed, atol=1e-4)
 
 
-def test_bearings_in_the_body_warm_it_first() -> None:
+def test_bearings_in_the_body_warm_it_first():
     """Without losses the heat a h over the body's capacity is all there is: a mean rise."""
     p = SpindleThermalParameters(
         heating={"bearing_friction": 1e-6}, cooling_rate=0.0, coupling_rate=1 / 300,
@@ -278,7 +274,7 @@ def test_bearings_in_the_body_warm_it_first() -> None:
     np.testing.assert_allclose(mean[-1] - 20, 1e-6 * 500 ** (5 / 3) * 3600 / 1.5, rtol=1e-6)
 
 
-def test_an_old_error_stands_in_the_slow_mode() -> None:
+def test_an_old_error_stands_in_the_slow_mode():
     """Two runs that differ by the slow mode keep its shape for ever."""
     p = SpindleThermalParameters(
         cooling_rate=0.0, coupling_rate=1 / 300, capacity_ratio=0.2, body_cooling_rate=1 / 8000

@@ -10,7 +10,7 @@ from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.corrected import CommandedPath
+from pipeline.shop.trial.trials import CommandedPath
 from pipeline.twin.control import planned_program
 from pipeline.twin.corrected_program import (
     CorrectedProgram,

@@ -8,10 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from math import cos, hypot, pi, sin
 
-import numpy as np
-
 from pipeline.shop.control.postprocessor import PartProgram, Post, Tool
-from pipeline.shop.parameters import ControlParameters
+from pipeline.shop.parameters import ControlParameters, Random
 
 Holes = list[tuple[float, float]]
 Cut = Callable[[Post], None]
@@ -189,7 +187,7 @@ def grid(work: Work, columns: int, rows: int, margin: float) -> Holes:
 
 
 def part_programs(
-    control: ControlParameters, random: np.random.Generator
+    control: ControlParameters, random: Random
 ) -> tuple[list[PartProgram], PartProgram]:
     """Four programs of a machine, and the third as it was edited at the control."""
     lengths = [round(float(random.uniform(85, 165)), 3) for _ in TOOLS]

@@ -18,7 +18,7 @@ from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.si import RPM
 from pipeline.shop.control.postprocessor import PartProgram, Step
 from pipeline.shop.motion import Profile, change_distance, profile, reachable_speed, rest_to_rest
-from pipeline.shop.parameters import ControlParameters, MotorParameters
+from pipeline.shop.parameters import ControlParameters, MotorParameters, Random
 
 STRAIGHT = 1e-9
 """Least 1 - cos of half the change of direction at which a corner counts as one [1]."""
@@ -270,7 +270,7 @@ class Control:
     parameters: ControlParameters
     motor: MotorParameters
     lengths: Mapping[int, float]
-    random: np.random.Generator
+    random: Random
     tool: int
     operator: Operator = field(default_factory=Operator)
     place: list[float] = field(default_factory=lambda: list(HOME))

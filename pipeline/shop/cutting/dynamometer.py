@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.schema.arrays import Floats, Ints
 from pipeline.shop.cutting.force import AXIAL, Motion, X, Y, cut_length, pass_forces, wear
 from pipeline.shop.cutting.parameters import (
     RATE,
@@ -23,7 +23,7 @@ from pipeline.shop.cutting.parameters import (
 )
 from pipeline.shop.files import rows_text, torn, write_text
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.parameters import Random, ShopParameters
 
 Window = Literal["inside", "entry", "exit"]
 Fault = Literal["", "clipped", "torn", "lost"]
@@ -112,7 +112,7 @@ class Baseline:
     hum_phase: Floats
 
 
-def baseline(dynamometer: Dynamometer, random: np.random.Generator) -> Baseline:
+def baseline(dynamometer: Dynamometer, random: Random) -> Baseline:
     """Offset, drift and hum that are drawn for one recording."""
     return Baseline(
         offset=random.normal(0, dynamometer.offset, 3),
@@ -120,7 +120,7 @@ def baseline(dynamometer: Dynamometer, random: np.random.Generator) -> Baseline:
     )  # fmt: skip
 
 
-def crosstalk(dynamometer: Dynamometer, random: np.random.Generator) -> Floats:
+def crosstalk(dynamometer: Dynamometer, random: Random) -> Floats:
     """Share of each force (column) in each channel (row), shape (3, 3) [1]."""
     mixed: Floats = random.uniform(0.4, 1.0, (3, 3)) * random.choice((-1.0, 1.0), (3, 3))
     mixed *= dynamometer.crosstalk
@@ -138,7 +138,7 @@ def plate_force(on_tool: Floats, dynamometer: Dynamometer) -> Floats:
 
 def amplified(
     on_tool: Floats, mixed: Floats, own: Baseline, dynamometer: Dynamometer, lead: int,
-    random: np.random.Generator,
+    random: Random,
 ) -> Floats:  # fmt: skip
     """Output of the amplifier at each row, before the converter, shape (T, 3) [N].
 
@@ -175,13 +175,12 @@ def _sampled(mode: ChannelMode) -> tuple[Floats, Floats]:
     return above.ravel(), below
 
 
-def converted(values: Floats, ends: float, bits: int) -> tuple[Floats, dict[str, Any]]:
-    """Values after the converter, and how many of each channel stand at its ends."""
-    step = ends / 2 ** (bits - 1)
-    counts = np.clip(np.round(values / step), -(2 ** (bits - 1)), 2 ** (bits - 1) - 1)
-    at_end = (np.abs(counts) >= 2 ** (bits - 1) - 1).sum(axis=0)
-    out: Floats = counts * step
-    return out, {"range_N": ends, "step_N": step, "clipped": at_end.tolist()}
+def converted(values: Floats, ends: Any, bits: int) -> tuple[Floats, Ints]:
+    """Values (T, C) in steps of a converter that reaches to ``ends``, and how many stand there."""
+    last = 2 ** (bits - 1)
+    step = ends / last
+    counts = np.clip(np.round(values / step), -last, last - 1)
+    return counts * step, (np.abs(counts) >= last - 1).sum(axis=0)
 
 
 def write_recording(
@@ -236,16 +235,15 @@ def write_dynamometer(folder: Path, parameters: ShopParameters) -> Recorded:
 
 
 def _recorded(
-    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats,
-    random: np.random.Generator,
-) -> dict[str, Any]:  # fmt: skip
+    folder: Path, test: CuttingTest, cutting: Cutting, VB: float, mixed: Floats, random: Random
+) -> dict[str, Any]:
     d = cutting.dynamometer
     depth = test.conditions.depth + float(random.normal(0, d.depth_error)) * 1e-3
     motion = _motion(test, cutting, random)
     true = replace(test.conditions, depth=depth)
     force = pass_forces(
-        true, cutting.tool, cutting.workpiece, motion, VB=VB, length=d.series.block,
-        slice_height=SLICE,
+        true, cutting.tool, cutting.workpiece, motion, flank=cutting.workpiece.flank(VB),
+        length=d.series.block, slice_height=SLICE,
     )  # fmt: skip
     own, lead = baseline(d, random), round(LEAD * RATE) * FINE
     if test.fault == "lost":
@@ -253,7 +251,7 @@ def _recorded(
         mixed[LOST] *= SHARE_OF_LOST
     values = amplified(force, mixed, own, d, lead, random)
     ends = d.low_range if test.fault == "clipped" else d.range
-    written, counted = converted(values, ends, d.bits)
+    written, clipped = converted(values, ends, d.bits)
     rows = round(KEPT * len(written)) if test.fault == "torn" else len(written)
     file = f"dynamometer/{test.name}.csv"
     start = round(float(random.uniform(2, 5)), 1)
@@ -273,7 +271,8 @@ def _recorded(
         "rows": rows,
         "true": {
             "depth_mm": depth, "wear_um": VB * 1e6, "offset_N": own.offset.tolist(),
-            "drift_N_s": own.drift.tolist(), **counted,
+            "drift_N_s": own.drift.tolist(), "range_N": ends, "step_N": ends / 2 ** (d.bits - 1),
+            "clipped": clipped.tolist(),
             **_motion_truth(motion, force, lead, cutting),
         },
     }  # fmt: skip
@@ -298,7 +297,7 @@ def _motion_truth(motion: Motion, force: Floats, lead: int, cutting: Cutting) ->
     }  # fmt: skip
 
 
-def _motion(test: CuttingTest, cutting: Cutting, random: np.random.Generator) -> Motion:
+def _motion(test: CuttingTest, cutting: Cutting, random: Random) -> Motion:
     """Position of the tool at each step of a recording, its lead included."""
     dynamometer, c = cutting.dynamometer, test.conditions
     planned, radius = dynamometer.series, cutting.tool.radius

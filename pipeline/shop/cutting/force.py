@@ -12,14 +12,16 @@ from math import pi, tan
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece, engaged
 
-X, Y, AXIAL, TORQUE = range(4)
+X, Y, AXIAL, TORQUE, CHIP, RUBBING = range(6)
 """Columns of the forces: on the tool along the feed and to the left of it, along the axis as the
-edge lifts the material [N]; against the spindle [N m]."""
+edge lifts the material [N]; against the spindle [N m]; sum of the tangential forces of the chips,
+and of edges and flanks [N]."""
 ROUNDS = 2
 """Iterations of the search for where an earlier tooth crossed the radius; each adds two digits."""
 
@@ -91,21 +93,26 @@ def chip_thickness(
 
 @compiled_with()
 def forces(
-    edge: EdgeCoefficients, block: Block, radii: np.ndarray, sharpness: np.ndarray, lag: np.ndarray,
-    height: float, angle: np.ndarray, x: np.ndarray, feed: np.ndarray,
+    edge: EdgeCoefficients, flank: np.ndarray, block: Block, radii: np.ndarray,
+    sharpness: np.ndarray, lag: np.ndarray, height: float, angle: np.ndarray, x: np.ndarray,
+    feed: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """Forces on the tool at each step, shape (T, 4).
+    """Forces on the tool at each step, shape (T, 6).
 
-    ``radii`` (F, S) are those of each tooth in each slice [m], ``sharpness`` (F,) the factor of its
-    own edge force; the edge in a slice, ``height`` [m], is ``lag`` (S,) behind its tip [rad].  The
-    first tooth's tip is at ``angle`` [rad], the tool's centre at ``x`` [m], moving by ``feed`` for
-    each radian [m]; (T,) each.
+    ``radii`` (F, S) are those of each tooth in each slice [m], ``sharpness`` (F,) and ``flank``
+    (F, 3) the factor of its own edge force and the force of its land [N/m]; the edge in a slice,
+    ``height`` [m], is ``lag`` (S,) behind its tip [rad].  The first tooth's tip is at ``angle``
+    [rad], the tool's centre at ``x`` [m], moving by ``feed`` for each radian [m]; (T,) each.
     """
     flutes, slices = radii.shape
-    out = np.zeros((angle.size, 4))
+    out = np.zeros((angle.size, 6))
     ahead, behind = np.cos(lag), np.sin(lag)
     for k in range(angle.size):
         for tooth in range(flutes):
+            own = EdgeCoefficients(
+                edge.cutting, edge.edge, (flank[tooth, 0], flank[tooth, 1], flank[tooth, 2]),
+                edge.thickness, edge.exponent, edge.ploughing,
+            )  # fmt: skip
             tip = angle[k] - 2 * np.pi * tooth / flutes
             a, b = np.sin(tip), np.cos(tip)
             for s in range(slices):
@@ -113,11 +120,14 @@ def forces(
                 h = chip_thickness(radii, tooth, s, sine, cosine, feed[k], x[k], block)
                 if h <= 0.0:
                     continue
-                t, r, axial = edge_force(edge, h, sharpness[tooth])
+                t, r, axial = edge_force(own, h, sharpness[tooth])
+                chip = edge.cutting[0] * h * (h / edge.thickness) ** -edge.exponent
                 out[k, X] -= (t * cosine + r * sine) * height
                 out[k, Y] += (t * sine - r * cosine) * height
                 out[k, AXIAL] += axial * height
                 out[k, TORQUE] += t * radii[tooth, s] * height
+                out[k, CHIP] += chip * height
+                out[k, RUBBING] += (t - chip) * height
     return out
 
 
@@ -180,17 +190,19 @@ class Motion:
 
 
 def pass_forces(
-    conditions: Conditions, tool: EndMill, workpiece: Workpiece, motion: Motion, *, VB: float,
-    length: float, slice_height: float,
+    conditions: Conditions, tool: EndMill, workpiece: Workpiece, motion: Motion, *,
+    flank: ArrayLike, length: float, slice_height: float, feed: Floats | None = None,
 ) -> Floats:  # fmt: skip
-    """Forces on the tool and torque at each step, shape (T, 4); columns X, Y, AXIAL, TORQUE.
+    """Forces on the tool and torque at each step, shape (T, 6); columns X to RUBBING.
 
-    Land ``VB`` [m]; block ``length`` and greatest ``slice_height`` [mm].
+    ``flank`` (3,) or (F, 3): force of the land of all teeth or of each [N/m]; block ``length`` and
+    greatest ``slice_height`` [mm]; ``feed`` (T,) for each radian [m], the motion's by default.
     """
     teeth = edges(tool, conditions.depth, slice_height)
     out: Floats = forces(
-        edge_coefficients(workpiece, VB), block_of(conditions, tool, length), teeth.radii,
-        np.array(tool.sharpness), teeth.lag, teeth.height, motion.angle, motion.x,
-        np.gradient(motion.x, motion.angle),
+        edge_coefficients(workpiece, 0.0), np.zeros((tool.flutes, 3)) + np.asarray(flank, float),
+        block_of(conditions, tool, length), teeth.radii, np.array(tool.sharpness), teeth.lag,
+        teeth.height, motion.angle, motion.x,
+        np.gradient(motion.x, motion.angle) if feed is None else feed,
     )  # fmt: skip
     return out

@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
 from pipeline.shop.drives.parameters import INTEGRATION, Axis
+from pipeline.shop.parameters import Random
 
 RIPPLE_PERIOD = 6
 """Periods of the torque ripple in each electrical period of the motor."""
@@ -181,7 +182,7 @@ class Followed:
 
 
 def follow(
-    axis: Axis, reference: Floats, random: np.random.Generator, load: Floats | None = None,
+    axis: Axis, reference: Floats, random: Random, load: Floats | None = None,
     extra: Floats | None = None, injected: Floats | None = None,
 ) -> Followed:  # fmt: skip
     """Motion of an axis that follows its commands ``reference`` (T,) [m], from standstill.

@@ -1,12 +1,15 @@
 """Records of a servo tuning tool: strokes, standstills, circles, a program, steps, and truth.
 
-Files have a head, names, units, rows, and faults, in the format of two makers: ``plain`` (point,
-comma, seconds, ``X_PosAct``) and ``bracketed`` (milliseconds, ``APOS(X)``, decimal comma when the
-tool is set so).
+Commanded positions are smoothed as controls do; they are in mm at the rate of the position loops,
+programs run in the machine's frame.  Files have a head, names, units, rows, and faults, in the
+format of two makers: ``plain`` (point, comma, seconds, ``X_PosAct``) and ``bracketed``
+(milliseconds, ``APOS(X)``, decimal comma when the tool is set so).
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from itertools import pairwise
+from math import pi
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +18,136 @@ import numpy as np
 from pipeline.schema.arrays import Floats
 from pipeline.schema.si import RPM
 from pipeline.shop.control.part_programs import part_programs
-from pipeline.shop.control.planner import HOME
-from pipeline.shop.drives import commands
+from pipeline.shop.control.planner import HOME, Control, Section, Span
+from pipeline.shop.control.postprocessor import PartProgram
 from pipeline.shop.drives.axis import follow, hidden, truth
-from pipeline.shop.drives.commands import Move
 from pipeline.shop.drives.motor import RATE as MOTOR_RATE
 from pipeline.shop.drives.motor import motor_truth, speed_steps
 from pipeline.shop.drives.parameters import RATE, Axis, ServoTool
 from pipeline.shop.files import rows_text, torn, write_text
-from pipeline.shop.parameters import ShopParameters
+from pipeline.shop.motion import change_time, rest_to_rest
+from pipeline.shop.parameters import Bounds, Random, ShopParameters
+
+BELL = (0.008, 0.004)
+"""Lengths of the two moving averages after the interpolation [s]."""
+REST = 0.3
+"""Standstill before and after [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Move:
+    """One stroke: signed length [mm], greatest speed [mm/s], standstill after it [s]."""
+
+    length: float
+    speed: float
+    pause: float = 0.12
+
+
+def travel(moves: Sequence[Move], bounds: Bounds, frequency: int) -> Floats:
+    """Position along ``moves`` from 0 [mm] at ``frequency`` [Hz], shape (T,)."""
+    profiles = [rest_to_rest(abs(m.length), m.speed, *bounds) for m in moves]
+    seconds = [p.duration + m.pause for p, m in zip(profiles, moves, strict=True)]
+    starts = np.cumsum([REST, *seconds])
+    time: Floats = np.arange(int((starts[-1] + REST) * frequency), dtype=np.float64) / frequency
+    position: Floats = np.zeros(time.size)
+    place = 0.0
+    edges = pairwise([*np.searchsorted(time, starts[:-1]).tolist(), time.size])
+    for (first, last), start, move, one in zip(edges, starts[:-1], moves, profiles, strict=True):
+        position[first:last] = place + np.sign(move.length) * one.covered(time[first:last] - start)
+        place += move.length
+    return smoothed(position, frequency)
+
+
+def smoothed(position: Floats, frequency: int) -> Floats:
+    """Mean over the last moments, twice; before the beginning it stood at ``position[0]``."""
+    result = position - position[0]
+    for length in BELL:
+        window = max(round(length * frequency), 1)
+        total = np.cumsum(result)
+        total[window:] -= total[:-window].copy()
+        result = total / window
+    ended: Floats = result + position[0]
+    return ended
+
+
+def reciprocation(speeds: Sequence[float], rapid: float, bounds: Bounds, lead: float) -> list[Move]:
+    """Back and forth at each speed and at rapid, from both ends of the range, then reversals.
+
+    Plateaus last 1 s at creep and 0.36 s at least.  The other end is no whole number of leads [mm]
+    away; speeds below ``rapid`` [mm/s] count.
+    """
+    strokes = [(v, _stroke(v, bounds)) for v in (*(v for v in speeds if v < rapid), rapid)]
+    moves = [Move(length=sign * s, speed=v) for v, s in strokes for sign in (1, -1)]
+    revolutions = np.floor(strokes[-1][1] / lead) + 0.37
+    moves.append(Move(length=float(revolutions * lead), speed=rapid))
+    moves += [Move(length=sign * s, speed=v) for v, s in strokes for sign in (-1, 1)]
+    return moves + quick_strokes(6, -40.0, rapid)
+
+
+def _stroke(speed: float, bounds: Bounds) -> float:
+    """Length [mm] of a stroke with a plateau at ``speed`` [mm/s]."""
+    bends = change_time(np.zeros(1), np.array([speed]), *bounds)[0]
+    return speed * (min(max(6.0 / speed, 0.36), 1.0) + float(bends))
+
+
+def quick_strokes(count: int, length: float, speed: float) -> list[Move]:
+    """Short strokes, one directly after the other."""
+    return [Move(length=(-1) ** k * length, speed=speed, pause=0.02) for k in range(2 * count)]
+
+
+def circles(
+    diameter: float, feeds: Sequence[float], revolutions: float, bounds: Bounds, frequency: int
+) -> tuple[Floats, Floats]:
+    """X and Y [mm] on a circle about 0, at each of ``feeds`` [mm/s] there and back."""
+    radius = diameter / 2
+    length = revolutions * pi * diameter
+    moves = [Move(length=s * length, speed=v, pause=0.5) for v in feeds for s in (1, -1)]
+    angle = travel(moves, bounds, frequency) / radius
+    return radius * np.cos(angle), radius * np.sin(angle)
+
+
+def commanded(
+    program: PartProgram, parameters: ShopParameters, frequency: int, place: Sequence[float]
+) -> Floats:
+    """Commanded X Y Z in the machine's frame [mm], shape (T, 3), from ``place`` to the end."""
+    plan = Control(
+        parameters=parameters.control, motor=parameters.spindle.motor, lengths=program.lengths,
+        random=parameters.generator("servo program"), place=list(place),
+        tool=program.tools[-1].number,
+    ).run(program)  # fmt: skip
+    time: Floats = np.arange(int((plan.duration + 2 * REST) * frequency)) / frequency - REST
+    position: Floats = np.tile(np.array(place), (time.size, 1))
+    spans = [s for s in plan.spans if s.kind == "rapid" or s.section is not None]
+    starts = np.searchsorted(time, [s.start for s in spans]).tolist()
+    for (first, last), span in zip(pairwise([*starts, time.size]), spans, strict=True):
+        if first < last:
+            within, path = time[first:last] - span.start, span.section
+            position[first:last] = (
+                span.positions(within) if path is None else _cut_position(span, path, within)
+            )
+    return np.stack([smoothed(position[:, k], frequency) for k in range(3)], axis=1)
+
+
+def _cut_position(span: Span, section: Section, time: Floats) -> Floats:
+    """Position (T, 3) [mm] at times since the start of a cut, also after its end."""
+    along, ends, points = section.motion.covered(time), section.ends, section.points
+    block = np.minimum(np.searchsorted(ends, along), len(ends) - 1)
+    begins = np.concatenate([[0.0], ends[:-1]])
+    share = np.clip((along - begins[block]) / (ends - begins)[block], 0, 1)
+    a, b = points[block], points[block + 1]
+    position = a + (b - a) * share[:, None]
+    # on an arc the radius of its first point turns about the centre
+    turn = np.array([s.turn for s in section.steps])[block]
+    arc = turn != 0
+    centre = np.array([s.centre for s in section.steps])[block]
+    r = a[:, :2] - centre
+    c, s = np.cos(turn * share), np.sin(turn * share)
+    turned = centre + np.stack([c * r[:, 0] - s * r[:, 1], s * r[:, 0] + c * r[:, 1]], axis=1)
+    position[arc, :2] = turned[arc]
+    # from the program's frame to the machine's
+    shifted: Floats = position + (np.array(span.begin) - np.array(section.start))
+    return shifted
+
 
 AXIS_COLUMNS = {
     "reference": ({"plain": "{}_PosSet", "bracketed": "CPOS({})"}, "mm", 4),
@@ -78,7 +202,7 @@ class Column:
 
 def write_trace(
     path: Path, head: Mapping[str, str], columns: list[Column], rate: int, tool: ServoTool,
-    random: np.random.Generator | None,
+    random: Random | None,
 ) -> dict[str, Any]:  # fmt: skip
     """Write one file of T rows at ``rate`` [Hz]; returns its faults, made with ``random``."""
     size = columns[0].values.size
@@ -98,9 +222,7 @@ def write_trace(
     return {"rows": int(kept.size), "seconds": size / rate, **faults}
 
 
-def _faults(
-    stamps: Floats, random: np.random.Generator, tool: ServoTool
-) -> tuple[np.ndarray, dict[str, Any]]:
+def _faults(stamps: Floats, random: Random, tool: ServoTool) -> tuple[np.ndarray, dict[str, Any]]:
     """Rows that are kept, and the faults; one stamp is repeated in place."""
     keep = np.ones(stamps.size, bool)
     gaps = []
@@ -146,7 +268,7 @@ def _sessions(parameters: ShopParameters) -> Iterator[Session]:
         yield _standstill(letter, parameters)
     bounds, frequency = parameters.control.path_bounds, _frequency(parameters)
     for diameter, feeds in CIRCLES.items():
-        x, y = commands.circles(diameter, feeds, REVOLUTIONS, bounds, frequency)
+        x, y = circles(diameter, feeds, REVOLUTIONS, bounds, frequency)
         truth = {"diameter_mm": diameter, "feeds_mm_s": list(feeds)}
         yield Session(name=f"circle-{diameter:.0f}mm", commands={"X": x, "Y": y}, truth=truth)
     yield _program(parameters)
@@ -163,21 +285,21 @@ def _frequency(parameters: ShopParameters) -> int:
 def _reciprocation(letter: str, parameters: ShopParameters) -> Session:
     limits, speeds = getattr(parameters.control, letter.lower()), parameters.drives.tool.speeds
     lead = parameters.drives.axes[letter].lead
-    moves = commands.reciprocation(speeds, limits.rapid / 60, limits.bounds, lead)
-    command = commands.travel(moves, limits.bounds, _frequency(parameters))
+    moves = reciprocation(speeds, limits.rapid / 60, limits.bounds, lead)
+    command = travel(moves, limits.bounds, _frequency(parameters))
     return Session(name=f"reciprocation-{letter}", commands={letter: command})
 
 
 def _standstill(letter: str, parameters: ShopParameters) -> Session:
     bounds = getattr(parameters.control, letter.lower()).bounds
     moves = [Move(length=length, speed=CREEP, pause=HOLD) for length in STOPS]
-    command = commands.travel(moves, bounds, _frequency(parameters))
+    command = travel(moves, bounds, _frequency(parameters))
     return Session(name=f"standstill-{letter}", commands={letter: command})
 
 
 def _program(parameters: ShopParameters) -> Session:
     made = part_programs(parameters.control, parameters.generator("part programs"))[0][PROGRAM]
-    position = commands.commanded(made, parameters, _frequency(parameters), HOME)
+    position = commanded(made, parameters, _frequency(parameters), HOME)
     return Session(
         name=f"program-{made.name}", commands=dict(zip("XYZ", position.T, strict=True)),
         truth={"program": made.name},
@@ -187,7 +309,7 @@ def _program(parameters: ShopParameters) -> Session:
 def _load_step(letter: str, parameters: ShopParameters) -> Session:
     bounds, frequency = getattr(parameters.control, letter.lower()).bounds, _frequency(parameters)
     moves = [Move(length=sign * 12 * CREEP, speed=CREEP, pause=0.5) for sign in (1, -1)]
-    command = commands.travel(moves, bounds, frequency)
+    command = travel(moves, bounds, frequency)
     random = parameters.generator(f"servo pushes {letter}")
     time = np.arange(command.size) / frequency
     load: Floats = np.zeros(command.size)
@@ -210,9 +332,9 @@ def _rise(u: Floats) -> Floats:
 def _inertia_step(parameters: ShopParameters) -> Session:
     """Quick strokes without and with a workpiece, which is set down at standstill between them."""
     limits, frequency = parameters.control.x, _frequency(parameters)
-    half = commands.quick_strokes(8, 90.0, limits.rapid / 60)
+    half = quick_strokes(8, 90.0, limits.rapid / 60)
     waits = [*half[:-1], replace(half[-1], pause=2.5)]
-    command = commands.travel([*waits, *half], limits.bounds, frequency)
+    command = travel([*waits, *half], limits.bounds, frequency)
     middle = command.size // 2
     mass = parameters.drives.tool.workpiece
     extra: Floats = np.where(np.arange(command.size) < middle, 0.0, mass)
@@ -241,7 +363,7 @@ def trace_head(machine: str, letters: Iterable[str], rate: int) -> dict[str, str
 
 
 def axis_columns(
-    letter: str, axis: Axis, command: Floats, tool: ServoTool, random: np.random.Generator, *,
+    letter: str, axis: Axis, command: Floats, tool: ServoTool, random: Random, *,
     load: Floats | None = None, extra: Floats | None = None, load_cell: bool = False,
     rate: int = RATE,
 ) -> list[Column]:  # fmt: skip

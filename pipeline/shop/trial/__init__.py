@@ -4,4 +4,4 @@ Coordinates are those of the work offset [mm], forces act on the tool along X an
 are in the machine's frame [mm].  The kinematics of the teeth follow Kline and DeVor (1983).
 """
 
-__all__ = ["corrected", "job", "trials"]
+__all__ = ["job", "trials"]

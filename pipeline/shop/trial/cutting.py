@@ -33,10 +33,9 @@ from pipeline.shop.cutting.dynamometer import SLOW
 from pipeline.shop.cutting.force import EdgeCoefficients, edge_coefficients, edge_force, wear
 from pipeline.shop.cutting.parameters import EndMill, Workpiece
 from pipeline.shop.motion import lagged
-from pipeline.shop.parameters import ShopParameters
-from pipeline.shop.trial.blank import SLICE, Swept
+from pipeline.shop.parameters import Random, ShopParameters
 from pipeline.shop.trial.job import TrialJob
-from pipeline.shop.trial.motion import Track
+from pipeline.shop.trial.motion import SLICE, Swept, Track
 
 RECENT = 0.6
 """Path length within which swept material is looked up turn by turn, not in the cells [mm]."""
@@ -232,7 +231,7 @@ class Chance:
     """Angle of the spindle when the run begins [rad]."""
 
 
-def chance(job: TrialJob, parameters: ShopParameters, random: np.random.Generator) -> Chance:
+def chance(job: TrialJob, parameters: ShopParameters, random: Random) -> Chance:
     """Draw one part; ``EndMill.runout`` and ``tilt`` are the means of all mountings."""
     batch = float(np.clip(random.normal(1.0, BATCH), 0.8, 1.2))
     work = {name: getattr(job.workpiece, name) * batch for name in SPECIFIC}
@@ -280,9 +279,8 @@ def check_cut(name: str, track: Track, blank: Swept, job: TrialJob) -> None:
 
 
 def cut(
-    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
-    random: np.random.Generator,
-) -> dict[int, float]:  # fmt: skip
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters, random: Random
+) -> dict[int, float]:
     """Peak load in each line of the program while one part is cut [N]."""
     peaks: dict[int, float] = {}
     for force, moment in _cuts(track, blank, part, parameters, random):
@@ -294,9 +292,8 @@ def cut(
 
 
 def _cuts(
-    track: Track, blank: Swept, part: Chance, parameters: ShopParameters,
-    random: np.random.Generator,
-) -> Iterator[tuple[Floats, Floats]]:  # fmt: skip
+    track: Track, blank: Swept, part: Chance, parameters: ShopParameters, random: Random
+) -> Iterator[tuple[Floats, Floats]]:
     """Forces on the tool (N, 3) [N] and their times (N,) [s], stretch by stretch in the cut."""
     turned = _spindle_angle(track, part, parameters, random)
     used = dict(part.used)
@@ -310,7 +307,7 @@ def _cuts(
 
 
 def _spindle_angle(
-    track: Track, part: Chance, parameters: ShopParameters, random: np.random.Generator
+    track: Track, part: Chance, parameters: ShopParameters, random: Random
 ) -> Floats:
     """Angle of the spindle in each cycle [rad], with its error and its wander."""
     share = track.cycle / SLOW

@@ -33,13 +33,7 @@ SHARPNESS = (1.0, 1.08, 0.94)
 
 @dataclass(frozen=True, kw_only=True)
 class TrialJob(Ranged, section="TrialJob"):
-    """A job as the shop's set-up sheet has it.
-
-    Raises
-    ------
-    ValueError
-        When the blank is empty, the limit is not positive or there is no tool.
-    """
+    """A job as the shop's set-up sheet has it."""
 
     blank: Box
     """Box in the coordinates of the work offset: x, y, z from and to [mm]."""

@@ -4,4 +4,4 @@ Wear grows with the temperature of the flank, which a worn land heats; teeth wea
 runout and their edges.
 """
 
-__all__ = ["parameters", "records", "sensors", "teeth"]
+__all__ = ["parameters", "records", "teeth"]

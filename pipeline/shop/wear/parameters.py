@@ -25,28 +25,19 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal, TypeVar
 
 from pipeline.schema.ranges import Range, Ranged
+from pipeline.shop.cutting.parameters import Workpiece
 
 Named = TypeVar("Named", "Cutter", "PlannedCut")
 CHANNELS = 7
 """Forces x, y, z, accelerations x, y, z, envelope of the acoustic emission."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Steel(Ranged, section="Steel"):
-    """The material: fields as of :class:`pipeline.shop.cutting.parameters.Workpiece`."""
-
-    name: str = "42CrMo4"
-    tangential: Annotated[float, Range(least=50, most=1e4, unit="N/mm2")] = 2180.0
-    radial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 870.0
-    axial: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 410.0
-    thickness: Annotated[float, Range(least=1e-3, most=1, unit="mm")] = 0.05
-    exponent: Annotated[float, Range(least=0, most=0.9)] = 0.1
-    edge_tangential: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 33.0
-    edge_radial: Annotated[float, Range(least=0, most=500, unit="N/mm")] = 49.0
-    edge_axial: Annotated[float, Range(least=-100, most=500, unit="N/mm")] = 4.0
-    ploughing: Annotated[float, Range(least=0.01, most=100, unit="um")] = 6.0
-    flank_pressure: Annotated[float, Range(least=0, most=1e4, unit="N/mm2")] = 560.0
-    flank_friction: Annotated[float, Range(least=0, most=1.5)] = 0.36
+STEEL = Workpiece(
+    name="42CrMo4", tangential=2180.0, radial=870.0, axial=410.0, thickness=0.05, exponent=0.1,
+    edge_tangential=33.0, edge_radial=49.0, edge_axial=4.0, ploughing=6.0, flank_pressure=560.0,
+    flank_friction=0.36,
+)  # fmt: skip
+"""Material in which tools wear by default."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -270,7 +261,7 @@ class Wear(Ranged, section="Wear"):
     """Tool lives of a machine: nothing of them is written unless they are ``recorded``."""
 
     recorded: bool = True
-    workpiece: Steel = field(default_factory=Steel)
+    workpiece: Workpiece = STEEL
     cutters: tuple[Cutter, ...] = CUTTERS
     cuts: tuple[PlannedCut, ...] = CUTS
     lives: tuple[PlannedLife, ...] = LIVES

@@ -12,33 +12,21 @@ one at edge and flank are kept apart, since both emit sound (Kannatey-Asibu, Dor
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
 
-from pipeline.kernels import compiled_with
 from pipeline.schema.arrays import Floats
-from pipeline.shop.cutting.force import (
-    Block,
-    EdgeCoefficients,
-    Motion,
-    block_of,
-    chip_thickness,
-    edge_coefficients,
-    edge_force,
-    edges,
-)
+from pipeline.shop.cutting.force import Motion, edges, pass_forces
 from pipeline.shop.cutting.parameters import Conditions, EndMill, Workpiece, engaged
-from pipeline.shop.wear.parameters import Cutter, PlannedCut, Steel, WearRate
+from pipeline.shop.parameters import Random
+from pipeline.shop.wear.parameters import Cutter, PlannedCut, WearRate
 
 STEP = 0.1
 """Step of the integration [min]."""
 LOAD = (0.2, 2.5)
 """Least and greatest chip load of a tooth against the mean one [1]."""
-X, Y, AXIAL, CHIP, RUBBING = range(5)
-"""Columns of the forces: on the tool along the feed and to the left of it, along the axis as the
-edge lifts the material; sum of the tangential forces of the chips, and of edges and flanks [N]."""
 SLICE = 0.5
 """Greatest height of a slice of the edges [mm]; its lag is below one degree."""
 
@@ -51,7 +39,7 @@ class WornTool:
     teeth: Floats
 
 
-def new_tool(cutter: Cutter, law: WearRate, random: np.random.Generator) -> WornTool:
+def new_tool(cutter: Cutter, law: WearRate, random: Random) -> WornTool:
     """A tool as it comes out of its box into its holder, drawn."""
     runout, tilt = cutter.runout * random.rayleigh(0.8), cutter.tilt * random.rayleigh(0.8)
     angle, turned = random.uniform(-180, 180, 2)
@@ -128,65 +116,20 @@ def flank_wear(
     return np.array(found)
 
 
-@compiled_with()
-def worn_forces(
-    edge: EdgeCoefficients, block: Block, radii: np.ndarray, sharpness: np.ndarray,
-    land: np.ndarray, lag: np.ndarray, height: float, angle: np.ndarray, x: np.ndarray,
-    feed: float,
-) -> np.ndarray:  # fmt: skip
-    """Forces at each step, shape (T, 5); columns X, Y, AXIAL, CHIP, RUBBING.
-
-    The force of the ``edge`` is that with a land of one metre.  ``radii`` (F, S) are those of each
-    tooth in each slice [m], ``sharpness`` (F,) and ``land`` (F,) its own edge force [1] and flank
-    wear [m]; the edge in a slice, ``height`` [m], is ``lag`` (S,) behind its tip [rad].  The first
-    tooth's tip is at ``angle`` [rad], the tool's centre at ``x`` [m], (T,) each, moving by ``feed``
-    for each radian [m].
-    """
-    flutes, slices = radii.shape
-    out = np.zeros((angle.size, 5))
-    ahead, behind = np.cos(lag), np.sin(lag)
-    for tooth in range(flutes):
-        flank = (edge.flank[0] * land[tooth], edge.flank[1] * land[tooth], 0.0)
-        own = EdgeCoefficients(
-            edge.cutting, edge.edge, flank, edge.thickness, edge.exponent, edge.ploughing
-        )
-        for k in range(angle.size):
-            tip = angle[k] - 2 * np.pi * tooth / flutes
-            a, b = np.sin(tip), np.cos(tip)
-            for s in range(slices):
-                sine, cosine = a * ahead[s] - b * behind[s], b * ahead[s] + a * behind[s]
-                h = chip_thickness(radii, tooth, s, sine, cosine, feed, x[k], block)
-                if h <= 0.0:
-                    continue
-                t, r, axial = edge_force(own, h, sharpness[tooth])
-                chip = own.cutting[0] * h * (h / own.thickness) ** -own.exponent
-                out[k, X] -= (t * cosine + r * sine) * height
-                out[k, Y] += (t * sine - r * cosine) * height
-                out[k, AXIAL] += axial * height
-                out[k, CHIP] += chip * height
-                out[k, RUBBING] += (t - chip) * height
-    return out
-
-
-def workpiece(steel: Steel, hardness: float) -> Workpiece:
+def workpiece(steel: Workpiece, hardness: float) -> Workpiece:
     """A batch of the material, ``hardness`` [1] against its usual one; the force follows it."""
-    values = asdict(steel)
-    for name in ("tangential", "radial", "axial", "edge_tangential", "edge_radial",
-                 "flank_pressure"):  # fmt: skip
-        values[name] *= hardness
-    return Workpiece(**values)
+    names = ("tangential", "radial", "axial", "edge_tangential", "edge_radial", "flank_pressure")
+    return replace(steel, **{name: getattr(steel, name) * hardness for name in names})
 
 
 def cut_forces(
     conditions: Conditions, mill: EndMill, material: Workpiece, land: Floats, motion: Motion,
     length: float,
 ) -> Floats:  # fmt: skip
-    """True forces on the tool at each step, (T, 5); ``land`` (F,) [um], block ``length`` [mm]."""
-    teeth = edges(mill, conditions.depth, min(SLICE, conditions.depth / 4))
+    """True forces on the tool at each step, (T, 6); ``land`` (F,) [um], block ``length`` [mm]."""
     per_radian = (motion.x[-1] - motion.x[0]) / (motion.angle[-1] - motion.angle[0])
-    out: Floats = worn_forces(
-        edge_coefficients(material, 1.0), block_of(conditions, mill, length), teeth.radii,
-        np.array(mill.sharpness), land * 1e-6, teeth.lag, teeth.height, motion.angle, motion.x,
-        per_radian,
+    return pass_forces(
+        conditions, mill, material, motion, flank=np.outer(land * 1e-6, material.flank(1.0)),
+        length=length, slice_height=min(SLICE, conditions.depth / 4),
+        feed=np.full(motion.x.size, per_radian),
     )  # fmt: skip
-    return out

@@ -16,7 +16,6 @@ from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
-from pipeline.submodels.compensation.attention import attention_shown
 from pipeline.submodels.compensation.features import Features, features_of
 from pipeline.submodels.compensation.fit import UM, chosen, fit_axes, leak_shown, searched
 from pipeline.submodels.compensation.model import (
@@ -31,6 +30,7 @@ from pipeline.submodels.compensation.model import (
     CompensationModel,
     NetworksFile,
     UseModel,
+    attention_shown,
     load_compensation,
 )
 from pipeline.submodels.compensation.records import CompensationRecords, Run, read_runs

@@ -25,7 +25,7 @@ from pipeline.submodels.deformation.features import AT_TOP_SPEED
 from pipeline.submodels.deformation.methods import Ridge, ridge
 from pipeline.submodels.deformation.model import GrowthModel, Learnt
 from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED, State
-from pipeline.thermal.lagged import lag
+from pipeline.thermal.sensors import lag
 
 ONE = "1"
 """Name of the input that is always 1."""

@@ -14,8 +14,7 @@ import numpy as np
 
 from pipeline.schema.arrays import Floats
 from pipeline.submodels.deformation.records import State
-from pipeline.thermal.clusters import sensor_groups
-from pipeline.thermal.lagged import lag
+from pipeline.thermal.sensors import lag, sensor_groups
 
 GROUPS = 3
 """Groups of sensors [1]: front, middle and rear of the spindle."""

@@ -1,15 +1,235 @@
-"""Figures of spindle growth: errors after starts and stops, fuzzy groups of the sensors."""
+"""Facts and figures of spindle growth for the machine's page: first hour, sensors, errors.
 
+They come from the three stored files alone: model, verdict, predictions.
+"""
+
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import timedelta
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pipeline.charts.bands import Axis, Strip
+from pipeline.charts.numbers import instant, moment
 from pipeline.schema.arrays import Floats
-from pipeline.schema.si import MINUTE
+from pipeline.schema.si import HOUR, MINUTE
+from pipeline.schema.verdict import Verdict
+from pipeline.submodels.contract import Shown
+from pipeline.submodels.deformation.model import DeformationModel
+from pipeline.submodels.deformation.records import GROWTH
+
+GOAL_MAX_UM, GOAL_MAPE = 6.0, 0.7
+"""Goals of FFNN2015: largest error [um] on a range of 50 um, and relative error [%]."""
+FAULT = re.compile(
+    r"sensor (?P<sensor>.+) is (?P<kind>\w+) from minute (?P<minute>\d+)"
+    r"(?:, off by up to (?:(?P<departure>[+-][\d.]+)|[\d.]+) K)?"
+)
+"""A fault as the verdict words it."""
+AS_IS, REPLACED = "largest error with the faulty sensor", "largest error with it replaced"
+"""Facts of a case that say what a faulty sensor costs."""
+
+Seen = Shown[DeformationModel]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FirstHour:
+    """Growth in the first hour of one recording."""
+
+    case: str
+    """The recording in which the spindle grew most."""
+    growth: float
+    low: float
+    high: float
+    """Largest predicted growth within the hour, with its 90 % interval [um]."""
+    measured: float
+    """Reading of the probe then [um]."""
+    speed: float | None
+    """Highest speed of the recording [rev/min]."""
+    settled_min: float
+    """Time from which the growth stays within ``within_um`` of its last value [min]."""
+    within_um: float
+    """[um]."""
+    others: int
+    """Recordings of an hour or more, this one included."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorFault:
+    """A sensor that is faulty in one recording or several."""
+
+    sensor: str
+    kind: str
+    """Its name; what is wrong with it."""
+    case: str
+    """First recording in which it was noticed."""
+    minute: float
+    """Minute of the recording at which it was detected [min]."""
+    worst_K: float | None
+    """Largest departure [K], above zero where it reads too high; None where it gives no value."""
+    cases: int
+    """Recordings in which it is faulty."""
+    lasts: bool
+    """Whether the last recording is among them."""
+    place: str
+    """Place of the sensor, as far as the machine's file names it."""
+    moment: str
+    """Time of detection, by the recording's clock."""
+    last: str
+    """The last recording in which it is faulty."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GrowthFacts:
+    """Facts of the page, computed once."""
+
+    shown: Seen
+
+    @cached_property
+    def whole(self) -> pd.DataFrame:
+        """Rows of growth of all recordings, each once; empty without predictions."""
+        rows = self.shown.predictions
+        if rows is None:
+            return pd.DataFrame({"group": [], "role": [], "t": []})
+        return rows[(rows["quantity"] == GROWTH) & (rows["regime"] == "")]
+
+    @cached_property
+    def limit(self) -> float | None:
+        """Largest error that passes [um]."""
+        verdict = self.shown.verdict
+        found = () if verdict is None else (s.limits.get("max") for s in verdict.of(GROWTH))
+        return next((limit for limit in found if limit is not None), None)
+
+    @cached_property
+    def first_hour(self) -> FirstHour | None:
+        """The recording with the largest growth within its first hour."""
+        best: tuple[float, str] | None = None
+        others = 0
+        for name, rows in self.whole.groupby("group"):
+            if rows["t"].max() < HOUR:
+                continue
+            others += 1
+            peak = float(rows.loc[rows["t"] <= HOUR, "predicted"].max())
+            if best is None or peak > best[0]:
+                best = peak, str(name)
+        if best is None:
+            return None
+        rows = self.whole[self.whole["group"] == best[1]].sort_values("t")
+        within = rows[rows["t"] <= HOUR]
+        top = within.iloc[int(np.nanargmax(within["predicted"].to_numpy(float)))]
+        tolerance = self.limit or GOAL_MAX_UM
+        return FirstHour(
+            case=best[1], growth=float(top["predicted"]), low=float(top["low"]),
+            high=float(top["high"]), measured=float(top["measured"]),
+            speed=condition(self.shown.verdict, best[1], "highest speed"),
+            settled_min=settled(within["t"].to_numpy(float), within["predicted"].to_numpy(float),
+                                tolerance),
+            within_um=tolerance, others=others,
+        )  # fmt: skip
+
+    @cached_property
+    def faults(self) -> list[SensorFault]:
+        """Faulty sensors in the order in which they were noticed."""
+        verdict = self.shown.verdict
+        cases = () if verdict is None else sorted(verdict.cases, key=lambda c: c.case)
+        found: dict[str, list[tuple[str, re.Match[str]]]] = {}
+        for case in cases:
+            for name, fact in case.facts.items():
+                match = FAULT.fullmatch(str(fact.value)) if name.startswith("faulty") else None
+                if match is not None:
+                    found.setdefault(match["sensor"], []).append((case.case, match))
+        last = cases[-1].case if cases else ""
+        return [self._fault(name, seen, last) for name, seen in found.items()]
+
+    def _fault(
+        self, name: str, seen: Sequence[tuple[str, re.Match[str]]], last: str
+    ) -> SensorFault:
+        case, first = seen[0]
+        departures = [float(m["departure"]) for _, m in seen if m["departure"]]
+        return SensorFault(
+            sensor=name, kind=first["kind"], case=case, minute=float(first["minute"]),
+            worst_K=max(departures, key=abs, default=None), cases=len(seen),
+            lasts=seen[-1][0] == last, place=self.place(name), last=seen[-1][0],
+            moment=self._moment(case, float(first["minute"])),
+        )  # fmt: skip
+
+    def place(self, sensor: str) -> str:
+        """Place of a sensor by the machine's file, and its number from the front."""
+        model = self.shown.model
+        if model is None or sensor not in model.sensors.sensors:
+            return "its place is not known"
+        names, said = model.sensors.sensors, model.places.get(sensor, "")
+        order = f"sensor {names.index(sensor) + 1} of {len(names)} from the front"
+        return f"{said}, {order}" if said else order
+
+    def _moment(self, case: str, minute: float) -> str:
+        start = instant(self._files.get(case, {}).get("first"))
+        return "not dated" if start is None else moment(start + timedelta(minutes=minute))
+
+    @cached_property
+    def _files(self) -> Mapping[str, Mapping[str, Any]]:
+        if self.shown.signals is None:
+            return {}
+        manifest = self.shown.shelf.document(self.shown.signals / "manifest.json", "raw files")
+        return (manifest or {}).get("files", {})
+
+    @cached_property
+    def cost(self) -> tuple[float, float] | None:
+        """Largest error with faulty sensors as they are, and with them replaced [um]."""
+        verdict = self.shown.verdict
+        cases = [] if verdict is None else [
+            c for c in verdict.cases if c.role == verdict.judged_role
+        ]  # fmt: skip
+        as_is = [_number(c.facts[AS_IS].value) for c in cases if AS_IS in c.facts]
+        replaced = [_number(c.facts[REPLACED].value) for c in cases if REPLACED in c.facts]
+        return (max(as_is), max(replaced)) if as_is and replaced else None
+
+    def runs(self, regime: str) -> list[tuple[Floats, Floats]]:
+        """Stretches in a regime: time since each began [s], error of the model [um]."""
+        rows, model, verdict = self.shown.predictions, self.shown.model, self.shown.verdict
+        if rows is None or model is None or verdict is None:
+            return []
+        rows = rows[(rows["quantity"] == GROWTH) & (rows["regime"] == regime)
+                    & (rows["role"] == verdict.judged_role)]  # fmt: skip
+        found = []
+        for _, one in rows.groupby("group"):
+            one = one.sort_values("t")
+            t = one["t"].to_numpy(float)
+            error = (one["predicted"] - one["measured"]).to_numpy(float)
+            cuts = np.flatnonzero(np.diff(t) > 1.5 * model.sensors.period_s) + 1
+            for part, errors in zip(np.split(t, cuts), np.split(error, cuts), strict=True):
+                if len(part) and part[-1] - part[0] >= model.rate_s:
+                    found.append((part - part[0], errors))
+        return found
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def settled(t: Floats, growth: Floats, within: float) -> float:
+    """Time from which growth stays ``within`` its last value [min], of samples shape (T,).
+
+    Examples
+    --------
+    >>> settled(np.array([0.0, 60.0, 120.0, 180.0]), np.array([0.0, 8.0, 12.0, 13.0]), 2.0)
+    2.0
+    """
+    away = np.flatnonzero(np.abs(growth - growth[-1]) > within)
+    first = int(away[-1]) + 1 if len(away) else 0
+    return float(t[min(first, len(t) - 1)]) / 60.0
+
+
+def condition(verdict: Verdict | None, case: str, name: str) -> float | None:
+    """A condition of a case; None where it is not recorded."""
+    cases = [] if verdict is None else [c for c in verdict.cases if c.case == case]
+    value = cases[0].conditions[name].value if cases and name in cases[0].conditions else None
+    return float(value) if isinstance(value, int | float) else None
+
 
 GROUP_CURVES = ("f1", "f3", "f5")
 """CSS classes of front, middle and rear."""

@@ -25,8 +25,12 @@ from pipeline.schema.si import UM
 from pipeline.schema.structure import structured
 from pipeline.submodels.deformation.features import Inputs
 from pipeline.submodels.deformation.records import RAD_S
-from pipeline.thermal.deformation import DeformationNetwork, GrowthRecord
-from pipeline.thermal.expansion import LaggedExpansion, fit_expansion
+from pipeline.thermal.deformation import (
+    DeformationNetwork,
+    GrowthRecord,
+    LaggedExpansion,
+    fit_expansion,
+)
 from pipeline.thermal.growth_fit import fit_network
 
 PENALTIES = (1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
@@ -258,7 +262,7 @@ class Expansion(Method):
     label: str = "lagged expansion of three groups"
 
     def fit(self, examples: Sequence[Example], budget: Budget, seed: int) -> Fitted:
-        """The expansion of :func:`pipeline.thermal.expansion.fit_expansion`."""
+        """The expansion of :func:`pipeline.thermal.deformation.fit_expansion`."""
         return _Expansion(fit_expansion(whole_records(examples, budget)))
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:

@@ -16,8 +16,7 @@ from pipeline.schema.si import MINUTE
 from pipeline.schema.verdict import Score
 from pipeline.signals.store import parquet_name
 from pipeline.submodels.deformation import figures
-from pipeline.submodels.deformation.comparison import GROWTH, PERSISTENCE
-from pipeline.submodels.deformation.growth_facts import (
+from pipeline.submodels.deformation.figures import (
     GOAL_MAPE,
     GOAL_MAX_UM,
     FirstHour,
@@ -25,9 +24,9 @@ from pipeline.submodels.deformation.growth_facts import (
     Seen,
     SensorFault,
 )
-from pipeline.submodels.deformation.methods import METHODS
+from pipeline.submodels.deformation.methods import METHODS, PERSISTENCE
 from pipeline.submodels.deformation.model import COOLING, WARMING, DeformationModel, MethodsFile
-from pipeline.submodels.deformation.records import AMBIENT, SPEED
+from pipeline.submodels.deformation.records import AMBIENT, GROWTH, SPEED
 from pipeline.submodels.deformation.sensors import DEAD
 
 COUNTS = (

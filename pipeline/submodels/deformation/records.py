@@ -115,18 +115,11 @@ class State:
         seconds: Floats = self.period * np.arange(len(self), dtype=np.float64)
         return seconds
 
-    def since(self, first: int) -> "State":
-        """The state from a sample on."""
+    def within(self, rows: slice) -> "State":
+        """Some of its samples, one after another."""
         return State(
-            period=self.period, temperatures=self.temperatures[first:], speed=self.speed[first:],
-            ambient=self.ambient[first:],
-        )  # fmt: skip
-
-    def until(self, end: int) -> "State":
-        """The state before a sample."""
-        return State(
-            period=self.period, temperatures=self.temperatures[:end], speed=self.speed[:end],
-            ambient=self.ambient[:end],
+            period=self.period, temperatures=self.temperatures[rows], speed=self.speed[rows],
+            ambient=self.ambient[rows],
         )  # fmt: skip
 
     @property

@@ -18,8 +18,8 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
-from pipeline.submodels.deformation.records import Profile, State
-from pipeline.thermal.lagged import lag
+from pipeline.submodels.deformation.records import Profile, State, filled
+from pipeline.thermal.sensors import lag
 
 DEAD, JUMPED, SHIFTED, DRIFTING, ERRATIC = "dead", "loose", "shifted", "drifting", "erratic"
 """Kinds of faults: no temperature at all or a held one; one that jumps off; one that is off from
@@ -260,13 +260,12 @@ class SensorModel:
             sensor, since = blamed
             gone[sensor] = start = since
             faults.append(self._fault(state, vector, sensor, frozenset(gone), since, holes))
-        states, firsts = [], []
-        moments = sorted({0, *gone.values()})
-        for first in moments:
-            then = frozenset(s for s, since in gone.items() if since <= first)
-            firsts.append(first)
-            states.append(self.replaced(state, then, holes))
-        return Checked(states=tuple(states), since=tuple(firsts), faults=tuple(faults))
+        moments = tuple(sorted({0, *gone.values()}))
+        states = tuple(
+            self.replaced(state, frozenset(s for s, since in gone.items() if since <= first), holes)
+            for first in moments
+        )
+        return Checked(states=states, since=moments, faults=tuple(faults))
 
     def _next(
         self, vector: Floats, gone: frozenset[int], start: int, dead: Mapping[int, int]
@@ -330,9 +329,7 @@ def _bridged(temperatures: Floats, holes: Bools) -> Floats:
     first = result[np.argmax(some)]
     start = float(np.mean(first[np.isfinite(first)])) if some.any() else 0.0
     for sensor in np.flatnonzero(holes.any(axis=0)):
-        known = ~holes[:, sensor]
-        last = np.maximum.accumulate(np.where(known, np.arange(len(result)), -1))
-        result[:, sensor] = np.where(last >= 0, result[np.maximum(last, 0), sensor], start)
+        result[:, sensor] = filled(result[:, sensor], start)
     return result
 
 
@@ -367,10 +364,8 @@ def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = (
         hold = held_s[sensor] if held_s else settings.held_s
         if np.isinf(hold):
             continue
-        least = round(hold / state.period)
-        same = np.diff(values[:, sensor], prepend=np.nan) == 0
-        began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
-        long = np.flatnonzero(np.arange(len(values)) - began >= least)
+        began = _held_since(values[:, sensor])
+        long = np.flatnonzero(np.arange(len(values)) - began >= round(hold / state.period))
         moved = np.abs(np.where(holes, np.nan, values)[long] - values[began[long]])
         others = np.delete(moved, sensor, axis=1)
         some = np.isfinite(others).any(axis=1)
@@ -379,6 +374,12 @@ def holes_of(state: State, settings: SensorSettings, held_s: Sequence[float] = (
         for at in long[far]:  # the samples since it began are held as well: known from now on only
             holes[at, sensor] = True
     return holes
+
+
+def _held_since(values: Floats) -> Ints:
+    """Sample at which each value was first shown without a change since, shape (T,)."""
+    same = np.diff(values, prepend=np.nan) == 0
+    return np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
 
 
 def usual_holds(states: Sequence[State], settings: SensorSettings) -> tuple[float, ...]:
@@ -394,9 +395,7 @@ def usual_holds(states: Sequence[State], settings: SensorSettings) -> tuple[floa
         absent = holes_of(state, settings, (np.inf,) * values.shape[1])
         held = holes_of(state, settings) & ~absent
         for sensor in range(values.shape[1]):
-            same = np.diff(values[:, sensor], prepend=np.nan) == 0
-            began = np.maximum.accumulate(np.where(same, -1, np.arange(len(values))))
-            ages = (np.arange(len(values)) - began)[held[:, sensor]]
+            ages = (np.arange(len(values)) - _held_since(values[:, sensor]))[held[:, sensor]]
             longest[k, sensor] = ages.max(initial=0) * state.period
     usual = 1.5 * np.median(longest, axis=0)
     return tuple(np.maximum(usual, settings.held_s).tolist())
@@ -425,13 +424,17 @@ def fit_sensors(
             f"{len(whole)} training recordings have a value of every sensor, 2 are the least: "
             "leave the dead sensor out of deformation_records.temperatures"
         )
-    level = _of_one_level(_before_jumps(whole, settings), sensors, settings)
-    model = _fitted(_agreeing(level, sensors, settings), sensors, settings)
+    blank = SensorModel(
+        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
+        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
+    )  # fmt: skip
+    level = _of_one_level(_before_jumps(whole, settings), blank)
+    model = _fitted(_agreeing(level, blank), blank)
     for _ in range(ROUNDS):
         # what a faulty sensor said teaches nothing: what the others say of it stands there
         checked = [replace(model, held_s=held_s).check(state) for state in states]
         faulty = [frozenset(fault.sensor for fault in one.faults) for one in checked]
-        model = _fitted([one.states[-1] for one in checked], sensors, settings, faulty)
+        model = _fitted([one.states[-1] for one in checked], blank, faulty)
     return replace(model, held_s=held_s)
 
 
@@ -495,28 +498,26 @@ def _before_jumps(states: Sequence[State], settings: SensorSettings) -> list[Sta
         over = np.flatnonzero((one > limit).any(axis=1))
         many = int(over[0]) if len(over) else len(state)
         if many * state.period > settings.settle_s + settings.smooth_s:
-            found.append(state.until(many))
+            found.append(state.within(slice(many)))
     return found if len(found) >= 2 else list(states)
 
 
-def _of_one_level(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> list[State]:
+def _of_one_level(states: Sequence[State], blank: SensorModel) -> list[State]:
     """Recordings in which no sensor's offset against the others differs from that of most.
 
     The regressions rest on what moves within recordings, so that no offset enters them.  A sensor's
     offset is the mean of its departure over a recording; usual are those in the shortest interval
     that holds half of the recordings.
     """
+    settings = blank.settings
     vectors = [lagged(state, settings.lags_s) for state in states]
-    blank = _blank(states, sensors, settings)
     within = np.mean([np.cov(one, rowvar=False, bias=True) for one in vectors], axis=0)
     model = replace(blank, covariance=tuple(map(tuple, (within + LEVEL_SD_K**2).tolist())),
                     mean=(0.0,) * within.shape[0])  # fmt: skip
     levels = np.array([one.mean(axis=0) for one in vectors])
     gone: frozenset[int] = frozenset()
     kept = np.ones(len(states), bool)
-    while len(sensors) - len(gone) > 2:
+    while len(blank.sensors) - len(gone) > 2:
         over = _unusual(model.departures(levels, gone), settings)
         if not (over > 1).any():
             break
@@ -544,9 +545,7 @@ def _unusual(offsets: Floats, settings: SensorSettings) -> Floats:
     return unusual
 
 
-def _agreeing(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> list[State]:
+def _agreeing(states: Sequence[State], blank: SensorModel) -> list[State]:
     """Recordings without those that agree least with the others, a third at most.
 
     A fault in several recordings is learnt by the regressions and hides itself; one recording
@@ -554,8 +553,8 @@ def _agreeing(
     """
     kept = list(states)
     while len(kept) > max(2, round((1 - SET_ASIDE) * len(states))):
-        largest = _largest_departures(kept, sensors, settings)[0]
-        usual = np.maximum(np.median(largest, axis=0), settings.least_K / settings.times)
+        largest, least = _largest_departures(kept, blank)[0], blank.settings.least_K
+        usual = np.maximum(np.median(largest, axis=0), least / blank.settings.times)
         score = (largest / usual).max(axis=1)
         if score.max() <= SUSPECT:
             break
@@ -563,21 +562,12 @@ def _agreeing(
     return kept
 
 
-def _blank(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
-) -> SensorModel:
-    return SensorModel(
-        sensors=tuple(sensors), channels=states[0].channels.shape[1], period_s=states[0].period,
-        mean=(), covariance=(), tolerance_K=(1.0,) * len(sensors), settings=settings,
-    )  # fmt: skip
-
-
 def _largest_departures(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings
+    states: Sequence[State], blank: SensorModel
 ) -> tuple[Floats, Floats, SensorModel]:
     """Largest departures and jumps by recording, cross-validated, (recordings, S) [K]; model."""
-    vectors, blank = [lagged(s, settings.lags_s) for s in states], _blank(states, sensors, settings)
-    largest, jumps = np.zeros((2, len(vectors), len(sensors)))
+    vectors = [lagged(state, blank.settings.lags_s) for state in states]
+    largest, jumps = np.zeros((2, len(vectors), len(blank.sensors)))
     for out, vector in enumerate(vectors):
         others = _with_moments(blank, [one for k, one in enumerate(vectors) if k != out])
         smoothed, jumped = others.sizes(vector, frozenset())
@@ -586,13 +576,12 @@ def _largest_departures(
 
 
 def _fitted(
-    states: Sequence[State], sensors: Sequence[str], settings: SensorSettings,
-    faulty: Sequence[frozenset[str]] = (),
-) -> SensorModel:  # fmt: skip
+    states: Sequence[State], blank: SensorModel, faulty: Sequence[frozenset[str]] = ()
+) -> SensorModel:
     """Model of complete states, without those of sensors ``faulty`` there; tolerance by folds."""
-    *sizes, model = _largest_departures(states, sensors, settings)
-    sound = np.array([[name not in one for name in sensors] for one in faulty] or True)
-    tolerance, jump = (_tolerance(size, sound & np.ones(size.shape, bool), settings)
+    *sizes, model = _largest_departures(states, blank)
+    sound = np.array([[name not in one for name in blank.sensors] for one in faulty] or True)
+    tolerance, jump = (_tolerance(size, sound & np.ones(size.shape, bool), blank.settings)
                        for size in sizes)  # fmt: skip
     return replace(model, tolerance_K=tolerance, jump_K=jump)
 

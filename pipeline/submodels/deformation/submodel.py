@@ -25,8 +25,7 @@ from pipeline.submodels.conformal import (
     interval,
 )
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
-from pipeline.submodels.deformation.comparison import GROWTH, columns_of, errors_of
-from pipeline.submodels.deformation.fit import FEWEST_PROFILES, fit_growth
+from pipeline.submodels.deformation.fit import FEWEST_PROFILES, columns_of, errors_of, fit_growth
 from pipeline.submodels.deformation.methods import SIMPLE
 from pipeline.submodels.deformation.model import (
     KEPT,
@@ -41,6 +40,7 @@ from pipeline.submodels.deformation.model import (
 )
 from pipeline.submodels.deformation.records import (
     AMBIENT,
+    GROWTH,
     SPEED,
     DeformationRecords,
     Profile,
@@ -48,9 +48,6 @@ from pipeline.submodels.deformation.records import (
     conditions_of_profile,
     read_profiles,
     state_of_table,
-)
-from pipeline.submodels.deformation.records import (
-    GROWTH as MEASURED,
 )
 
 FOLLOWED = "growth, interval follows the probe"
@@ -235,7 +232,7 @@ class Deformation(SubModel[Fitting, Judging, DeformationModel]):
                 refuse_unlearnt(one, model.file)
             pieces = model.pieces(checked)
             growth = model.stitched(pieces).mean(axis=0)
-            measured = table[MEASURED].to_numpy(float) if MEASURED in table else None
+            measured = table[GROWTH].to_numpy(float) if GROWTH in table else None
             low, high = _interval(model.file, state, growth, model.regimes(pieces), measured)
             reason = model.withheld(pieces, growth)
             found = pd.DataFrame({"growth": growth, "low": low, "high": high}, index=table.index)

@@ -1,4 +1,4 @@
-"""Cross-validation over training days: use of the forest, and prediction intervals.
+"""Random forest on the residual of the network, and cross-validation over training days.
 
 Each group of days is predicted by a network and a forest that were fitted on the other days only,
 in the same windows and free runs in which the model is judged.
@@ -6,26 +6,113 @@ in the same windows and free runs in which the model is judged.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import AdaptiveSettings
+from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits
-from pipeline.submodels.spindle.days import DayRuns, Run, runs_of
-from pipeline.submodels.spindle.fit import Problem, SpindleFitSettings, excited, solve, structure_of
-from pipeline.submodels.spindle.intervals import IntervalSettings
-from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
+from pipeline.submodels.spindle.days import DayRuns, IntervalSettings, Run, runs_of
+from pipeline.submodels.spindle.fit import (
+    Given,
+    Problem,
+    SpindleFitSettings,
+    excited,
+    solve,
+    structure_of,
+)
 from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest, ResidualForest
-from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
+from pipeline.twin.residual import Forest, ResidualForest, features, smoothed_inputs
+from pipeline.twin.spindle import (
+    TARGET,
+    SpindleIntervals,
+    SpindleModel,
+    SpindleRecords,
+    free_run,
+    from_measured,
+)
+
+if TYPE_CHECKING:
+    from pipeline.schema.forest import Trees
 
 
 @dataclass(frozen=True, kw_only=True)
+class ForestSettings(Ranged, section="residual_forest"):
+    """Training of the forest (Twin2026: 300 trees, depth 14, leaf 5)."""
+
+    trees: Count = 300
+    depth: Count = 14
+    leaf: Count = 5
+    """Size of the forest."""
+    window_s: Positive = 3600.0
+    """Length of the windows that start from a measured temperature [s]."""
+    every_s: Positive = 600.0
+    """A window starts this often [s]."""
+    sample_s: Positive = 60.0
+    """Time between the samples taken of a window [s]."""
+    seed: Annotated[int, Range(least=0)] = 0
+    """Seed of the forest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Examples:
+    """Training examples: ``x`` (N, features), ``error`` (N,) measured minus network [K]."""
+
+    x: Floats
+    error: Floats
+
+
+def examples(
+    pieces: Sequence[StateSegment],
+    records: SpindleRecords,
+    network: SpindleThermalParameters,
+    settings: ForestSettings,
+) -> Examples:
+    """Windows of every stretch, each started from a measured temperature."""
+    x, error = [], []
+    for piece in pieces:
+        inputs = smoothed_inputs(piece.frame, piece.step, [*records.sources, *records.extra])
+        nodes = free_run(piece, records, network)
+        measured = piece.frame[TARGET].to_numpy(float)
+        length = max(round(settings.window_s / piece.step), 1)
+        take = max(round(settings.sample_s / piece.step), 1)
+        starts = np.arange(0, len(measured), max(round(settings.every_s / piece.step), 1))
+        starts = starts[np.isfinite(measured[starts])]
+        physics = from_measured(piece, starts, length, records, network, nodes)[:, take::take]
+        after = np.broadcast_to(np.arange(length)[take::take], physics.shape)
+        rows = np.minimum(starts[:, None] + after, len(measured) - 1)
+        known = (starts[:, None] + after < len(measured)) & np.isfinite(measured[rows])
+        start = np.broadcast_to(measured[starts, None], physics.shape)[known]
+        x.append(features(
+            inputs.iloc[rows[known]], physics[known], start, after[known] * piece.step,
+            records.sources, records.extra,
+        ))  # fmt: skip
+        error.append((measured[rows] - physics)[known])
+    if not sum(map(len, error)):
+        raise ValueError("no window starts from a measured temperature: record a working day")
+    return Examples(x=np.concatenate(x), error=np.concatenate(error))
+
+
+def fitted_forest(data: Examples, settings: ForestSettings) -> "Trees":
+    """A forest fitted on examples."""
+    from sklearn.ensemble import RandomForestRegressor
+
+    from pipeline.schema.forest import Trees
+
+    forest = RandomForestRegressor(
+        n_estimators=settings.trees, max_depth=settings.depth, min_samples_leaf=settings.leaf,
+        max_features=1 / 3, random_state=settings.seed,
+    )  # fmt: skip
+    return Trees.of(forest.fit(data.x, data.error))
+
+
+@dataclass(frozen=True)
 class Recipe:
     """Making of the model to be calibrated from its days."""
 
@@ -41,7 +128,8 @@ class Recipe:
     def model_of(self, pieces: Sequence[StateSegment]) -> SpindleModel:
         """The model of some stretches, with the nodes and sources of the whole one."""
         sources = excited(pieces, list(self.whole.heating))
-        problem = Problem(pieces, self.records, self.network, sources, structure_of(self.whole))
+        given = Given(pieces, self.records, self.network)
+        problem = Problem(given, sources, structure_of(self.whole))
         found = solve(problem, [problem.position(self.whole)]).parameters
         data = examples(pieces, self.records, found, self.forest)
         forest = ResidualForest(

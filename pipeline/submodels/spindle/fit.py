@@ -118,8 +118,17 @@ def structure_of(parameters: SpindleThermalParameters) -> Structure:
     )  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class Given:
+    """Stretches of days, the signals that a fit looks at, and its settings."""
+
+    pieces: Sequence[StateSegment]
+    records: spindle.SpindleRecords
+    settings: SpindleFitSettings
+
+
 class Problem:
-    """Least-squares problem of given sources and network over given stretches.
+    """Least-squares problem of sources and a network over given stretches.
 
     ``unseen`` marks steps of each stretch whose temperature is left out; their inputs are given.
     The unknowns are the logarithm of rates and of the capacity ratio, the surround, and each
@@ -127,16 +136,11 @@ class Problem:
     """
 
     def __init__(
-        self,
-        pieces: Sequence[StateSegment],
-        records: spindle.SpindleRecords,
-        settings: SpindleFitSettings,
-        sources: Sequence[str],
-        structure: Structure,
-        *,
+        self, given: Given, sources: Sequence[str], structure: Structure, *,
         unseen: Sequence[Bools] | None = None,
-    ) -> None:
-        self.pieces, self.records, self.settings = pieces, records, settings
+    ) -> None:  # fmt: skip
+        pieces, records = given.pieces, given.records
+        self.pieces, self.settings = pieces, given.settings
         self.sources, self.structure = list(sources), structure
         heat = np.concatenate([spindle.heat_of(p.frame) for p in pieces])
         rms = np.sqrt(np.mean(heat**2, axis=0))
@@ -146,7 +150,7 @@ class Problem:
         blocks, masks = [], []
         for number, piece in enumerate(pieces):
             n = len(piece.frame)
-            blocks.append(block + np.arange(n) * piece.step // settings.window_s)
+            blocks.append(block + np.arange(n) * piece.step // given.settings.window_s)
             block = int(blocks[-1][-1]) + 1
             known = piece.frame[spindle.TARGET].notna().to_numpy()
             masks.append(known if unseen is None else known & ~unseen[number])
@@ -277,15 +281,11 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
     settings = problem.settings
     ends = [
         least_squares(
-            problem.residuals,
-            start,
-            bounds=problem.bounds(),
-            x_scale="jac",
-            loss="soft_l1",
+            problem.residuals, start, bounds=problem.bounds(), x_scale="jac", loss="soft_l1",
             f_scale=settings.outlier_K,
         )
         for start in starts
-    ]
+    ]  # fmt: skip
     best = min(ends, key=lambda end: end.cost)
     r = problem.residuals(best.x)
     # An M-estimator's sandwich (Huber 1964): scores J' psi with psi = r (1 + z)^(-1/2) for soft
@@ -303,13 +303,9 @@ def solve(problem: Problem, starts: Sequence[Floats]) -> SpindleFit:
     )
 
 
-def fit_network(
-    pieces: Sequence[StateSegment],
-    records: spindle.SpindleRecords,
-    settings: SpindleFitSettings,
-    structure: Structure,
-) -> SpindleFit:
-    """Network with the sources that ``pieces`` determine; ValueError without a stretch."""
+def fit_network(given: Given, structure: Structure) -> SpindleFit:
+    """Network with the sources that the stretches determine; ValueError without one."""
+    pieces, records, settings = given.pieces, given.records, given.settings
     if not pieces:
         raise ValueError(
             f"no stretch of at least {settings.shortest_s:g} s with speed, load and temperature on "
@@ -323,7 +319,7 @@ def fit_network(
             left_out[name] = "the records never excite it"
     starts: list[SpindleThermalParameters] = []
     while True:
-        problem = Problem(pieces, records, settings, sources, structure)
+        problem = Problem(given, sources, structure)
         fit = solve(
             problem,
             [problem.position(p) for p in starts]
@@ -367,20 +363,15 @@ def _weakest(fit: SpindleFit, sources: Sequence[str]) -> tuple[str | None, float
     return weakest, ratios[weakest]
 
 
-def window_errors(
-    pieces: Sequence[StateSegment],
-    records: spindle.SpindleRecords,
-    settings: SpindleFitSettings,
-    parameters: SpindleThermalParameters,
-) -> Floats:
+def window_errors(given: Given, parameters: SpindleThermalParameters) -> Floats:
     """Errors [K] over windows that start from a measured temperature, shape (samples,)."""
     errors = []
-    for piece in pieces:
-        length = max(round(settings.window_s / piece.step), 1)
-        nodes = spindle.free_run(piece, records, parameters)
+    for piece in given.pieces:
+        length = max(round(given.settings.window_s / piece.step), 1)
+        nodes = spindle.free_run(piece, given.records, parameters)
         measured = piece.frame[spindle.TARGET].to_numpy(float)
         starts = spindle.window_starts(measured, length)
-        found = spindle.from_measured(piece, starts, length, records, parameters, nodes)
+        found = spindle.from_measured(piece, starts, length, given.records, parameters, nodes)
         for start, run in zip(starts, found, strict=True):
             errors.append(run[: len(measured) - start] - measured[start : start + length])
     joined = np.concatenate(errors) if errors else np.array([np.nan])

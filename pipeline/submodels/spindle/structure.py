@@ -5,9 +5,13 @@ be credited so: the other days know nothing of it.  Its hours are then held out 
 its neighbours of the same day in training, and all sources' hours are spread over the parts
 (iterative stratification, Sechidis, Tsoumakas and Vlahavas 2011).  Only the temperature is held
 out; speed and load stay given, and the fit runs through.
+
+An interval is conditional on the network that was chosen.  Where others are as good on hours left
+out, it is widened to hold theirs.  And where what the fit leaves over still answers to a source, it
+is widened to what the residuals say of it: no source is 0 to within little while they rise with it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -15,13 +19,11 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.signals.windows import StateSegment
-from pipeline.submodels.spindle.doubt import with_doubt
 from pipeline.submodels.spindle.fit import (
     ONE,
+    Given,
     Problem,
     SpindleFit,
-    SpindleFitSettings,
     Structure,
     all_determined,
     excited,
@@ -33,7 +35,100 @@ from pipeline.submodels.spindle.fit import (
     window_errors,
 )
 from pipeline.submodels.statistics import LEVEL, gains
+from pipeline.thermal.network import SOURCES, first_order
 from pipeline.twin import spindle
+
+FEWEST = 3
+"""Hours that excite a source below which its residuals say nothing."""
+
+
+def with_doubt(fit: SpindleFit, others: Mapping[str, SpindleFit], given: Given) -> SpindleFit:
+    """Fit with the intervals of its sources widened by the residuals and by ``others``."""
+    said = residuals_say(fit, given)
+    intervals, left_out = dict(fit.intervals), dict(fit.left_out)
+    for name, own in fit.intervals.items():
+        value = fit.parameters.heating.get(name, 0.0)
+        ends = [own, *(one.intervals[name] for one in others.values() if name in one.intervals)]
+        if name in said:
+            ends.append((value + said[name][0], value + said[name][1]))
+        intervals[name] = min(low for low, _ in ends), max(high for _, high in ends)
+        if name in left_out and intervals[name] != own:
+            left_out[name] = _words(name, intervals[name], said.get(name), list(others))
+    return replace(
+        fit, intervals=intervals, left_out=left_out, in_doubt=tuple(others),
+        unfollowed=tuple(said),
+    )  # fmt: skip
+
+
+def _words(
+    name: str, whole: tuple[float, float], said: tuple[float, float] | None, others: list[str]
+) -> str:
+    """Why a source that was left out is not 0 to within little."""
+    low, high = whole
+    text = f"its 95 % interval is {low:.2g} to {high:.2g} {SOURCES[name]}"
+    if said is not None:
+        way = "rises" if said[0] > 0 else "falls"
+        return (
+            f"{text}: what the network leaves over {way} while it is on, by {said[0]:.2g} to "
+            f"{said[1]:.2g} {SOURCES[name]}, which no network tried here follows"
+        )
+    return f"{text} over the networks that the records bear as well ({', '.join(others)})"
+
+
+def residuals_say(fit: SpindleFit, given: Given) -> dict[str, tuple[float, float]]:
+    """Sources that the residuals still answer to, with the 95 % interval of the further heating.
+
+    The residual of each hour, less its mean, is regressed on the response of a first-order lag to
+    the source, for each time constant from which the fit starts; hours are the clusters.  The
+    level is shared out among sources and time constants (Bonferroni); and what they say has to come
+    to half a step of the sensor.  In the coefficient's unit.
+    """
+    constants = given.settings.time_constants_s
+    problem = Problem(given, list(fit.parameters.heating), structure_of(fit.parameters))
+    left = [-r for r in problem.by_stretch(problem.position(fit.parameters))]
+    error = np.concatenate([r[m] for r, m in zip(left, problem.masks, strict=True)])
+    found: dict[str, tuple[float, float]] = {}
+    least = sensor_step(np.concatenate(problem.measured)) / 2
+    level = LEVEL / max(len(fit.intervals) * len(constants), 1)
+    for name in fit.intervals:
+        best = 0.0
+        for constant in constants:
+            response = np.concatenate([
+                first_order(-1 / constant, p.frame[name].to_numpy(float), 0.0, p.step)[m]
+                for p, m in zip(given.pieces, problem.masks, strict=True)
+            ])  # fmt: skip
+            slope, deviation, freedom = _slope(response, error, problem.blocks)
+            significance, width = _student(slope, deviation, freedom, level)
+            felt = abs(slope) * float(np.ptp(response)) >= least
+            if felt and significance > max(best, 1.0):
+                best, found[name] = significance, (slope - width, slope + width)
+    return found
+
+
+def _slope(x: Floats, y: Floats, blocks: Ints) -> tuple[float, float, int]:
+    """Slope within blocks with its deviation clustered over them, and the degrees of freedom."""
+    _, block = np.unique(blocks, return_inverse=True)
+    count = np.bincount(block)
+    x, y = (v - (np.bincount(block, weights=v) / count)[block] for v in (x, y))
+    weight = np.bincount(block, weights=x * x)
+    excited = int((weight > 1e-6 * weight.max(initial=0.0)).sum()) if weight.any() else 0
+    if excited < FEWEST:
+        return 0.0, np.inf, 1
+    slope = float(x @ y / weight.sum())
+    scores = np.bincount(block, weights=x * (y - slope * x))
+    deviation = np.sqrt((scores**2).sum() * excited / (excited - 1)) / weight.sum()
+    return slope, float(deviation), excited - 1
+
+
+def _student(slope: float, deviation: float, freedom: int, level: float) -> tuple[float, float]:
+    """Slope over what is significant at ``level``, and half of its 95 % interval."""
+    from scipy.special import stdtrit
+
+    if not np.isfinite(deviation) or deviation == 0:
+        return 0.0, np.inf
+    bound = float(stdtrit(freedom, 1 - level / 2)) * deviation
+    return abs(slope) / bound, float(stdtrit(freedom, 0.975)) * deviation
+
 
 PARTS = 5
 """Parts into which days or hours are split; each is left out in turn."""
@@ -52,13 +147,11 @@ class Hours:
     sources: tuple[str, ...]
 
 
-def hours_of(
-    pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
-) -> Hours:
+def hours_of(given: Given, sources: Sequence[str]) -> Hours:
     """Windows that start from a measured temperature, with the sources that each excites."""
     at, means = [], []
-    for number, piece in enumerate(pieces):
-        length = max(round(settings.window_s / piece.step), 1)
+    for number, piece in enumerate(given.pieces):
+        length = max(round(given.settings.window_s / piece.step), 1)
         heat = piece.frame[list(sources)].to_numpy(float)
         for start in spindle.window_starts(piece.frame[spindle.TARGET].to_numpy(float), length):
             part = heat[start : start + length]
@@ -97,32 +190,21 @@ def stratified(excited: Bools, parts: int) -> Ints:
     return part
 
 
-def hours_left_out(
-    pieces: Sequence[StateSegment],
-    records: spindle.SpindleRecords,
-    settings: SpindleFitSettings,
-    whole: SpindleFit,
-    hours: Hours,
-) -> Floats:
+def hours_left_out(given: Given, whole: SpindleFit, hours: Hours) -> Floats:
     """Mean squared error [K^2] of each hour under a network fitted on the other parts, (H,).
 
     The start is ``whole``, the fit on all hours; a source that no hour of training excites is not
     known there and stays 0.
     """
-    part = stratified(hours.excited, PARTS)
+    part, pieces, records = stratified(hours.excited, PARTS), given.pieces, given.records
     errors = np.full(len(part), np.nan)
     for held in np.unique(part):
         unseen = [np.zeros(len(p.frame), dtype=bool) for p in pieces]
         for number, start, length in hours.at[part == held]:
             unseen[number][start : start + length] = True
-        known = dict(
-            zip(hours.sources, hours.excited[part != held].any(axis=0), strict=True)
-        )  # fmt: skip
+        known = dict(zip(hours.sources, hours.excited[part != held].any(axis=0), strict=True))
         sources = [name for name in whole.parameters.heating if known.get(name, False)]
-        problem = Problem(
-            pieces, records, settings, sources, structure_of(whole.parameters),
-            unseen=unseen,
-        )  # fmt: skip
+        problem = Problem(given, sources, structure_of(whole.parameters), unseen=unseen)
         if not len(problem.blocks):
             continue
         fit = solve(problem, [problem.position(whole.parameters)])
@@ -137,30 +219,26 @@ def hours_left_out(
     return errors
 
 
-def days_left_out(
-    pieces: Sequence[StateSegment],
-    records: spindle.SpindleRecords,
-    settings: SpindleFitSettings,
-    whole: SpindleFit,
-) -> Floats:
+def days_left_out(given: Given, whole: SpindleFit) -> Floats:
     """Mean squared error [K^2] over windows of each day under a network that did not see it.
 
     Up to five groups of days are left out in turn.  The sources and the start are those of
     ``whole``, the fit on all days; a source that only the days left out excite is not known to the
     others and stays 0.  Shape (days,), empty when there is one day only.
     """
-    days = sorted({p.day for p in pieces})
+    days = sorted({p.day for p in given.pieces})
     if len(days) < 2:
         return np.array([])
     errors = []
     for left in np.array_split(np.array(days), min(PARTS, len(days))):
-        others = [p for p in pieces if p.day not in left]
+        others = [p for p in given.pieces if p.day not in left]
         sources = excited(others, list(whole.parameters.heating))
-        problem = Problem(others, records, settings, sources, structure_of(whole.parameters))
+        seen = replace(given, pieces=others)
+        problem = Problem(seen, sources, structure_of(whole.parameters))
         fit = solve(problem, [problem.position(whole.parameters)])
         for day in left:
-            judged = [p for p in pieces if p.day == day]
-            errors.append(window_errors(judged, records, settings, fit.parameters))
+            judged = replace(given, pieces=[p for p in given.pieces if p.day == day])
+            errors.append(window_errors(judged, fit.parameters))
     return np.array([np.mean(e**2) for e in errors if len(e)])
 
 
@@ -183,22 +261,20 @@ class LeftOut:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Choice:
-    """Basis of the choice of a network: ``pieces`` and settings, ``hours``, ``rare`` (S,).
+    """Basis of the choice of a network: the records, ``hours``, ``rare`` (S,).
 
     ``noise`` is the variance of the sensor's rounding [K^2]: errors below it are all alike.
     """
 
-    pieces: Sequence[StateSegment]
-    settings: SpindleFitSettings
+    given: Given
     hours: Hours
     rare: Bools
     noise: float
 
-    def errors(self, fit: SpindleFit, records: spindle.SpindleRecords) -> LeftOut:
+    def errors(self, fit: SpindleFit, given: Given) -> LeftOut:
         """Errors of a network on days left out, and on hours where a source needs that."""
-        given = self.pieces, records, self.settings, fit
-        hours = hours_left_out(*given, self.hours) if self.rare.any() else np.array([])
-        return LeftOut(days=days_left_out(*given), hours=hours)
+        hours = hours_left_out(given, fit, self.hours) if self.rare.any() else np.array([])
+        return LeftOut(days=days_left_out(given, fit), hours=hours)
 
     def gains(self, simple: LeftOut, rich: LeftOut) -> bool:
         """Whether ``rich`` is significantly better, over days or over the hours of a rare source.
@@ -212,7 +288,7 @@ class Choice:
         known = np.isfinite(simple.hours) & np.isfinite(rich.hours)
         if not known.any() or not rich.hours[known].mean() < simple.hours[known].mean():
             return False
-        days = np.array([self.pieces[number].day for number in self.hours.at[known, 0]])
+        days = np.array([self.given.pieces[number].day for number in self.hours.at[known, 0]])
         by_day = [
             np.log([one.hours[known][days == day].mean() + self.noise for day in np.unique(days)])
             for one in (simple, rich)
@@ -251,23 +327,19 @@ class Choice:
         return float(np.nanmean(error.hours if self.rare.any() else error.days))
 
 
-def choice_of(
-    pieces: Sequence[StateSegment], sources: Sequence[str], settings: SpindleFitSettings
-) -> Choice:
+def choice_of(given: Given, sources: Sequence[str]) -> Choice:
     """Days and hours to choose on, and the sources that fewer than three of the days excite."""
-    hours = hours_of(pieces, sources, settings)
+    hours, pieces = hours_of(given, sources), given.pieces
     day = np.array([pieces[number].day for number in hours.at[:, 0]])
     count = np.array([len(set(day[one])) for one in hours.excited.T])
     enough = len(set(day)) >= FEWEST_DAYS
     rare = (count > 0) & (count < FEWEST_DAYS) & enough
     measured = np.concatenate([p.frame[spindle.TARGET].to_numpy(float) for p in pieces])
     noise = max(sensor_step(measured), 1e-3) ** 2 / 12
-    return Choice(pieces=pieces, settings=settings, hours=hours, rare=rare, noise=noise)
+    return Choice(given=given, hours=hours, rare=rare, noise=noise)
 
 
-def identify_spindle_network(
-    pieces: Sequence[StateSegment], records: spindle.SpindleRecords, settings: SpindleFitSettings
-) -> tuple[SpindleFit, dict[str, float]]:
+def identify_spindle_network(given: Given) -> tuple[SpindleFit, dict[str, float]]:
     """Network, and sink to the coolant, selected on held-out data.
 
     One node is kept unless another gains on it (:meth:`Choice.gains`): two nodes, with the heat of
@@ -275,20 +347,18 @@ def identify_spindle_network(
     nodes, their limit of a nearly massless winding is tried too, and two nodes have to gain on it.
     The coolant, where it is recorded, becomes a sink on the same condition.
 
-    Beside the fit on all ``pieces``, with the networks that are as good and the intervals over all
+    Beside the fit on all stretches, with the networks that are as good and the intervals over all
     of them, stand the RMSE [K] on days left out by network, with ``" with coolant"`` for that sink
     and ``", hours"`` on hours left out; empty when there was nothing to choose.
     """
-    plain = replace(records, coolant=False)
+    records, settings = given.records, given.settings
+    plain = replace(given, records=replace(records, coolant=False))
     if set(settings.nodes) == {1} and not records.coolant:
-        return with_doubt(
-            fit_network(pieces, plain, settings, ONE), {}, pieces, plain, settings
-        ), {}
-    choice = choice_of(pieces, records.sources, settings)
-    tried = mapped(
-        partial(_tried, choice=choice, records=plain), _structures(settings),
-        compute=settings.compute,
-    )  # fmt: skip
+        return with_doubt(fit_network(plain, ONE), {}, plain), {}
+    choice = choice_of(plain, records.sources)
+    structures = [Structure(nodes=2, friction_in_body=one) for one in (False, True)]
+    structures = [one for one in (ONE, *structures) if one.nodes in settings.nodes]
+    tried = mapped(partial(_tried, choice=choice), structures, compute=settings.compute)
     fits = {one: fit for found in tried for one, (fit, _) in found.items()}
     errors = {one: error for found in tried for one, (_, error) in found.items()}
     rivals = _rivals(fits, errors, choice)
@@ -300,29 +370,22 @@ def identify_spindle_network(
     }  # fmt: skip
     fit, scores = fits[chosen], _scores({one.name: error for one, error in errors.items()})
     if not records.coolant or chosen.massless:
-        return with_doubt(fit, others, pieces, plain, settings), scores
-    cooled = fit_network(pieces, records, settings, chosen)
-    error = choice.errors(cooled, records)
+        return with_doubt(fit, others, plain), scores
+    cooled = fit_network(given, chosen)
+    error = choice.errors(cooled, given)
     scores |= _scores({f"{chosen.name} with coolant": error})
     if choice.gains(errors[chosen], error) and is_determined(cooled, "coolant_rate"):
-        return with_doubt(cooled, {}, pieces, records, settings), scores
-    return with_doubt(fit, others, pieces, plain, settings), scores
+        return with_doubt(cooled, {}, given), scores
+    return with_doubt(fit, others, plain), scores
 
 
-def _structures(settings: SpindleFitSettings) -> list[Structure]:
-    two = [Structure(nodes=2, friction_in_body=in_body) for in_body in (False, True)]
-    return [*([ONE] if 1 in settings.nodes else []), *(two if 2 in settings.nodes else [])]
-
-
-def _tried(
-    structure: Structure, choice: Choice, records: spindle.SpindleRecords
-) -> dict[Structure, tuple[SpindleFit, LeftOut]]:
+def _tried(structure: Structure, choice: Choice) -> dict[Structure, tuple[SpindleFit, LeftOut]]:
     """A network on all stretches, with its limit where the records do not determine all of it."""
-    fits = {structure: fit_network(choice.pieces, records, choice.settings, structure)}
+    fits = {structure: fit_network(choice.given, structure)}
     if structure.nodes == 2 and not all_determined(fits[structure]):
         limit = replace(structure, massless=True)
-        fits[limit] = fit_network(choice.pieces, records, choice.settings, limit)
-    return {one: (fit, choice.errors(fit, records)) for one, fit in fits.items()}
+        fits[limit] = fit_network(choice.given, limit)
+    return {one: (fit, choice.errors(fit, choice.given)) for one, fit in fits.items()}
 
 
 def _rivals(

@@ -27,23 +27,32 @@ from pipeline.submodels.cases import (
     sources,
 )
 from pipeline.submodels.contract import Ends, Input, Predictor, Shown, SubModel, Target
-from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out, forest_of
+from pipeline.submodels.spindle.calibration import (
+    ForestSettings,
+    Recipe,
+    calibrated,
+    days_left_out,
+    examples,
+    fitted_forest,
+    forest_of,
+)
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
     WINDOWS,
+    IntervalSettings,
     SpindleLimits,
     predicted_day,
+    with_interval,
 )
 from pipeline.submodels.spindle.fit import (
     LOGARITHMIC,
+    Given,
     SpindleFit,
     SpindleFitSettings,
     is_determined,
     sensor_step,
 )
-from pipeline.submodels.spindle.intervals import IntervalSettings, with_interval
-from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.submodels.spindle.structure import FEWEST_DAYS, identify_spindle_network
 from pipeline.thermal.network import SOURCES
 from pipeline.twin.residual import NODES, load_forest, save_forest
@@ -168,17 +177,12 @@ class Spindle(SubModel[Fitting, Judging, SpindleModelFile]):
         ]  # fmt: skip
         if not pieces:
             raise ValueError(no_stretch(training, cases, settings))
-        fit, scores = identify_spindle_network(pieces, settings.spindle, fitting)
+        fit, scores = identify_spindle_network(Given(pieces, settings.spindle, fitting))
         records = replace(settings.spindle, coolant=fit.parameters.coolant_rate > 0)
         data = examples(pieces, records, fit.parameters, settings.residual_forest)
         save_forest(fitted_forest(data, settings.residual_forest), folder / "residual")
         used = sorted({piece.day for piece in pieces})
-        recipe = Recipe(
-            records=records,
-            network=fitting,
-            forest=settings.residual_forest,
-            whole=fit.parameters,
-        )
+        recipe = Recipe(records, fitting, settings.residual_forest, fit.parameters)
         days = days_left_out(training, pieces, recipe, settings.spindle_interval)
         forest = forest_of(days, used, data, records)
         intervals = calibrated(

@@ -20,6 +20,7 @@ from pipeline.submodels.spindle.days import heated
 from pipeline.submodels.spindle.fit import (
     BOUNDS,
     LOGARITHMIC,
+    Given,
     Problem,
     SpindleFitSettings,
     excited,
@@ -117,15 +118,12 @@ def transfer(
     for minutes in sorted(settings.minutes):
         short = first_minutes(pieces, minutes)
         pooled = pooled_network(golden, short, settings, correlation_s=fitting.window_s)
-        alone = own_network(short, records, fitting, golden.network)
-        points.append(
-            TransferPoint(
-                minutes=minutes,
-                pooled=_rmse(judged, records, pooled),
-                own=None if alone is None else _rmse(judged, records, alone),
-                golden=_rmse(judged, records, golden.network),
-            )
-        )
+        alone = own_network(Given(short, records, fitting), golden.network)
+        points.append(TransferPoint(
+            minutes=minutes, pooled=_rmse(judged, records, pooled),
+            own=None if alone is None else _rmse(judged, records, alone),
+            golden=_rmse(judged, records, golden.network),
+        ))  # fmt: skip
     return Transfer(
         machine=machine, golden=golden.machine, origin=origin,
         days_judged=tuple(sorted({piece.day for piece in judged})), resolution_K=resolution_K,
@@ -224,30 +222,24 @@ def _deviation_K(golden: Parameter | None) -> float:
     return (high - low) / (2 * 1.96)
 
 
-def own_network(
-    pieces: Sequence[StateSegment],
-    records: SpindleRecords,
-    fitting: SpindleFitSettings,
-    golden: SpindleThermalParameters,
-) -> SpindleThermalParameters | None:
+def own_network(given: Given, golden: SpindleThermalParameters) -> SpindleThermalParameters | None:
     """Golden network of a short record alone, None where it excites no source."""
-    sources = excited(pieces, [name for name in records.sources if name in SOURCES])
+    sources = excited(given.pieces, [name for name in given.records.sources if name in SOURCES])
     if not sources:
         return None
-    problem = Problem(pieces, records, fitting, sources, structure_of(golden))
-    return solve(problem, [problem.start(t) for t in fitting.time_constants_s]).parameters
+    problem = Problem(given, sources, structure_of(golden))
+    starts = [problem.start(t) for t in given.settings.time_constants_s]
+    return solve(problem, starts).parameters
 
 
 def _rmse(
     pieces: Sequence[StateSegment], records: SpindleRecords, network: SpindleThermalParameters
 ) -> float:
     """RMSE of free runs of the test days [K]."""
-    error = np.concatenate(
-        [
-            free_run(piece, records, network)[0] - piece.frame[TARGET].to_numpy(float)
-            for piece in pieces
-        ]
-    )
+    error = np.concatenate([
+        free_run(piece, records, network)[0] - piece.frame[TARGET].to_numpy(float)
+        for piece in pieces
+    ])  # fmt: skip
     return float(f"{np.sqrt(np.nanmean(error**2)):.4g}")
 
 

@@ -58,7 +58,7 @@ def with_residual(one: Features, change) -> Features:
     return replace(one, recording=replace(one.recording, signals=signals))
 
 
-def test_as_many_of_each_regime_as_there_are() -> None:
+def test_as_many_of_each_regime_as_there_are():
     regime = np.array(["a"] * 5 + ["b"] * 200 + ["c"] * 300 + ["d"] * 400)
     among = np.ones(len(regime), bool)
     among[-400:] = False
@@ -69,12 +69,12 @@ def test_as_many_of_each_regime_as_there_are() -> None:
     assert (rows != stratified(regime, among, 65, 1)).any()
 
 
-def test_fewer_windows_than_wanted_are_all_taken() -> None:
+def test_fewer_windows_than_wanted_are_all_taken():
     regime = np.array(["a", "b", "b"])
     assert stratified(regime, np.array([True, True, False]), 60, 0).tolist() == [0, 1]
 
 
-def test_no_recording_is_learnt_from_and_left_out_at_once() -> None:
+def test_no_recording_is_learnt_from_and_left_out_at_once():
     """Two recordings belong to one tool: they stay together."""
     features = [Made(seed, group="tool 1" if seed < 2 else "").features for seed in range(5)]
     part = sampled(features, inputs_of(features, None), PREDICTION, QUICK)
@@ -90,9 +90,7 @@ def test_no_recording_is_learnt_from_and_left_out_at_once() -> None:
     assert sorted(left_out) == ["r2", "r3", "r4", "tool 1"]
 
 
-def test_samples_while_the_model_settles_and_unknown_ones_are_left_out(
-    recordings: list[Features],
-) -> None:
+def test_samples_while_the_model_settles_and_unknown_ones_are_left_out(recordings):
     one = recordings[0]
     known = one.known.copy()
     known[100:110] = False
@@ -105,7 +103,7 @@ def test_samples_while_the_model_settles_and_unknown_ones_are_left_out(
     np.testing.assert_array_equal(part.windows.y, one.recording.signals[RESIDUAL][rows])
 
 
-def test_what_the_command_tells_is_learnt(recordings: list[Features]) -> None:
+def test_what_the_command_tells_is_learnt(recordings):
     """Noise is 0.2 um, what the drive's model lacks several um."""
     model = fit_axes({"X": recordings}, LINEAR)["X", PREDICTION].model
     assert model.champion == "arx"
@@ -114,7 +112,7 @@ def test_what_the_command_tells_is_learnt(recordings: list[Features]) -> None:
     assert max(one.upper for one in model.bands.values()) < 0.5 * model.scores[TWIN].max_um
 
 
-def test_the_champion_has_the_least_error_left_out(recordings: list[Features]) -> None:
+def test_the_champion_has_the_least_error_left_out(recordings):
     for (_, use), one in fit_axes({"X": recordings}, QUICK).items():
         kinds, base = (QUICK.kinds, TWIN) if use == PREDICTION else (QUICK.estimators, PERSISTENCE)
         scores = one.model.scores
@@ -125,26 +123,26 @@ def test_the_champion_has_the_least_error_left_out(recordings: list[Features]) -
         }
 
 
-def test_of_pure_noise_nothing_is_learnt() -> None:
+def test_of_pure_noise_nothing_is_learnt():
     features = [Made(seed, extra=False).features for seed in range(5)]
     model = fit_axes({"X": features}, QUICK)["X", PREDICTION].model
     assert model.scores[model.champion].rmse_um > 0.97 * model.scores[TWIN].rmse_um
     assert model.scores[TWIN].rmse_um == pytest.approx(0.2, rel=0.05)
 
 
-def test_of_a_shuffled_target_nothing_is_learnt(recordings: list[Features]) -> None:
+def test_of_a_shuffled_target_nothing_is_learnt(recordings):
     random = np.random.default_rng(0)
     model = with_target(recordings, random.permutation)["X", PREDICTION].model
     assert model.scores[model.champion].rmse_um > 0.97 * model.scores[TWIN].rmse_um
 
 
-def test_a_measurement_younger_than_the_horizon_is_refused(recordings: list[Features]) -> None:
+def test_a_measurement_younger_than_the_horizon_is_refused(recordings):
     young = (WindowInput(name=RESIDUAL, older_than_s=0.5 * QUICK.horizon_s),)
     with pytest.raises(ValueError, match=r"younger than the horizon of 0\.02 s"):
         sampled(recordings, young, ESTIMATION, QUICK)
 
 
-def test_no_measurement_enters_a_prediction(recordings: list[Features]) -> None:
+def test_no_measurement_enters_a_prediction(recordings):
     for name in MEASURED:
         with pytest.raises(ValueError, match="no measurement may enter"):
             sampled(recordings, (WindowInput(name=name, older_than_s=5.0),), PREDICTION, QUICK)
@@ -152,14 +150,14 @@ def test_no_measurement_enters_a_prediction(recordings: list[Features]) -> None:
             sampled(recordings, (WindowInput(name=name),), PREDICTION, QUICK)
 
 
-def test_the_target_under_another_name_is_refused(recordings: list[Features]) -> None:
+def test_the_target_under_another_name_is_refused(recordings):
     given = [one.recording for one in recordings]
     copied = [replace(one, signals={**one.signals, "y": one.signals[RESIDUAL]}) for one in given]
     with pytest.raises(ValueError, match="holds the very values of the target"):
         windows_of(copied, [WindowInput(name="y")], RESIDUAL, QUICK.length, inf)
 
 
-def test_an_estimation_ends_at_its_horizon(recordings: list[Features]) -> None:
+def test_an_estimation_ends_at_its_horizon(recordings):
     """Its youngest residual is five rows old, and a fit to it is no better than that allows."""
     one = recordings[0]
     part = sampled([one], inputs_of([one], QUICK.horizon_s), ESTIMATION, QUICK)
@@ -169,15 +167,13 @@ def test_an_estimation_ends_at_its_horizon(recordings: list[Features]) -> None:
     np.testing.assert_array_equal(part.windows.x[:, -1, names.index(RESIDUAL)], residual[at - 5])
 
 
-def test_persistence_is_the_last_known_residual(recordings: list[Features]) -> None:
+def test_persistence_is_the_last_known_residual(recordings):
     model = with_target(recordings, lambda y: 1e-6 * np.arange(len(y)))["X", ESTIMATION].model
     assert model.scores[PERSISTENCE].rmse_um == pytest.approx(5.0)  # rows of 1 um
 
 
 @pytest.mark.parametrize(("many", "pieces"), [(1, 3), (2, 2)])
-def test_few_recordings_are_cut_into_stretches(
-    recordings: list[Features], many: int, pieces: int
-) -> None:
+def test_few_recordings_are_cut_into_stretches(recordings, many, pieces):
     cut, by_time = enough(recordings[:many], QUICK)
     assert by_time
     assert len(cut) == len({one.group for one in cut}) == many * pieces > QUICK.folds
@@ -188,19 +184,19 @@ def test_few_recordings_are_cut_into_stretches(
     assert fit_axes({"X": recordings[:many]}, LINEAR)["X", PREDICTION].model.by_time
 
 
-def test_enough_recordings_stay_whole(recordings: list[Features]) -> None:
+def test_enough_recordings_stay_whole(recordings):
     assert enough(recordings[:3], QUICK) == (recordings[:3], False)
     assert not fit_axes({"X": recordings}, LINEAR)["X", PREDICTION].model.by_time
 
 
-def test_recordings_too_short_for_folds_are_refused_in_a_sentence() -> None:
+def test_recordings_too_short_for_folds_are_refused_in_a_sentence():
     """Stretches of 80 ms hold no sample after the 100 ms in which the model settles."""
     with pytest.raises(ValueError, match=r"compensation_fit\.settle_s"):
         fit_axes({"X": [Made(0, many=120).features]}, QUICK)
 
 
 @pytest.mark.proof
-def test_the_same_seed_gives_the_same_documents(recordings: list[Features]) -> None:
+def test_the_same_seed_gives_the_same_documents(recordings):
     first, again = (fit_axes({"X": recordings}, QUICK) for _ in range(2))
     assert {key: one.documents for key, one in first.items()} == {
         key: one.documents for key, one in again.items()
@@ -214,7 +210,7 @@ def test_the_same_seed_gives_the_same_documents(recordings: list[Features]) -> N
     assert changed != first["X", PREDICTION].documents[key]
 
 
-def test_a_search_sets_learning_rate_units_and_penalty(recordings: list[Features]) -> None:
+def test_a_search_sets_learning_rate_units_and_penalty(recordings):
     settings, facts = searched({"X": recordings}, replace(QUICK, searched="lstm"), SEARCH)
     assert facts is not None
     assert (facts.kind, facts.axis, facts.candidates) == ("lstm", "X", SEARCH.population)
@@ -224,11 +220,11 @@ def test_a_search_sets_learning_rate_units_and_penalty(recordings: list[Features
     assert replace(settings, units=QUICK.units, training=QUICK.training, searched="") == QUICK
 
 
-def test_without_a_searched_kind_settings_stay(recordings: list[Features]) -> None:
+def test_without_a_searched_kind_settings_stay(recordings):
     assert searched({"X": recordings}, QUICK, SEARCH) == (QUICK, None)
 
 
-def test_the_measured_error_among_the_inputs_seems_to_gain() -> None:
+def test_the_measured_error_among_the_inputs_seems_to_gain():
     """On noise, of which nothing honest can be known; a penalty would hide it in 1 mm of error."""
     free = replace(LINEAR, ridges=(1e-10,))
     features = [Made(seed, extra=False).features for seed in range(5)]

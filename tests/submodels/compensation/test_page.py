@@ -19,7 +19,6 @@ from pipeline.nets.windows import WindowInput
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Condition
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
-from pipeline.submodels.compensation.attention import attention_shown, to_and_fro
 from pipeline.submodels.compensation.model import (
     ESTIMATION,
     PREDICTION,
@@ -29,7 +28,9 @@ from pipeline.submodels.compensation.model import (
     LeakShown,
     SearchFacts,
     UseModel,
+    attention_shown,
     key_of,
+    to_and_fro,
 )
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.contract import Shown
@@ -126,13 +127,11 @@ def with_attention(model: CompensationModel) -> CompensationModel:
     return replace(model, attention=attention_shown(served, {}))
 
 
-def test_the_page_is_the_golden_one(shown: Shown) -> None:
+def test_the_page_is_the_golden_one(shown):
     held_to_golden(made(SUBMODEL, shown), Path(__file__).with_name("page.txt"))
 
 
-def test_every_network_stands_with_its_error_left_out_and_on_records_that_decide(
-    shown: Shown,
-) -> None:
+def test_every_network_stands_with_its_error_left_out_and_on_records_that_decide(shown):
     rows = tables(made(SUBMODEL, shown))["Methods compared"]
     before = [row for row in rows if "before the motion" in row[0]]
     assert [row[1] for row in before] == [
@@ -144,13 +143,13 @@ def test_every_network_stands_with_its_error_left_out_and_on_records_that_decide
     ]
 
 
-def test_the_prediction_is_drawn_beside_the_drives_model_alone(shown: Shown) -> None:
+def test_the_prediction_is_drawn_beside_the_drives_model_alone(shown):
     found = drawn(made(SUBMODEL, shown))
     worst = next(svg for caption, svg in found.items() if caption.startswith("Worst recording, b"))
     assert "Predicted less measured, µm" in worst and worst.count("curve free") == 2
 
 
-def test_a_machine_without_recorded_commands_is_estimated_only(shown: Shown) -> None:
+def test_a_machine_without_recorded_commands_is_estimated_only(shown):
     quantity = "following error, estimated X"
     found = made(SUBMODEL, replace(
         shown, model=model_of({"X": {ESTIMATION: made_use(LATE, by_time=True)}}, with_drive=False,
@@ -163,7 +162,7 @@ def test_a_machine_without_recorded_commands_is_estimated_only(shown: Shown) -> 
     assert "stretches of time left out" in said and "last error known 8.00 µm" in said
 
 
-def test_attention_is_shown_by_regime_where_the_network_is_there(shown: Shown) -> None:
+def test_attention_is_shown_by_regime_where_the_network_is_there(shown):
     assert not any("attention over the window" in one for one in drawn(made(SUBMODEL, shown)))
     assert shown.model is not None
     model = with_attention(shown.model)
@@ -178,7 +177,7 @@ def test_attention_is_shown_by_regime_where_the_network_is_there(shown: Shown) -
     assert any("attention over the window" in one for one in found_)
 
 
-def test_the_motion_to_and_fro_ends_where_it_began_at_the_speed_asked() -> None:
+def test_the_motion_to_and_fro_ends_where_it_began_at_the_speed_asked():
     way = to_and_fro(0.05)
     assert way[-1] == pytest.approx(0.0, abs=1e-12)
     assert np.abs(np.diff(way)).max() / 0.001 == pytest.approx(0.05)

@@ -51,7 +51,7 @@ def served(model: GrowthModel, state: State) -> tuple[np.ndarray, State]:
 
 
 @pytest.mark.parametrize("method", LINEAR)
-def test_a_linear_model_is_written_as_it_is(built: Built, states, method: str) -> None:
+def test_a_linear_model_is_written_as_it_is(built, states, method):
     model = serving(built, method)
     found = correction(model, states)
     assert found.exact and found.largest_um < 1e-5  # nine digits of every coefficient
@@ -60,7 +60,7 @@ def test_a_linear_model_is_written_as_it_is(built: Built, states, method: str) -
     assert found.growth(model.file.values(state)) == pytest.approx(growth, abs=1e-5)
 
 
-def test_a_sensor_that_is_left_out_is_not_read(built: Built, states) -> None:
+def test_a_sensor_that_is_left_out_is_not_read(built, states):
     """The others stand in its place, as in the model."""
     model = serving(built, "linear_sensors", Treatment(chosen=LEFT_OUT, ignored=("temperature_2",)))
     found = correction(model, states)
@@ -72,7 +72,7 @@ def test_a_sensor_that_is_left_out_is_not_read(built: Built, states) -> None:
     assert found.growth(values) == pytest.approx(growth, abs=1e-5)
 
 
-def test_a_network_is_linearised_and_the_difference_stated(built: Built, states) -> None:
+def test_a_network_is_linearised_and_the_difference_stated(built, states):
     model = serving(built, "bp_7")
     found = correction(model, states)
     assert not found.exact
@@ -87,17 +87,17 @@ def test_a_network_is_linearised_and_the_difference_stated(built: Built, states)
     assert below == pytest.approx(widest + found.largest_um) and above > 0
 
 
-def test_growth_is_zero_at_the_start(built: Built, states) -> None:
+def test_growth_is_zero_at_the_start(built, states):
     model = serving(built, "linear_sensors")
     found = correction(model, states)
     assert found.growth(model.file.values(states[3]))[0] == 0
 
 
-def test_a_model_without_growth_is_refused(built: Built, states) -> None:
+def test_a_model_without_growth_is_refused(built, states):
     with pytest.raises(ValueError, match="persistence serves, which predicts no growth"):
         correction(serving(built, "persistence"), states)
 
 
-def test_without_recordings_it_is_refused(built: Built) -> None:
+def test_without_recordings_it_is_refused(built):
     with pytest.raises(ValueError, match="none of the recordings"):
         correction(serving(built, "linear"), [])

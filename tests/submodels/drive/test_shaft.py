@@ -18,11 +18,10 @@ from numba import njit
 from pipeline.report import pages
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import SpeedLoop, SpeedLoops
-from pipeline.shop.drives import commands
 from pipeline.shop.drives.axis import follow
-from pipeline.shop.drives.commands import Move
+from pipeline.shop.drives.feed_records import _sweeps, both_ends
 from pipeline.shop.drives.parameters import Axis, ShaftRecords
-from pipeline.shop.drives.shafts import _sweeps, both_ends
+from pipeline.shop.drives.records import Move, travel
 from pipeline.shop.parameters import AxisLimits
 from pipeline.submodels.drive.estimates import SENSOR
 from pipeline.submodels.drive.figures import loops_figure
@@ -135,7 +134,7 @@ def recorded(axis: Axis, seed: int) -> list[Recording]:
     frequency = axis.cascade.position_frequency
     found = []
     for moves, swept in ((QUICK, False), (SWEPT, True)):
-        command = commands.travel(moves, AxisLimits().bounds, frequency)
+        command = travel(moves, AxisLimits().bounds, frequency)
         added = _sweeps(command, frequency, shaft) if swept else np.zeros(command.size)
         out = follow(axis, command * 1e-3, random, injected=added)
         both = both_ends(axis, out, shaft, random)

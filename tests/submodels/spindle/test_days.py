@@ -1,7 +1,6 @@
 """Days of a spindle in parts, with intervals: starts and cooling, regimes, what is known when."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -9,20 +8,21 @@ import pytest
 
 from pipeline.schema.interval import AdaptiveSettings, Band
 from pipeline.submodels.cases import Case
-from pipeline.submodels.spindle.calibration import Recipe, calibrated, days_left_out
+from pipeline.submodels.spindle.calibration import ForestSettings, Recipe, calibrated, days_left_out
 from pipeline.submodels.spindle.days import (
     APART,
     FREE_RUN,
     WINDOWS,
+    IntervalSettings,
     SpindleLimits,
     after_starts,
     cooling,
+    horizon_words,
     predicted_day,
     runs_of,
+    state_words,
 )
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.submodels.spindle.intervals import IntervalSettings, horizon_words, state_words
-from pipeline.submodels.spindle.residual import ForestSettings
 from pipeline.thermal.network import SpindleThermalParameters
 from pipeline.twin.spindle import SpindleIntervals, SpindleModel, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, state_table
@@ -48,14 +48,14 @@ def case(day: str, table: pd.DataFrame) -> Case:
     return Case(name=day, group=day, role="held_out", files=(), load=lambda: table)
 
 
-def test_the_first_hour_begins_where_a_spindle_that_rested_turns() -> None:
+def test_the_first_hour_begins_where_a_spindle_that_rested_turns():
     frame = turning((20, 40), (60, 90), (200, 230))
     found = np.flatnonzero(after_starts(frame, 60.0, 3600.0))
     # a pause of 20 minutes is no rest; from minute 90 to 200 it rested
     assert found.tolist() == [*range(20, 80), *range(200, 260)]
 
 
-def test_cooling_is_a_spindle_that_stood_for_a_while_after_it_had_turned() -> None:
+def test_cooling_is_a_spindle_that_stood_for_a_while_after_it_had_turned():
     frame = turning((20, 40), (45, 90))
     found = np.flatnonzero(cooling(frame, 60.0, 600.0))
     assert found.tolist() == list(range(89 + 11, 300))
@@ -63,7 +63,7 @@ def test_cooling_is_a_spindle_that_stood_for_a_while_after_it_had_turned() -> No
     assert not cooling(held, 60.0, 600.0).any()
 
 
-def test_a_state_is_known_from_the_past_alone() -> None:
+def test_a_state_is_known_from_the_past_alone():
     physics = np.concatenate([np.full(60, 20.0), 20 + np.arange(60) / 60, np.full(60, 21.0)])
     how = SpindleIntervals(trend_s=600.0, steady_K_h=0.5)
     words = state_words(physics, 60.0, how)
@@ -73,11 +73,11 @@ def test_a_state_is_known_from_the_past_alone() -> None:
     np.testing.assert_array_equal(state_words(physics[:100], 60.0, how), words[:100])
 
 
-def test_a_horizon_that_is_not_known_has_no_word() -> None:
+def test_a_horizon_that_is_not_known_has_no_word():
     assert horizon_words(np.array([0.0, np.nan]), (60.0,)).tolist() == ["up to 1 min", ""]
 
 
-def test_the_parts_are_rows_of_the_whole_and_the_interval_is_around_every_prediction() -> None:
+def test_the_parts_are_rows_of_the_whole_and_the_interval_is_around_every_prediction():
     table = state_table(ONE, 3, "2026-01-05")
     found = predicted_day(MODEL, case("2026-01-05", table), LIMITS, INTERVALS).frame
     assert set(found["regime"]) <= {WINDOWS, FREE_RUN, *APART}
@@ -91,7 +91,7 @@ def test_the_parts_are_rows_of_the_whole_and_the_interval_is_around_every_predic
     np.testing.assert_allclose(free["predicted"] - free["low"], 1.0)
 
 
-def test_an_interval_in_windows_knows_nothing_of_the_last_hour() -> None:
+def test_an_interval_in_windows_knows_nothing_of_the_last_hour():
     table = state_table(ONE, 3, "2026-01-05")
     later = table.index >= table.index[0] + pd.Timedelta(hours=2)
     wrong = table.assign(spindle_temperature=table["spindle_temperature"] + np.where(later, 9.0, 0))
@@ -135,7 +135,7 @@ RECIPE = Recipe(
 )  # fmt: skip
 
 
-def test_intervals_are_of_models_that_did_not_see_the_day(monkeypatch) -> None:
+def test_intervals_are_of_models_that_did_not_see_the_day(monkeypatch):
     cases = training(6, noise=2.0)
     pieces = pieces_of(cases)
     seen: list[set[str]] = []
@@ -158,13 +158,13 @@ def test_intervals_are_of_models_that_did_not_see_the_day(monkeypatch) -> None:
     assert found.free_run[""].upper > found.windows[""].upper
 
 
-def test_one_day_leaves_nothing_to_calibrate_on() -> None:
+def test_one_day_leaves_nothing_to_calibrate_on():
     cases = training(1)
     runs = days_left_out(cases, pieces_of(cases), RECIPE, IntervalSettings())
     assert calibrated(runs, IntervalSettings(), 3600.0, forest_used=False) is None
 
 
-def test_intervals_are_those_of_the_forest_where_it_is_used_and_of_the_network_else() -> None:
+def test_intervals_are_those_of_the_forest_where_it_is_used_and_of_the_network_else():
     cases, settings = training(3, noise=2.0), IntervalSettings(folds=3)
     small = ForestSettings(trees=2, depth=2, every_s=1800.0, sample_s=600.0)
     runs = days_left_out(cases, pieces_of(cases), replace(RECIPE, forest=small), settings)
@@ -178,14 +178,14 @@ def test_intervals_are_those_of_the_forest_where_it_is_used_and_of_the_network_e
         assert found is not None and pooled < found.windows[""].upper < worst
 
 
-def test_a_day_without_records_gives_no_run() -> None:
+def test_a_day_without_records_gives_no_run():
     table = state_table(ONE, 3, "2026-01-05", 1.0)
     empty = table.assign(spindle_speed=np.nan)
     how = {"window_s": 3600.0, "bridge_s": 0.0, "intervals": INTERVALS}
     assert runs_of(MODEL, empty, "2026-01-05", **how) is None
 
 
-def test_a_coolant_sink_is_a_column_that_has_to_be_there(tmp_path: Path) -> None:
+def test_a_coolant_sink_is_a_column_that_has_to_be_there(tmp_path):
     records = replace(RECORDS, coolant=True)
     table = state_table(ONE, 3, "2026-01-05", 1.0)
     with pytest.raises(ValueError, match="coolant_temperature"):

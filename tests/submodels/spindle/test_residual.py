@@ -15,10 +15,17 @@ from sklearn.ensemble import RandomForestRegressor
 
 from pipeline.schema.forest import Trees
 from pipeline.submodels.cases import Case
-from pipeline.submodels.spindle.calibration import Recipe, days_left_out, forest_of
+from pipeline.submodels.spindle.calibration import (
+    Examples,
+    ForestSettings,
+    Recipe,
+    days_left_out,
+    examples,
+    fitted_forest,
+    forest_of,
+)
+from pipeline.submodels.spindle.days import IntervalSettings
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.submodels.spindle.intervals import IntervalSettings
-from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
 from pipeline.twin.residual import NODES, Forest, feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
@@ -62,7 +69,7 @@ def with_extra(name: str) -> SpindleRecords:
     return replace(RECORDS, extra=(name,))
 
 
-def test_a_forest_helps_where_a_signal_explains_what_is_left() -> None:
+def test_a_forest_helps_where_a_signal_explains_what_is_left():
     """Coolant, unknown to the network, takes 3 K: the forest sees it and finds it on other days."""
 
     def cooled(number: int, table: pd.DataFrame, rng: np.random.Generator) -> pd.DataFrame:
@@ -76,7 +83,7 @@ def test_a_forest_helps_where_a_signal_explains_what_is_left() -> None:
     assert about.days == tuple(f"2026-01-{5 + number:02d}" for number in range(6))
 
 
-def test_a_signal_that_only_tells_the_day_does_not_help() -> None:
+def test_a_signal_that_only_tells_the_day_does_not_help():
     """Every day is off by its own amount and ``batch`` says which day it is.
 
     Were days shared between training and judging, the forest would look the offset up.
@@ -101,18 +108,18 @@ def noise(number: int, table: pd.DataFrame, rng: np.random.Generator) -> pd.Data
     return table.assign(**{TARGET: table[TARGET] + rng.normal(0, 0.5, len(table))})
 
 
-def test_noise_is_not_worth_a_forest() -> None:
+def test_noise_is_not_worth_a_forest():
     assert judged(5, noise)[0].used is False
 
 
-def test_one_day_says_nothing_of_another() -> None:
+def test_one_day_says_nothing_of_another():
     about, _, _ = judged(1, noise)
     assert about.used is False
     assert "only 1 day" in str(about.why)
     assert about.rmse_days_left_out_K is None
 
 
-def test_examples_are_measured_minus_network_from_each_windows_start() -> None:
+def test_examples_are_measured_minus_network_from_each_windows_start():
     days = days_of(ONE, 5, 1)
     frame = days[0].frame.copy()
     frame.iloc[30:, frame.columns.get_loc(TARGET)] += 1.0  # a step between two windows' starts
@@ -129,7 +136,7 @@ def test_examples_are_measured_minus_network_from_each_windows_start() -> None:
     np.testing.assert_allclose(data.error[11:15], 1 - np.exp(-horizon[11:15] / 900), atol=1e-9)
 
 
-def test_an_unknown_signal_stays_unknown_in_the_examples() -> None:
+def test_an_unknown_signal_stays_unknown_in_the_examples():
     piece = days_of(ONE, 6, 1)[0]
     flow = np.ones(len(piece.frame))
     flow[100:150] = np.nan
@@ -142,7 +149,7 @@ def test_an_unknown_signal_stays_unknown_in_the_examples() -> None:
     assert np.isfinite(fitted_forest(data, QUICK).predict(data.x)).all()
 
 
-def test_no_window_is_an_error_with_its_remedy() -> None:
+def test_no_window_is_an_error_with_its_remedy():
     piece = days_of(ONE, 7, 1)[0]
     blind = replace(piece, frame=piece.frame.assign(**{TARGET: np.nan}))
     with pytest.raises(ValueError, match="record a working day"):
@@ -152,7 +159,7 @@ def test_no_window_is_an_error_with_its_remedy() -> None:
         examples([replace(piece, frame=piece.frame.iloc[:2])], RECORDS, ONE, QUICK)
 
 
-def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well() -> None:
+def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well():
     rng = np.random.default_rng(3)
     x = rng.normal(size=(400, 5))
     x[rng.random(x.shape) < 0.1] = np.nan
@@ -168,7 +175,7 @@ def test_the_trees_predict_as_scikit_learn_does_unknown_features_as_well() -> No
     np.testing.assert_array_equal(again.predict(other), trees.predict(other))
 
 
-def test_forests_drawn_scatter_as_those_of_other_seeds() -> None:
+def test_forests_drawn_scatter_as_those_of_other_seeds():
     data = noisy()
     settings = replace(QUICK, trees=40)
     drawn = fitted_forest(data, settings).drawn(data.x, 40)
@@ -191,7 +198,7 @@ def noisy() -> Examples:
 SAVE = """
 import sys
 from pathlib import Path
-from pipeline.submodels.spindle.residual import fitted_forest
+from pipeline.submodels.spindle.calibration import fitted_forest
 from pipeline.twin.residual import save_forest
 from tests.submodels.spindle.test_residual import QUICK, noisy
 save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))
@@ -199,7 +206,7 @@ save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))
 
 
 @pytest.mark.proof
-def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
+def test_two_processes_write_the_same_bytes(tmp_path):
     hashes = []
     for seed in ("1", "2"):
         folder = tmp_path / seed
@@ -214,7 +221,7 @@ def test_two_processes_write_the_same_bytes(tmp_path: Path) -> None:
     assert set(hashes[0]) == {NODES}
 
 
-def test_a_stored_forest_is_the_one_that_was_trained(tmp_path: Path) -> None:
+def test_a_stored_forest_is_the_one_that_was_trained(tmp_path):
     data = noisy()
     forest = fitted_forest(data, QUICK)
     save_forest(forest, tmp_path)
@@ -224,13 +231,11 @@ def test_a_stored_forest_is_the_one_that_was_trained(tmp_path: Path) -> None:
     np.testing.assert_array_equal(loaded.forest.predict(data.x), forest.predict(data.x))
 
 
-def test_a_forest_that_does_not_help_is_not_loaded(tmp_path: Path) -> None:
+def test_a_forest_that_does_not_help_is_not_loaded(tmp_path):
     assert load_forest(tmp_path, replace(ABOUT, used=False)) is None
 
 
-def test_a_forest_that_cannot_be_read_or_has_other_time_constants_is_refused(
-    tmp_path: Path,
-) -> None:
+def test_a_forest_that_cannot_be_read_or_has_other_time_constants_is_refused(tmp_path):
     save_forest(fitted_forest(noisy(), QUICK), tmp_path)
     with pytest.raises(ValueError, match=r"means over \[60.0\] s.*train it again"):
         load_forest(tmp_path, replace(ABOUT, smoothing_s=(60.0,)))

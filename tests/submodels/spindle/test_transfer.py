@@ -66,12 +66,12 @@ def pooled(pieces, **how: float) -> SpindleThermalParameters:
     return pooled_network(GOLDEN, pieces, replace(SETTINGS, **how), correlation_s=3600.0)
 
 
-def test_a_long_record_gives_the_siblings_own_parameters() -> None:
+def test_a_long_record_gives_the_siblings_own_parameters():
     pieces = days_of(SIBLING, 4, 8)
     assert distance(pooled(pieces), SIBLING) < 0.02 < distance(ONE, SIBLING)
 
 
-def test_a_record_that_shows_nothing_leaves_the_golden_parameters() -> None:
+def test_a_record_that_shows_nothing_leaves_the_golden_parameters():
     resting = days_of(SIBLING, 4, 1, excited=())
     found = pooled(first_minutes_of_rest(resting))
     assert distance(found, ONE) < 0.01
@@ -85,13 +85,13 @@ def first_minutes_of_rest(pieces):
     return [replace(piece, frame=frame)]
 
 
-def test_machines_that_are_said_to_be_alike_move_less() -> None:
+def test_machines_that_are_said_to_be_alike_move_less():
     pieces = first_minutes(days_of(SIBLING, 4, 1), 60.0)
     near, far = (pooled(pieces, between_machines=s) for s in (0.01, 0.5))
     assert distance(near, ONE) < distance(far, ONE)
 
 
-def test_the_first_minutes_begin_with_the_first_start_and_go_on_over_days() -> None:
+def test_the_first_minutes_begin_with_the_first_start_and_go_on_over_days():
     pieces = days_of(SIBLING, 5, 2, hours=2.0)
     turns = int(np.argmax((pieces[0].frame["bearing_friction"] > 0).to_numpy()))
     (short,) = first_minutes(pieces, 10.0)
@@ -103,7 +103,7 @@ def test_the_first_minutes_begin_with_the_first_start_and_go_on_over_days() -> N
         first_minutes(days_of(SIBLING, 5, 1, excited=()), 10.0)
 
 
-def test_the_curve_of_a_sibling_begins_at_the_golden_one_and_ends_below_it() -> None:
+def test_the_curve_of_a_sibling_begins_at_the_golden_one_and_ends_below_it():
     days = days_of(SIBLING, 6, 5, noise_K=0.5, whole_degrees=True)
     held = SpindleRecords(position_control=True)
     found = transfer(
@@ -130,7 +130,7 @@ def points(*rows: tuple[float, float, float]) -> list[TransferPoint]:
     ]
 
 
-def test_who_leads_does_so_beyond_the_sensor_and_at_all_longer_records() -> None:
+def test_who_leads_does_so_beyond_the_sensor_and_at_all_longer_records():
     leads = points((2.0, 3.0, 2.5), (1.0, 3.0, 2.5), (1.0, 2.2, 2.5))
     assert leader(leads, 1.0).startswith("From 30 minutes of warm-up on, parameters pooled")
     none = "None of the three leads by more than the sensor's step of 1 K"
@@ -154,7 +154,7 @@ def small_transfer(project: Path) -> Path:
     return project
 
 
-def test_the_command_writes_the_curve_and_prints_it(tmp_path: Path) -> None:
+def test_the_command_writes_the_curve_and_prints_it(tmp_path):
     project = small_transfer(tmp_path / "project")
     words = ["transfer", "mill02", "--golden", "mill01", "--out"]
     with inside(project):

@@ -12,11 +12,11 @@ import cattrs
 import numpy as np
 import yaml
 
-from pipeline.shop.cutting.force import Motion
+from pipeline.shop.cutting.force import Motion, X, Y
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.wear.parameters import PlannedLife, Wear
 from pipeline.shop.wear.records import Course, course
-from pipeline.shop.wear.teeth import X, Y, cut_forces, workpiece
+from pipeline.shop.wear.teeth import cut_forces, workpiece
 from pipeline.signals.wear_windows import WearWindows
 from pipeline.submodels.wear.life import WearLifeSettings
 
