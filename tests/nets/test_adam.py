@@ -7,7 +7,7 @@ import pytest
 import torch
 from torch import nn
 
-from pipeline.nets.adam import Adam
+from pipeline.nets.descent import Adam
 
 
 def network() -> nn.Module:
@@ -43,8 +43,8 @@ def test_a_training_imports_no_compiler() -> None:
     """It takes a second, in each process of a stage."""
     said = (
         "import sys, torch\n"
-        "from pipeline.nets.adam import Adam\n"
-        "from pipeline.nets.trained import reproducible\n"
+        "from pipeline.nets.descent import Adam\n"
+        "from pipeline.nets.training import reproducible\n"
         "weight = torch.nn.Parameter(torch.ones(2))\n"
         "with reproducible():\n"
         "    Adam([weight], 0.1).step(weight.sum())\n"

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.nets.condition_reading import Readers, window_features
 from pipeline.nets.dcgan import Block, ChannelScaling, encoded
 from pipeline.nets.dcgan_settings import ConditionSpace, GanTraining
-from pipeline.nets.dcgan_training import train_gan
+from pipeline.nets.dcgan_training import Readers, train_gan, window_features
 from pipeline.nets.diversity import features
 from tests.nets.wear_signals import CHANNELS, SMALL, TRAINING, windows
 

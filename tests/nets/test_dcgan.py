@@ -10,9 +10,8 @@ from scipy.stats import spearmanr
 
 from pipeline.nets.dcgan import ChannelScaling, Discriminator, Generator, dropped, restore_gan
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
-from pipeline.nets.dcgan_training import gradient_penalty, train_gan
+from pipeline.nets.dcgan_training import energy_distance, gradient_penalty, train_gan
 from pipeline.nets.latent_search import LatentSearch, explain
-from pipeline.nets.spectral_distance import energy_distance
 from tests.nets.wear_signals import CHANNELS, LENGTH, SMALL, TRAINING, windows
 
 X, CONDITIONS = windows()

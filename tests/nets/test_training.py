@@ -17,8 +17,7 @@ from pipeline.nets.settings import (
     NetworkSettings,
     TrainingSettings,
 )
-from pipeline.nets.trained import Trained, restore
-from pipeline.nets.training import METHODS, descend, train, validation_groups
+from pipeline.nets.training import METHODS, Trained, descend, restore, train, validation_groups
 from tests.nets.samples import WAYS, Samples, tensors, warm_up
 
 SHORT = TrainingSettings(passes=24, population=6, patience=24)
@@ -121,7 +120,9 @@ def test_patience_ends_a_training() -> None:
 
 def test_validation_groups_are_whole_and_never_learnt_from() -> None:
     """Another output in the groups for validation changes no weight after as many passes."""
-    kept = validation_groups(DATA.group.astype(str).tolist(), SHORT)
+    kept = validation_groups(
+        DATA.group.astype(str).tolist(), SHORT.validation, SHORT.seed, "training"
+    )
     assert len(kept) == 1
     held = np.isin(DATA.group.astype(str), kept)
     assert 0 < held.sum() < len(held)
@@ -141,7 +142,7 @@ def test_validation_groups_are_whole_and_never_learnt_from() -> None:
 @pytest.mark.parametrize(("share", "many"), [(0.0, 0), (0.01, 1), (0.4, 4), (0.99, 9)])
 def test_as_many_groups_are_kept_as_asked_and_one_is_always_left(share: float, many: int) -> None:
     labels = [f"profile {k % 10}" for k in range(95)]
-    kept = validation_groups(labels, replace(SHORT, validation=share))
+    kept = validation_groups(labels, share, SHORT.seed, "training")
     assert len(set(kept)) == len(kept) == many and set(kept) <= set(labels)
 
 
@@ -201,7 +202,7 @@ def test_torch_is_left_as_it_was() -> None:
         ({"x": DATA.x[:, 0]}, r"x has shape \(200,\): give it 2"),
         ({"c": DATA.c[:-1]}, "have 200, 199, 200 and 200 samples"),
         ({"group": DATA.group[:3]}, "have 200, 200, 200 and 3 samples"),
-        ({"group": np.zeros(200, int)}, "there is one group, '0',"),
+        ({"group": np.zeros(200, int)}, "there is one recording, '0',"),
         ({"x": DATA.x[:, :2]}, "on 2 sensors and 3 consequent inputs"),
         ({name: getattr(DATA, name)[:0] for name in DATA._fields}, "no samples"),
     ],

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
@@ -16,8 +16,13 @@ from pipeline.nets.sequence_settings import (
     TcnSettings,
     WindowTraining,
 )
-from pipeline.nets.window_model import TrainedSequence, restore_sequence
-from pipeline.nets.window_training import autocast, train_windows, usable_precision
+from pipeline.nets.window_training import (
+    TrainedSequence,
+    autocast,
+    restore_sequence,
+    train_windows,
+    usable_precision,
+)
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 
 NETWORKS: tuple[SequenceSettings, ...] = (

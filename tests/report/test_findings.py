@@ -22,12 +22,12 @@ from report_folders import (
 
 from pipeline.charts.judged import scores_table
 from pipeline.charts.sections import PartVerdict, SubModelPage
-from pipeline.report.actions import machine_actions
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
 from pipeline.report.scorecard import baseline_words, scorecard, worst_error
 from pipeline.report.texts import ENGLISH
+from pipeline.report.verdict import machine_actions
 from pipeline.report.work import Day, Work
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict

@@ -8,10 +8,8 @@ import pytest
 from control_folders import Programmer, part
 from test_program_paths import moves
 
-from pipeline.report.programs.map import map_figure
-from pipeline.report.programs.panels import UNKNOWN, Classes
-from pipeline.report.programs.simulated import feed_classes, lost_seconds
-from pipeline.report.programs.times import (
+from pipeline.report.programs.moves import UNKNOWN, Classes, map_figure
+from pipeline.report.programs.panels import (
     BINS,
     bars_figure,
     limit_bars,
@@ -19,6 +17,7 @@ from pipeline.report.programs.times import (
     timeline_figure,
     tool_and_type_bars,
 )
+from pipeline.report.programs.simulated import feed_classes, lost_seconds
 from pipeline.schema.program import SimulatedProgram, ToolTime
 
 LARGEST = 250_000  # bytes of a figure

@@ -9,8 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.report.programs.map import UNITS, dots, stroke, view
-from pipeline.report.programs.moves import COLUMNS, ProgramMoves, lengths, pieces, program_moves
+from pipeline.report.programs.moves import (
+    COLUMNS,
+    MAP_UNITS,
+    ProgramMoves,
+    dots,
+    lengths,
+    pieces,
+    program_moves,
+    stroke,
+    view,
+)
 
 NONE = math.nan
 
@@ -142,4 +151,4 @@ def test_rapids_do_not_widen_the_frame():
                     {"x": 30.0, "y": 10.0, "z": 1.0})  # fmt: skip
     frame = view(program)
     assert frame.low[2] + frame.span[2] < 10.0
-    assert frame.span[0] / UNITS < 0.1
+    assert frame.span[0] / MAP_UNITS < 0.1

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from pipeline.submodels.contract import Target
 from pipeline.submodels.judge import _scores, _shortfall
-from pipeline.submodels.rounding import grid_step
 from pipeline.submodels.scoring import ALL, STEP
+from pipeline.submodels.statistics import grid_step
 
 
 @given(st.floats(1e-7, 10.0), st.integers(0, 100))

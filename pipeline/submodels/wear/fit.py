@@ -20,16 +20,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import place
+from pipeline.nets.settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.interval import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
 from pipeline.submodels.statistics import LEVEL, auc, gains
-from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
 from pipeline.submodels.wear.methods import (
+    FeatureScaling,
+    KnownConditions,
     blend_weights,
+    features,
     fit_curve,
     fit_forest,
     fit_ridge,
