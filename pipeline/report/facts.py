@@ -22,6 +22,7 @@ from pipeline.report.work import Work, work
 from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
 from pipeline.schema.model import Model
+from pipeline.schema.si import DAY
 from pipeline.schema.verdict import Verdict
 from pipeline.submodels.contract import Shown, submodel
 
@@ -186,7 +187,7 @@ def serving(
 
 REMOVED_A_DAY = 50
 """Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
-SILENT_S = 86_400.0
+SILENT_S = float(DAY)
 """Time by which a log that still writes may end before other records [s]: a day off."""
 AT_ONCE_S = 600.0
 """Time before the end of the last known state from which on "unavailable" is of that end [s]."""

@@ -101,7 +101,8 @@ def due_section(shown: Shown[WearModel]) -> Section | None:
     law, label = model.lasting.life, " (simulated)" if shown.origin == "simulated" else ""
     named = sources(shown.shelf, shown.folder / "model.json", shown.folder / "verdict.json")
     if law is None:
-        text = [f"No time left can be told: {'; '.join(model.lasting.reasons)}."]
+        why = "; ".join(model.lasting.reasons).replace(" 1 tools were ", " 1 tool was ")
+        text = [f"No time left can be told: {why}."]
         return Section(key="tools-due", title=f"Tools due{label}", text=text)
     tools = due_tools(shown)
     text = [

@@ -11,7 +11,7 @@ import pandas as pd
 from pipeline.schema.arrays import Ints
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import Condition, LeftOut, SourceFile
+from pipeline.schema.model import Condition, LeftOut, Model, SourceFile
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import read_json, write_json
@@ -283,35 +283,14 @@ class ToolWear(SubModel[Fitting, Judging, WearModel]):
         windows = windows_of(training)
         windows = windows.of(np.isfinite(windows.wear))
         lasting = fit_lasting(windows, settings.wear_life)
-        found = fit_wear(windows, records.progress, settings.wear_fit)
-        write_json(found.methods, folder / "methods.json")
-        return WearModel(
-            submodel=self.name,
-            machine=settings.identity.name,
-            origin=settings.identity.origin,
-            parameters=parameters(lasting),
-            lasting=lasting,
-            trained_on=tuple(case.training for case in training),
-            left_out=cases.left_out,
-            conditions=_conditions(windows),
-            wear_unit=windows.wear_unit,
-            learnt=(float(windows.wear.min()), float(windows.wear.max())),
-            channels=windows.channels,
-            units=windows.units,
-            rate_Hz=windows.rate_Hz,
-            length=windows.values.shape[2],
-            scaling=found.scaling,
-            known=found.known,
-            condition_units=dict(windows.condition_units),
-            progress=records.progress,
-            progress_unit=windows.progress_unit,
-            per_recording=found.per_recording,
-            champion=found.champion,
-            alone=found.alone,
-            scores=found.scores,
-            weights=found.weights,
-            bands=found.bands,
-        )
+        head = Model(
+            submodel=self.name, machine=settings.identity.name, origin=settings.identity.origin,
+            parameters=parameters(lasting), left_out=cases.left_out,
+            trained_on=tuple(case.training for case in training), conditions=_conditions(windows),
+        )  # fmt: skip
+        model, methods = fit_wear(windows, records.progress, settings.wear_fit, head, lasting)
+        write_json(methods, folder / "methods.json")
+        return model
 
     def load(self, folder: Path, settings: Judging) -> Predictor:
         """Predictor of lives."""
