@@ -1,6 +1,6 @@
 """Pages of evidence of one machine: sub-models, programs as corrected, records, provenance."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from pipeline.charts.numbers import (
 )
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
-from pipeline.charts.tables import MOST_ROWS, Cell, Column, Head, Table, code, sources, tabulated
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
 from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
@@ -44,22 +44,14 @@ def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | Non
         return None
     programs: dict[str, Any] = document["programs"]
     rows = [row for name, one in programs.items() for row in _rows(name, one)]
-    if not rows:
-        return None
     refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
-    heads = [
-        Head(name="Program"), Head(name="Axis"), Head(name="Error"), Head(name="Where"),
-        *(
-            Head(name=name, unit="µm", numeric=True, group=group)
-            for group in ("as planned", "corrected") for name in ("RMS", "greatest")
-        ),
-        Head(name="left of RMS", numeric=True),
-    ]  # fmt: skip
-    table = Table(
-        caption=f"Following error on the shop floor, {len(rows)} rows", heads=heads, rows=rows,
-        folded=True, sources=sources(shelf, path),
+    table = tabulated(
+        f"Following error on the shop floor, {len(rows)} rows", rows, CORRECTED,
+        sources(shelf, path), folded=True,
         note="; ".join(["Mean of runs with different noise, nothing is cut", *refused]) + ".",
     )  # fmt: skip
+    if table is None:
+        return None
     text = [*_gain(programs), *_rapids(programs)]
     return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
 
@@ -108,28 +100,41 @@ def _share(part: float) -> str:
     return percent(part, 1.0) if part <= 1 else f"{100 * part:.0f}{NARROW}%"
 
 
-def _rows(name: str, one: dict[str, Any]) -> list[list[Cell]]:
+Driven = tuple[str, str, str, str, dict[str, Any]]
+"""Program, axis or path, place of the error, in cuts or whole; errors before and after."""
+
+
+def _rows(name: str, one: dict[str, Any]) -> Iterator[Driven]:
     """Rows of one program: each axis at each place, then the path."""
-    found = []
-    things = [*one.get("axes", {}).items(), *([("path", one["path"])] if one.get("path") else [])]
-    for axis, places in things:
+    for axis, places in (*one.get("axes", {}).items(), ("path", one.get("path") or {})):
         for place, words in PLACES.items():
-            whole = places.get(place)
-            parts = {} if whole is None else {"in cuts": whole.get("cutting"), "whole": whole}
-            for where, part in parts.items():
-                if part is not None:
-                    found.append([Cell(text=t) for t in (name, axis, words, where, *_cells(part))])
-    return found
+            if (whole := places.get(place)) is not None:
+                for where, part in (("in cuts", whole.get("cutting")), ("whole", whole)):
+                    if part is not None:
+                        yield name, axis, words, where, part
 
 
-def _cells(part: dict[str, Any]) -> list[str]:
-    """RMS and greatest error before and after, and what is left of the RMS."""
-    left = part["share_left"]
-    numbers = [
-        number(part[when][key]["mean"], 3)
-        for when in ("before", "after") for key in ("rms_um", "max_um")
-    ]  # fmt: skip
-    return [*numbers, NOT_KNOWN if left is None else _share(_mean(left))]
+def _error(when: str, key: str) -> Callable[[Driven], str]:
+    return lambda row: number(row[4][when][key]["mean"], 3)
+
+
+def _left(row: Driven) -> str:
+    left = row[4]["share_left"]
+    return NOT_KNOWN if left is None else _share(_mean(left))
+
+
+CORRECTED: tuple[Column[Driven], ...] = (
+    Column("Program", lambda row: row[0]),
+    Column("Axis", lambda row: row[1]),
+    Column("Error", lambda row: row[2]),
+    Column("Where", lambda row: row[3]),
+    *(
+        Column(name, _error(when, key), "µm", group)
+        for when, group in (("before", "as planned"), ("after", "corrected"))
+        for key, name in (("rms_um", "RMS"), ("max_um", "greatest"))
+    ),
+    Column("left of RMS", _left, ""),
+)
 
 
 def _mean(value: Any) -> float:
