@@ -10,8 +10,7 @@ from pipeline.schema.model import Parameter
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, JudgedCase
 from pipeline.submodels.wear import due
-from pipeline.submodels.wear.due import Lasting
-from pipeline.submodels.wear.edge_growth import NAMES, UNIT, EdgeGrowth
+from pipeline.submodels.wear.due import EDGE_NAMES, UNIT, EdgeGrowth, Lasting
 from pipeline.submodels.wear.life import fit_life, uses
 from tests.report.page_reader import words
 from tests.submodels.wear.shop_lives import life_settings, tools, windows
@@ -20,7 +19,7 @@ from tests.test_cli import kerf, refused
 from tests.test_cutting_commands import CUT, project  # noqa: F401
 from tests.test_optimise_command import OUT, given, new
 
-K = {NAMES[0]: (125.0, 40.0), NAMES[1]: (430.0, 80.0)}
+K = {EDGE_NAMES[0]: (125.0, 40.0), EDGE_NAMES[1]: (430.0, 80.0)}
 """Growth and half of its interval [N/mm^2]."""
 
 

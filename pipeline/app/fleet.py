@@ -451,7 +451,7 @@ def _document(path: Path) -> dict[str, Any]:
 
 def write_report(out: Path) -> Path:
     """Write the pages from what stands in data/; the path of the first."""
-    from pipeline.report.settings import ReportSettings
+    from pipeline.report.texts import ReportSettings
     from pipeline.stages.report import report
 
     values = read_params()

@@ -11,7 +11,16 @@ from markupsafe import Markup
 
 from pipeline.charts import svg
 from pipeline.charts.bands import tick_words
-from pipeline.charts.numbers import between, day_words, joined, number, powers, relative, signed
+from pipeline.charts.numbers import (
+    between,
+    day_words,
+    joined,
+    number,
+    powers,
+    range_words,
+    relative,
+    signed,
+)
 from pipeline.charts.numbers import unit_words as unit_of
 from pipeline.charts.sections import Figure, Figures
 from pipeline.charts.sources import Source
@@ -462,7 +471,7 @@ OUTSIDE: tuple[Column[OutsideConditions], ...] = (
     Column("Case", lambda one: code(one.case)),
     Column("condition", lambda one: one.condition.replace("_", " ")),
     Column("value", lambda one: one.value if isinstance(one.value, str) else number(one.value)),
-    Column("range of training", lambda one: one.learnt),
+    Column("range of training", lambda one: range_words(one.learnt)),
     Column("unit", lambda one: unit_words(one.unit)),
 )
 

@@ -148,6 +148,15 @@ def between(low: float | None, high: float | None) -> str:
     return f"{number(low, digits)} to {number(high, digits)}" if known else NOT_KNOWN
 
 
+def range_words(text: str) -> str:
+    """A text with ranges whose ends read alike as one value.
+
+    >>> range_words("spindle speed 4800 rev/min (5000 to 5000), feed 3 to 4")
+    'spindle speed 4800 rev/min (5000), feed 3 to 4'
+    """
+    return re.sub(r"(?<![\w.])(-?[\d.e+-]+) to \1(?![\w.])", r"\1", text)
+
+
 def quantity(value: Any, unit: str, digits: int = 3) -> str:
     """Number and unit; only "not known" when there is no number."""
     text = number(value, digits)

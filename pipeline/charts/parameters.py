@@ -20,7 +20,7 @@ from pipeline.charts.numbers import (
     unit_words,
 )
 from pipeline.charts.sources import Source
-from pipeline.charts.tables import MOST_ROWS, Cell, Table, cells, code, left_out, names, numbers
+from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, tabulated
 from pipeline.schema.model import Correlation, Parameter
 
 Units = Mapping[str, tuple[str, float]]
@@ -69,25 +69,41 @@ def parameters_table(
     meaning: Callable[[str], str] = lambda name: "–",
 ) -> Table | None:  # fmt: skip
     """Parameters with value, interval and unit, and their method or what to record."""
-    if not parameters:
-        return None
     methods = Counter(p.method for p in parameters.values() if p.determined)
     often = [m for m, count in methods.items() if m and (count > 1 or len(methods) == 1)]
     marks = {
         method: "–" if len(methods) == 1 else f"({letter})"
         for method, letter in zip(often, ascii_lowercase, strict=False)
     }
-    return Table(
-        caption=caption,
-        note=_methods_words(marks),
-        heads=[
-            *names("Parameter", "means"),
-            *numbers(("value", ""), ("95 % interval", "")),
-            *names("unit", "method, or what to record"),
-        ],
-        rows=[_row(name, p, meaning(name), marks) for name, p in parameters.items()],
-        sources=list(made),
-    )
+    return tabulated(caption, list(parameters.items()), (
+        Column("Parameter", lambda row: code(row[0])),
+        Column("means", lambda row: meaning(row[0])),
+        Column("value", lambda row: _value(row[1]) if _known(row[1]) else
+               Cell(text="not determined", status="unknown"), ""),
+        Column("95 % interval", lambda row: between(*_ends(row[1])) if _known(row[1]) and
+               row[1].interval_95 else "–", ""),
+        Column("unit", lambda row: unit_of(row[1])),
+        Column("method, or what to record", lambda row: _basis(row[1], marks)),
+    ), made, note=_methods_words(marks))  # fmt: skip
+
+
+def _known(p: Parameter) -> bool:
+    return p.determined and p.value is not None
+
+
+def _ends(p: Parameter) -> tuple[float | None, float | None]:
+    return p.interval_95 or (None, None)
+
+
+def _value(p: Parameter) -> str:
+    """The value with the digits that its interval leaves."""
+    return number(p.value, resolved(*_ends(p))) if p.determined else "not determined"
+
+
+def _basis(p: Parameter, marks: Mapping[str, str]) -> str:
+    if _known(p):
+        return marks.get(p.method, p.method) or "–"
+    return "; ".join(w for w in (p.method, p.remedy) if w) or "–"
 
 
 def _methods_words(marks: Mapping[str, str]) -> str:
@@ -96,18 +112,6 @@ def _methods_words(marks: Mapping[str, str]) -> str:
         return f"Those with a number were found by {next(iter(marks)).rstrip('.')}."
     said = "; ".join(f"{mark} {method.rstrip('.')}" for method, mark in marks.items())
     return f"Methods: {said}." if said else ""
-
-
-def _row(name: str, p: Parameter, means: str, marks: Mapping[str, str]) -> list[Cell]:
-    low, high = p.interval_95 or (None, None)
-    known = p.determined and p.value is not None
-    lacking = "; ".join(w for w in (p.method, p.remedy) if w) or "–"
-    value = number(p.value, resolved(low, high)) if known else "not determined"
-    interval = between(low, high) if known and p.interval_95 else "–"
-    return cells(
-        code(name), means, value if known else Cell(text=value, status="unknown"), interval,
-        unit_of(p), (marks.get(p.method, p.method) or "–") if known else lacking,
-    )  # fmt: skip
 
 
 def undetermined_words(
@@ -193,35 +197,33 @@ def truth_table(
     title: str, known: Sequence[KnownValue], made: Sequence[Source], note: str = ""
 ) -> Table | None:
     """True value, identified value, and whether its 95 % interval holds the truth."""
-    if not known:
-        return None
     judged = [one.holds for one in known if one.holds is not None]
-    return Table(
-        caption=f"{title[:1].upper()}{title[1:]}: simulated against identified; {sum(judged)} of "
-        f"{number(len(judged))} intervals hold the truth{left_out(len(known), MOST_ROWS)}",
-        note=note,
-        heads=[*names("Parameter"),
-               *numbers(("true", ""), ("identified", ""), ("off by", "%"), ("95 % interval", "")),
-               *names("unit", "interval")],
-        rows=[_truth_row(one) for one in known[:MOST_ROWS]],
-        sources=list(made),
-        folded=len(known) > MOST_OPEN,
-    )  # fmt: skip
+    caption = (
+        f"{title[:1].upper()}{title[1:]}: simulated against identified; {sum(judged)} of "
+        f"{number(len(judged))} intervals hold the truth"
+    )
+    return tabulated(caption, known, TRUTH, made, most=MOST_ROWS, folded=len(known) > MOST_OPEN,
+                     note=note)  # fmt: skip
 
 
-def _truth_row(one: KnownValue) -> list[Cell]:
-    p, holds = one.parameter, one.holds
-    low, high = p.interval_95 or (None, None)
-    digits = resolved(low, high)
-    modulo = f", modulo {one.period:g}{unit_words(p.unit)}" if one.period else ""
+def _held(one: KnownValue) -> Cell | str:
+    modulo = f", modulo {one.period:g}{unit_words(one.parameter.unit)}" if one.period else ""
     said = {True: ("holds the truth", "passed"), False: ("misses the truth", "failed")}
-    return cells(
-        code(one.name), number(float(one.true), digits),
-        number(p.value, digits) if p.determined else "not determined",
-        relative(one.off_percent, lambda share: signed(share, 2)),
-        "–" if holds is None else between(low, high), unit_of(p),
-        "–" if holds is None else Cell(text=said[holds][0] + modulo, status=said[holds][1]),
-    )  # fmt: skip
+    if one.holds is None:
+        return "–"
+    return Cell(text=said[one.holds][0] + modulo, status=said[one.holds][1])
+
+
+TRUTH: tuple[Column[KnownValue], ...] = (
+    Column("Parameter", lambda one: code(one.name)),
+    Column("true", lambda one: number(float(one.true), resolved(*_ends(one.parameter))), ""),
+    Column("identified", lambda one: _value(one.parameter), ""),
+    Column("off by", lambda one: relative(one.off_percent, lambda share: signed(share, 2)), "%"),
+    Column("95 % interval",
+           lambda one: "–" if one.holds is None else between(*_ends(one.parameter)), ""),
+    Column("unit", lambda one: unit_of(one.parameter)),
+    Column("interval", _held),
+)  # fmt: skip
 
 
 def truth_words(known: Iterable[KnownValue], title: str) -> str:

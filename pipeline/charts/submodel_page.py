@@ -64,6 +64,8 @@ CLOSE, LEAST_ROWS = 0.08, 600
 """Share of a case that the close look shows [1], and the samples from which there is one [1]."""
 MILLIMETRES_FROM = 3000.0
 """Length from which micrometres are drawn as millimetres [um]."""
+LEVEL = "dB"
+"""Unit of levels, which have no zero, so that shares of them say nothing."""
 FEW = 5
 """Judged groups below which a pass says little [1]."""
 
@@ -570,7 +572,8 @@ class _Frame:
             text.append(absent(path, "Without it no record can be drawn."))
         made = self.made("verdict.json")
         first = [s for s in v.scores if any(one.tells(s) for one in self.counts)]
-        rest = [s for s in v.scores if s not in first]
+        levels = [s for s in v.scores if s.unit == LEVEL and s not in first]
+        rest = [s for s in v.scores if s not in first and s not in levels]
 
         def scores(caption: str, some: Sequence[Score], *, folded: bool = False) -> Table | None:
             return judged.scores_table(
@@ -584,6 +587,7 @@ class _Frame:
             *self._error_figures(v, made), *self._cases(v), *self.content.of_judgement,
             *(scores(f"Errors of {judged.quantity_words(some[0])}", some) for some in of_each),
             scores("Further errors", rest, folded=bool(first) and not any(s.limits for s in rest)),
+            scores("Errors of levels", levels, folded=bool(first)),
             judged.singles_table(self.files.predictions, self.made("predictions.parquet")),
             judged.cases_table(v, made, self.content.shown_facts),
             judged.outside_table(v, made), judged.left_out_table(v, made),

@@ -89,7 +89,10 @@ def tabulated(
     """
     if not things:
         return None
-    rows = [cells(*(column.cell(thing) for column in columns)) for thing in things[:most]]
+    rows = [
+        [v if isinstance(v := column.cell(thing), Cell) else Cell(text=v) for column in columns]
+        for thing in things[:most]
+    ]
     return Table(
         caption=caption + left_out(len(things), len(rows)),
         heads=[column.head for column in columns],
@@ -118,21 +121,6 @@ def lettered(words: Iterable[str]) -> dict[str, str]:
 def marks_note(marks: Mapping[str, str]) -> str:
     """The sentences behind their marks."""
     return " ".join(f"{mark} {one.rstrip('.')}." for one, mark in marks.items())
-
-
-def cells(*values: str | Cell) -> list[Cell]:
-    """A row of cells from words."""
-    return [v if isinstance(v, Cell) else Cell(text=v) for v in values]
-
-
-def names(*words: str) -> list[Head]:
-    """Heads of columns of words."""
-    return [Head(name=w) for w in words]
-
-
-def numbers(*heads: tuple[str, str], group: str = "") -> list[Head]:
-    """Heads of columns of numbers: (name, unit)."""
-    return [Head(name=name, unit=unit, numeric=True, group=group) for name, unit in heads]
 
 
 MOST_ROWS = 200  # of a folded table; the whole is in the file named below it

@@ -2,13 +2,12 @@
 
 Rows hold rises above a reference [K], shape (T, N), in the order of the sensors along the machine;
 consequent inputs have shape (T, K).  Windows have shape (B, T, C), the newest row last, in the
-units of the training data.  ``settings``, ``sequence_settings`` and ``windows`` import no torch.
+units of the training data.  ``settings``, ``dcgan_settings`` and ``windows`` import no torch.
 
 Sources: FFNN2015; Feed2025; Sun and Jang 1993 (filters over channels); Golub and Pereyra 1973.
 """
 
 __all__ = [
-    "dcgan", "dcgan_settings", "dcgan_training", "diversity", "ffnn", "latent_search",
-    "sequence_settings", "settings", "stored", "trained", "training", "tuning",
-    "wear", "window_model", "window_training", "windows",
+    "dcgan", "dcgan_settings", "dcgan_training", "diversity", "ffnn", "latent_search", "settings",
+    "stored", "training", "tuning", "wear", "window_training", "windows",
 ]  # fmt: skip

@@ -20,8 +20,6 @@ from torch import Tensor, nn
 
 from pipeline.nets.dcgan_settings import (
     ConditionSpace,
-    Continuous,
-    Discrete,
     GanSettings,
     GanTraining,
 )
@@ -33,6 +31,7 @@ from pipeline.nets.stored import (
     state_of,
 )
 from pipeline.schema.arrays import Floats
+from pipeline.schema.structure import structured
 
 SLOPE = 0.2
 """Slope of LeakyReLU below zero [1]."""
@@ -315,12 +314,8 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
     it names.
     """
     with document_of("a generator"):
-        settings = GanSettings(**_tuples(document["network"]))
-        told = document["space"]
-        space = ConditionSpace(
-            continuous=tuple(Continuous(**one) for one in told["continuous"]),
-            discrete=tuple(Discrete(**_tuples(one)) for one in told["discrete"]),
-        )
+        settings = structured(document["network"], GanSettings, "network")
+        space = structured(document["space"], ConditionSpace, "space")
         channels, scaling = tuple(document["channels"]), document["scaling"]
         with torch.random.fork_rng(devices=[]):  # initial weights, which are replaced
             built = Generator(len(channels), document["length"], space, settings)
@@ -335,10 +330,6 @@ def restore_gan(document: Mapping[str, Any]) -> TrainedGan:
             network=built.requires_grad_(False).eval(),
             history=history_of(document),
         )  # fmt: skip
-
-
-def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
 
 
 def encoded(space: ConditionSpace, conditions: Mapping[str, Any]) -> tuple[Tensor, Tensor]:

@@ -10,8 +10,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import PRECISIONS
-from pipeline.nets.settings import Whole
+from pipeline.nets.settings import PRECISIONS, Whole
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged, Share
 

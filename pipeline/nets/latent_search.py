@@ -16,10 +16,10 @@ import torch
 from numpy.typing import ArrayLike
 from torch import nn
 
-from pipeline.nets.adam import Adam
 from pipeline.nets.dcgan import TrainedGan, encoded
+from pipeline.nets.dcgan_training import distances, short_spectra
+from pipeline.nets.descent import Adam
 from pipeline.nets.settings import Whole
-from pipeline.nets.spectral_distance import distances, short_spectra
 from pipeline.nets.stored import reproducible, samples
 from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, NotNegative, Positive, Ranged

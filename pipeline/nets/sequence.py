@@ -17,7 +17,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pipeline.nets.ffnn import ridge_solution
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
@@ -265,8 +265,7 @@ def sequence_network(
         )
     if type(settings) not in NETWORKS:
         raise ValueError(
-            f"{type(settings).__name__} is of no network on windows: give one of "
-            "nets.sequence_settings"
+            f"{type(settings).__name__} is of no network on windows: give one of nets.settings"
         )
     with torch.device("meta"):  # without torch's own initial weights
         built = NETWORKS[type(settings)](settings, length, channels)

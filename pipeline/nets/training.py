@@ -10,7 +10,9 @@ sample.
 Whole groups are kept for early stopping, and the state with the least error on them is the result.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -18,7 +20,7 @@ from numpy.typing import ArrayLike
 from torch import Tensor
 
 from pipeline.kernels import compiled
-from pipeline.nets.best_state import BestState
+from pipeline.nets.descent import BestState, validation_groups
 from pipeline.nets.ffnn import (
     BackPropagationNetwork,
     FilteredNetwork,
@@ -27,12 +29,108 @@ from pipeline.nets.ffnn import (
     network,
     ridge_solution,
 )
-from pipeline.nets.settings import BackPropagationSettings, NetworkSettings, TrainingSettings
-from pipeline.nets.stored import Scaling, reproducible, samples
-from pipeline.nets.trained import Trained
+from pipeline.nets.settings import KINDS, BackPropagationSettings, NetworkSettings, TrainingSettings
+from pipeline.nets.stored import (
+    Scaling,
+    document_of,
+    fill,
+    history_of,
+    reproducible,
+    restored_scaling,
+    samples,
+    scaling_document,
+)
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
+
+ROWS = 8192
+"""Samples of one step of a prediction."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trained:
+    """A trained network."""
+
+    kind: NetworkSettings
+    """Kind of the network."""
+    method: str
+    """Method of the training."""
+    settings: TrainingSettings
+    """Settings of the training."""
+    x_scaling: Scaling
+    """Scaling of the temperatures [K]: all the same for bands over the channels, which compare
+    them; each its own for the sigmoid network."""
+    c_scaling: Scaling
+    y_scaling: Scaling
+    """Scaling of the consequent inputs and of the output [µm]."""
+    network: Network
+    """Network in its best state."""
+    history: Floats
+    """Passes up to then [1], RMSE of the training samples and of the validation samples [µm]; where
+    no groups were kept for validation, the former twice; shape (H, 3)."""
+    validation_groups: tuple[str, ...]
+    """Labels of the groups that decided on the best state."""
+
+    @property
+    def passes(self) -> int:
+        """Passes over the training samples that were used [1]."""
+        return int(self.history[-1, 0])
+
+    def predict(self, x: ArrayLike, c: ArrayLike) -> Floats:
+        """Output at samples, shape (T,), in the unit of what was learnt [µm].
+
+        x (T, N) are temperatures above the reference [K], c (T, K) the consequent inputs.  Raises
+        ValueError when shapes do not fit the network, or a value is not finite.
+        """
+        many = len(self.x_scaling.shift), len(self.c_scaling.shift)
+        x, c = samples("x", x, 2), samples("c", c, 2)
+        if x.shape[1] != many[0] or c.shape[1] != many[1] or len(x) != len(c):
+            raise ValueError(
+                f"x and c have shapes {x.shape} and {c.shape}: this network takes {many[0]} "
+                f"temperatures and {many[1]} consequent inputs of each sample"
+            )
+        found = np.empty(len(x))
+        with reproducible(), torch.no_grad():
+            for k in range(0, len(x), ROWS):
+                rows = slice(k, k + ROWS)
+                scaled = self.x_scaling.scaled(x[rows]), self.c_scaling.scaled(c[rows])
+                found[rows] = self.network(*scaled).numpy()
+        return self.y_scaling.restored(found)
+
+    def document(self) -> dict[str, Any]:
+        """All of it in plain lists, numbers and words, as JSON holds them."""
+        state = {name: values.tolist() for name, values in self.network.state_dict().items()}
+        return {
+            "kind": self.kind.kind,
+            "network": asdict(self.kind),  # type: ignore[call-overload]
+            "method": self.method,
+            "training": asdict(self.settings),
+            "scaling": scaling_document(x=self.x_scaling, c=self.c_scaling, y=self.y_scaling),
+            "state": state,
+            "history": self.history.tolist(),
+            "validation_groups": list(self.validation_groups),
+        }
+
+
+def restore(document: Mapping[str, Any]) -> Trained:
+    """The trained network of a :meth:`Trained.document`; it predicts the same bits.
+
+    Raises ValueError when the document lacks something, or its numbers do not fit the network that
+    it names.
+    """
+    with document_of("a network"):
+        kind = KINDS[document["kind"]](**document["network"])
+        x, c, y = (restored_scaling(document["scaling"], part) for part in "xcy")
+        built = network(kind, len(x.shift), len(c.shift), torch.Generator())
+        fill(built, document["state"])
+        return Trained(
+            kind=kind, method=document["method"],
+            settings=TrainingSettings(**document["training"]), x_scaling=x, c_scaling=c,
+            y_scaling=y, network=built, history=history_of(document),
+            validation_groups=tuple(document["validation_groups"]),
+        )  # fmt: skip
+
 
 METHODS: dict[str, tuple[str, ...]] = {
     "fuzzy_filtered": ("genetic", "projection", "gradient"),
@@ -72,7 +170,7 @@ def train(
             f"method {method!r} does not train a {kind.kind} network: choose one of "
             f"{', '.join(METHODS.get(kind.kind, ()))}"
         )
-    kept = validation_groups(labels, settings)
+    kept = validation_groups(labels, settings.validation, settings.seed, "training")
     held = np.isin(labels, kept)
     learnt = ~held
     with reproducible():
@@ -87,7 +185,7 @@ def train(
         training = scaled(learnt)
         validation = scaled(held) if kept else training
         progress = Progress(built, training, validation, settings.patience)
-        _WAYS[method](built, training, settings, progress, generator)
+        _LOOPS[method](progress, settings, generator)
         progress.keep_best()
     return Trained(
         kind=kind, method=method, settings=settings, x_scaling=of_x, c_scaling=of_c, y_scaling=of_y,
@@ -104,24 +202,6 @@ def _inputs_scaling(kind: NetworkSettings, x: Floats) -> Scaling:
     return Scaling.of(low.min() * one, (high.max() - low.min()) * one, x)
 
 
-def validation_groups(labels: Sequence[str], settings: TrainingSettings) -> tuple[str, ...]:
-    """Labels of the groups that are kept for early stopping, at random by the seed.
-
-    Raises ValueError when a group is to be kept and there is only one.
-    """
-    if settings.validation == 0:
-        return ()
-    groups = np.unique(np.asarray(labels))
-    if len(groups) < 2:
-        raise ValueError(
-            f"there is one group, {str(groups[0])!r}, to learn from and to stop by: label at least "
-            "two, or set training.validation = 0"
-        )
-    many = min(max(round(settings.validation * len(groups)), 1), len(groups) - 1)
-    order = np.random.default_rng(settings.seed).permutation(len(groups))
-    return tuple(sorted(str(one) for one in groups[order[:many]]))
-
-
 class Progress(BestState):
     """Errors by pass on training and validation samples."""
 
@@ -136,20 +216,22 @@ class Progress(BestState):
         finite = self.add(passes, self._rmse(self.training), self._rmse(self.validation))
         return not finite or self.idle >= self.patience
 
+    @property
+    def bands(self) -> FilteredNetwork:
+        """The network, which has bands; TypeError for one without."""
+        if not isinstance(self.built, FilteredNetwork):
+            raise TypeError(f"{type(self.built).__name__} has no bands to search")
+        return self.built
+
     @torch.no_grad()
     def _rmse(self, part: Samples) -> float:
         x, c, y = part
         return float(torch.sqrt(torch.mean((self.built(x, c) - y) ** 2)))
 
 
-def _genetic(
-    built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
-    generator: torch.Generator,
-) -> None:  # fmt: skip
+def _genetic(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
     """Adaptive genetic search over the bands, ridge least squares inside."""
-    if not isinstance(built, FilteredNetwork):
-        raise TypeError(f"{type(built).__name__} has no bands to search")
-    x, c, y = training
+    built, (x, c, y) = progress.bands, progress.training
     shape, power = built.bands.shape, torch.mean(y**2)
 
     @torch.no_grad()
@@ -178,14 +260,9 @@ def _genetic(
     minimise(cost, low, high, search, start=start, callback=callback)
 
 
-def _projection(
-    built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
-    generator: torch.Generator,
-) -> None:  # fmt: skip
+def _projection(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
     """Adam on the bands, with the consequents of ridge least squares at every step."""
-    if not isinstance(built, FilteredNetwork):
-        raise TypeError(f"{type(built).__name__} has no bands to project")
-    x, c, y = training
+    built, (x, c, y) = progress.bands, progress.training
     optimizer = torch.optim.Adam([built.places], lr=settings.learning_rate, fused=True)
     for done in range(1, settings.passes + 1):
         b = built.solve_consequents(x, c, y, settings.ridge)
@@ -197,15 +274,11 @@ def _projection(
         built.keep_bounds()
 
 
-def _gradient(
-    built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
-    generator: torch.Generator,
-) -> None:  # fmt: skip
+def _gradient(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
     """Adam on all parameters in batches, its rate falling along a cosine to the last pass."""
-    x, c, y = training
-    whitened = None
+    built, (x, c, y), whitened = progress.built, progress.training, None
     if isinstance(built, FilteredNetwork):
-        whitened = Whitened(built, *training, settings.ridge)
+        whitened = Whitened(built, x, c, y, settings.ridge)
         progress.stopped(1)  # its least squares are a pass
     parameters = whitened.parameters if whitened else list(built.parameters())
     output = whitened or built
@@ -225,14 +298,11 @@ def _gradient(
             return
 
 
-def _descent(
-    built: Network, training: Samples, settings: TrainingSettings, progress: Progress,
-    generator: torch.Generator,
-) -> None:  # fmt: skip
+def _descent(progress: Progress, settings: TrainingSettings, generator: torch.Generator) -> None:
     """Plain gradient descent on half the squared error, sample by sample."""
+    built, (x, c, y) = progress.built, progress.training
     if not isinstance(built, BackPropagationNetwork):
         raise TypeError(f"{type(built).__name__} is not trained by plain back-propagation")
-    x, c, y = training
     inputs = np.ascontiguousarray(built.inputs(x, c).numpy())
     weights = [p.detach().numpy() for p in built.parameters()]  # views: changed in place
     scratch = np.empty(len(weights[1]))
@@ -267,7 +337,7 @@ def descend(order, x, y, hidden, hidden_bias, output, output_bias, h, rate):  # 
                 hidden[j, i] -= rate * d * x[t, i]
 
 
-_WAYS: dict[str, Callable[..., None]] = {
+_LOOPS: dict[str, Callable[..., None]] = {
     "genetic": _genetic, "projection": _projection, "gradient": _gradient,
     "back_propagation": _descent,
 }  # fmt: skip

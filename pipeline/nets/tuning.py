@@ -19,15 +19,14 @@ from statistics import median
 
 import numpy as np
 
-from pipeline.nets.best_state import Diverged
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.descent import Diverged
+from pipeline.nets.settings import (
     ArxSettings,
     SequenceSettings,
     TuningSettings,
     WindowTraining,
 )
-from pipeline.nets.window_model import TrainedSequence
-from pipeline.nets.window_training import train_windows
+from pipeline.nets.window_training import TrainedSequence, train_windows
 from pipeline.nets.windows import Windows
 from pipeline.parallel import Compute, mapped
 from pipeline.schema.arrays import Floats

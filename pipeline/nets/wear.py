@@ -20,10 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.nets.stored import document_of
-from pipeline.nets.window_model import TrainedSequence, restore_sequence
-from pipeline.nets.window_training import train_windows
+from pipeline.nets.window_training import TrainedSequence, restore_sequence, train_windows
 from pipeline.nets.windows import Windows
 from pipeline.schema.arrays import Floats
 
@@ -67,14 +66,11 @@ class WearJudge:
         trained with, (N,) each.  Raises ValueError when shapes do not fit, a condition is missing,
         or a value is not finite.
         """
-        found = self.trained.predict(self._inputs(values, conditions))
-        return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
-
-    def _inputs(self, values: ArrayLike, conditions: Mapping[str, ArrayLike] | None) -> Floats:
-        return _inputs(
+        found = self.trained.predict(_inputs(
             values, conditions or {}, (self.shift, self.scale), self.conditions,
             (self.condition_shift, self.condition_scale),
-        )  # fmt: skip
+        ))  # fmt: skip
+        return np.clip(found, 0.0, 1.0) if self.wear_unit == PROBABILITY else found
 
     def document(self) -> dict[str, Any]:
         """All of it in plain lists, numbers and words, as JSON holds them."""

@@ -3,23 +3,158 @@
 The linear model is solved at once from the same windows.
 """
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import ArrayLike
 from torch import Tensor
 
-from pipeline.nets.adam import Adam
-from pipeline.nets.best_state import BestState
-from pipeline.nets.sequence import Arx, SequenceNetwork, sequence_network
-from pipeline.nets.sequence_settings import SequenceSettings, WindowTraining
-from pipeline.nets.settings import TrainingSettings
-from pipeline.nets.stored import Scaling, reproducible, samples
-from pipeline.nets.training import validation_groups
-from pipeline.nets.window_model import ROWS, TrainedSequence
-from pipeline.nets.windows import Windows
+from pipeline.nets.descent import (
+    Adam,
+    BestState,
+    autocast,
+    cooled,
+    usable_precision,
+    validation_groups,
+)
+from pipeline.nets.sequence import Arx, CnnLstmAttention, SequenceNetwork, sequence_network
+from pipeline.nets.settings import (
+    WINDOW_KINDS,
+    CnnLstmAttentionSettings,
+    SequenceSettings,
+    WindowTraining,
+)
+from pipeline.nets.stored import (
+    Scaling,
+    document_of,
+    fill,
+    history_of,
+    reproducible,
+    restored_scaling,
+    samples,
+    scaling_document,
+    state_of,
+)
+from pipeline.nets.windows import WindowInput, Windows
 from pipeline.schema.arrays import Bools, Floats
+
+ROWS = 1024
+"""Windows of one step of a prediction."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrainedSequence:
+    """A trained network on windows."""
+
+    kind: SequenceSettings
+    """Kind of the network."""
+    settings: WindowTraining
+    """Settings of its training."""
+    precision: str
+    """Precision of the training's products, as the processor had it."""
+    length: int
+    """Rows T of a window."""
+    inputs: tuple[WindowInput, ...]
+    """Inputs of the channels, where they were given."""
+    leaks: tuple[str, ...]
+    """Inputs that could not be known yet; empty but for a demonstration."""
+    x_scaling: Scaling
+    y_scaling: Scaling
+    """Scaling of each channel, and of the target."""
+    network: SequenceNetwork
+    """Network in its best state."""
+    history: Floats
+    """Epochs up to then [1], RMSE of the training windows as an epoch's steps met them and of the
+    validation windows after it, in the unit of the target; where no recordings were kept for
+    validation, the former twice; shape (E, 3)."""
+    validation_groups: tuple[str, ...]
+    """Recordings that decided on the best state."""
+
+    @property
+    def epochs(self) -> int:
+        """Epochs that were trained [1]."""
+        return len(self.history)
+
+    def predict(self, windows: ArrayLike) -> Floats:
+        """Target of windows, shape (B,), in its unit.
+
+        Windows (B, T, C) are in the units that were learnt from, the newest row last.  Raises
+        ValueError when the shape does not fit the network, or a value is not finite.
+        """
+        parts = [self.network(x).numpy() for x in self._steps(windows)]
+        found = np.concatenate(parts) if parts else np.empty(0)
+        return self.y_scaling.restored(found.astype(np.float64))
+
+    def attention(self, windows: ArrayLike) -> Floats:
+        """Weight of each row of the states, shape (B, T // pool); those of a window add up to 1.
+
+        Raises ValueError for windows that :meth:`predict` refuses, or a network without attention.
+        """
+        built = self.network
+        if not isinstance(built, CnnLstmAttention):
+            raise ValueError(
+                f"a {self.kind.kind} network has no attention: ask one of kind "
+                f"{CnnLstmAttentionSettings.kind}"
+            )
+        parts = [built.attention(x).numpy() for x in self._steps(windows)]
+        rows = max(self.length // built.pool, 1)
+        return (np.concatenate(parts) if parts else np.empty((0, rows))).astype(np.float64)
+
+    def _steps(self, windows: ArrayLike) -> Iterator[Tensor]:
+        """Scaled windows in pieces, for which gradients are off and torch has one thread."""
+        x = samples("windows", windows, 3)
+        wanted = self.length, len(self.x_scaling.shift)
+        if x.shape[1:] != wanted:
+            raise ValueError(
+                f"windows have shape {x.shape}: this network takes {wanted[0]} rows of {wanted[1]} "
+                "channels each"
+            )
+        dtype = self.network.dense.weight.dtype
+        with reproducible(), torch.no_grad():
+            for k in range(0, len(x), ROWS):
+                yield self.x_scaling.scaled(x[k : k + ROWS], dtype)
+
+    def document(self) -> dict[str, Any]:
+        """All of it in plain lists, numbers and words, as JSON holds them; weights in base64."""
+        return {
+            "kind": self.kind.kind,
+            "network": asdict(self.kind),  # type: ignore[call-overload]
+            "training": asdict(self.settings),
+            "precision": self.precision,
+            "length": self.length,
+            "outputs": None,
+            "inputs": [asdict(one) for one in self.inputs],
+            "leaks": list(self.leaks),
+            "scaling": scaling_document(x=self.x_scaling, y=self.y_scaling),
+            "state": state_of(self.network),
+            "history": self.history.tolist(),
+            "validation_groups": list(self.validation_groups),
+        }
+
+
+def restore_sequence(document: Mapping[str, Any]) -> TrainedSequence:
+    """The network of a :meth:`TrainedSequence.document`; it predicts the same bits.
+
+    Raises ValueError when the document lacks something, or its numbers do not fit the network that
+    it names.
+    """
+    with document_of("a network"):
+        kind = WINDOW_KINDS[document["kind"]](**document["network"])
+        x, y = (restored_scaling(document["scaling"], part) for part in "xy")
+        built = sequence_network(kind, document["length"], len(x.shift), torch.Generator())
+        fill(built, document["state"])
+        return TrainedSequence(
+            kind=kind, settings=WindowTraining(**document["training"]),
+            precision=document["precision"], length=document["length"],
+            inputs=tuple(WindowInput(**one) for one in document["inputs"]),
+            leaks=tuple(document["leaks"]), x_scaling=x, y_scaling=y, network=built,
+            history=history_of(document),
+            validation_groups=tuple(document["validation_groups"]),
+        )  # fmt: skip
+
 
 Samples = tuple[Tensor, Tensor]
 """Scaled windows and targets."""
@@ -39,7 +174,7 @@ def train_windows(
     The groups of ``windows`` are whole recordings; ``watch`` is called after each epoch.  Raises
     ValueError when windows are empty, not finite or of shapes that do not fit, when there is no
     recording to learn from beside those for validation, or when the first epoch diverges
-    (:class:`~pipeline.nets.best_state.Diverged`).
+    (:class:`~pipeline.nets.descent.Diverged`).
     """
     x, y = samples("x", windows.x, 3), samples("y", windows.y, 1)
     labels = [str(one) for one in windows.group]
@@ -52,7 +187,8 @@ def train_windows(
         raise ValueError(
             f"there is nothing to learn from: x and y have shapes {x.shape} and {y.shape}"
         )
-    kept = _kept(labels, settings)
+    seed = settings.seed if settings.validation_seed is None else settings.validation_seed
+    kept = validation_groups(labels, settings.validation, seed, "window_training")
     held = np.isin(labels, kept)
     of_x, of_y = Scaling.standard(x[~held], axis=(0, 1)), Scaling.standard(y[~held])
     precision = usable_precision(settings.precision)
@@ -76,38 +212,6 @@ def train_windows(
         inputs=windows.inputs, leaks=windows.leaks, x_scaling=of_x, y_scaling=of_y,
         network=built.requires_grad_(), history=state.errors(of_y.scale), validation_groups=kept,
     )  # fmt: skip
-
-
-def usable_precision(precision: str) -> str:
-    """``precision``, or float32 where the processor has no products in bfloat16."""
-    known = torch.cpu.get_capabilities()
-    older = torch.backends.cpu.get_cpu_capability() in ("DEFAULT", "AVX2")
-    own = bool(known.get("avx512_bf16") or known.get("amx_bf16") or known.get("bf16"))
-    return precision if own and not older else "float32"
-
-
-def cooled(done: int, many: int, cooling: float) -> float:
-    """Share of the learning rate at one of many steps: it falls to zero over the last ones."""
-    return min((1.0 - (done - 1) / many) / cooling, 1.0) if cooling else 1.0
-
-
-def autocast(precision: str) -> AbstractContextManager[object]:
-    """Within which products are of that precision."""
-    if precision == "float32":
-        return nullcontext()
-    return torch.autocast("cpu", dtype=torch.bfloat16, cache_enabled=False)
-
-
-def _kept(labels: list[str], settings: WindowTraining) -> tuple[str, ...]:
-    """Recordings for early stopping, at random by the seed."""
-    if settings.validation and len(set(labels)) < 2:
-        raise ValueError(
-            f"there is one recording, {labels[0]!r}, to learn from and to stop by: give at least "
-            "two, or set window_training.validation = 0"
-        )
-    chosen = settings.seed if settings.validation_seed is None else settings.validation_seed
-    split = TrainingSettings(validation=settings.validation, seed=chosen)
-    return validation_groups(labels, split)
 
 
 class _Loop:

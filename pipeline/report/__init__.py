@@ -8,5 +8,5 @@ from, with their SHA-256.
 """
 
 __all__ = [
-    "cut", "folders", "optimised", "pages", "programs", "settings", "standalone_page", "texts",
+    "cut", "folders", "optimised", "pages", "programs", "standalone_page", "texts",
 ]  # fmt: skip

@@ -7,9 +7,8 @@ from pathlib import Path
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
 from pipeline.charts.sections import ChangeNote, Section, present
 from pipeline.charts.tables import Column, tabulated
-from pipeline.report.facts import MachineFacts
+from pipeline.report.facts import MachineFacts, MachineVerdict, passed_words
 from pipeline.report.part_programs import part_changes
-from pipeline.report.states import MachineVerdict, passed_words
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.model import Parameter
 from pipeline.schema.store import StoreError, read_json, write_json

@@ -1,25 +1,145 @@
-"""Pages of evidence of one machine, before they become HTML: sub-models, programs, records."""
+"""Pages of evidence of one machine: sub-models, programs as corrected, records, provenance."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
-from pipeline.charts.numbers import NOT_KNOWN, counted, hours, joined, moment, number, percent
+from pipeline.charts.numbers import (
+    NARROW,
+    NOT_KNOWN,
+    counted,
+    hours,
+    joined,
+    moment,
+    number,
+    percent,
+)
 from pipeline.charts.sections import Section, present
 from pipeline.charts.sources import Source, SourceRegistry
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.alarms import alarms_section
-from pipeline.report.corrected import corrected_section
-from pipeline.report.facts import MachineFacts, Truth, already
+from pipeline.report.facts import MachineFacts, ModelledPart, StateLine, Truth, already
 from pipeline.report.folders import PROGRAMS, RECORDS
 from pipeline.report.part_programs import part_key_figures, part_programs_section
 from pipeline.report.programs.simulated import programs_section
 from pipeline.report.records import records_section
-from pipeline.report.states import StateLine
-from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.texts import ENGLISH
 from pipeline.report.work_section import work_section
 from pipeline.schema.model import SourceFile
+
+MADE_FROM = "both commands of each program, driven on the simulated shop floor"
+MOVES_UM = 1.0
+"""Following error of an axis that moves in cuts, RMS [um]; less is that of one that stands."""
+PLACES = {"measured": "at the loop’s sensor", "carriage": "at the carriage"}
+"""Place of the error: at the sensor that closes the loop, and at the carriage itself."""
+
+
+def corrected_section(path: Path | None, shelf: SourceRegistry) -> Section | None:
+    """Following error of each axis with the command as planned and as corrected, from the JSON."""
+    if path is None:
+        return None
+    document = shelf.document(path, MADE_FROM)
+    if document is None:
+        return None
+    programs: dict[str, Any] = document["programs"]
+    rows = [row for name, one in programs.items() for row in _rows(name, one)]
+    refused = [f"{name}: {one['refused']}" for name, one in programs.items() if "refused" in one]
+    table = tabulated(
+        f"Following error on the shop floor, {len(rows)} rows", rows, CORRECTED,
+        sources(shelf, path), folded=True,
+        note="; ".join(["Mean of runs with different noise, nothing is cut", *refused]) + ".",
+    )  # fmt: skip
+    if table is None:
+        return None
+    text = [*_gain(programs), *_rapids(programs)]
+    return Section(key="corrected", title="Corrected commands", text=text, blocks=[table])
+
+
+def _gain(programs: dict[str, Any]) -> Iterator[str]:
+    """Remaining following error of axes that move in cuts."""
+    in_cuts = [
+        axis["measured"].get("cutting", axis["measured"])
+        for one in programs.values()
+        for axis in one.get("axes", {}).values()
+    ]
+    moved = [one for one in in_cuts if one["before"]["rms_um"]["mean"] >= MOVES_UM]
+    shares = [_mean(one["share_left"]) for one in moved]
+    still = len(in_cuts) - len(moved)
+    beside = (
+        f", but for {counted(still, 'axis', 'axes')} below {MOVES_UM:g} µm as planned"
+        if still else ""
+    )  # fmt: skip
+    if shares:
+        yield (
+            f"Driven on the simulated shop floor, the corrected commands leave "
+            f"{_share(min(shares))} to {_share(max(shares))} of the axes’ following error in cuts "
+            f"(RMS at the loop’s sensor{beside}). They were made from the models alone, "
+            "before the motion; "
+            "kerf simulate PROGRAM --machine M --compensate FILE makes them for a program of yours."
+        )
+
+
+def _rapids(programs: dict[str, Any]) -> Iterator[str]:
+    """Effect on rapids, and a warning where the path as a whole is further off."""
+    yield (
+        "Rapids are commanded as planned, since their axes are at their limits: the correction "
+        "fades out after a cut and in before the next, for all axes at the same time."
+    )
+    off = [
+        f"{name} by {number(place['after']['max_um']['mean'], 2)} µm"
+        for name, one in programs.items()
+        if (place := one.get("path", {}).get("measured"))
+        and _mean(place["share_left"] or 0.0) > 1
+    ]  # fmt: skip
+    if off:
+        yield f"The whole path is further off than as planned in {joined(off)} at most."
+
+
+def _share(part: float) -> str:
+    return percent(part, 1.0) if part <= 1 else f"{100 * part:.0f}{NARROW}%"
+
+
+Driven = tuple[str, str, str, str, dict[str, Any]]
+"""Program, axis or path, place of the error, in cuts or whole; errors before and after."""
+
+
+def _rows(name: str, one: dict[str, Any]) -> Iterator[Driven]:
+    """Rows of one program: each axis at each place, then the path."""
+    for axis, places in (*one.get("axes", {}).items(), ("path", one.get("path") or {})):
+        for place, words in PLACES.items():
+            if (whole := places.get(place)) is not None:
+                for where, part in (("in cuts", whole.get("cutting")), ("whole", whole)):
+                    if part is not None:
+                        yield name, axis, words, where, part
+
+
+def _error(when: str, key: str) -> Callable[[Driven], str]:
+    return lambda row: number(row[4][when][key]["mean"], 3)
+
+
+def _left(row: Driven) -> str:
+    left = row[4]["share_left"]
+    return NOT_KNOWN if left is None else _share(_mean(left))
+
+
+CORRECTED: tuple[Column[Driven], ...] = (
+    Column("Program", lambda row: row[0]),
+    Column("Axis", lambda row: row[1]),
+    Column("Error", lambda row: row[2]),
+    Column("Where", lambda row: row[3]),
+    *(
+        Column(name, _error(when, key), "µm", group)
+        for when, group in (("before", "as planned"), ("after", "corrected"))
+        for key, name in (("rms_um", "RMS"), ("max_um", "greatest"))
+    ),
+    Column("left of RMS", _left, ""),
+)
+
+
+def _mean(value: Any) -> float:
+    return float(value["mean"] if isinstance(value, dict) else value)
+
 
 STATUS = {
     "passed": "passed", "failed": "failed", "not decided": "unknown", "not judged": "unknown",

@@ -1,28 +1,193 @@
-"""Facts about one machine, the input of its page."""
+"""Facts about one machine, the input of its page: records, sub-models, truth, actions, states."""
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pyarrow.parquet as pq
 
-from pipeline.charts.sections import PartVerdict, SubModelPage
+from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.charts.sources import SourceRegistry, picked, shown
+from pipeline.charts.submodel_page import PageContent, Subject, submodel_page
 from pipeline.report.alarms import Alarms, machine_alarms
 from pipeline.report.folders import MachineFolders, program_pages
 from pipeline.report.part_programs import PartPrograms, part_programs
 from pipeline.report.programs.simulated import Program, simulated_programs
 from pipeline.report.records import Changed, RecordsRead, records_read
-from pipeline.report.submodel_pages import ModelledPart, Serving, modelled_parts, serving
+from pipeline.report.texts import Texts
 from pipeline.report.work import Work, work
+from pipeline.schema.bundle import BUNDLE, Bundle, model_hash
 from pipeline.schema.golden import Days, GoldenSets
+from pipeline.schema.model import Model
+from pipeline.schema.si import DAY
+from pipeline.schema.verdict import Verdict
+from pipeline.submodels.contract import Shown, submodel
+
+Status = Literal["failed", "attention", "passed", "unknown"]
+NOW = "now"
+"""Deadline of what is urgent."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ActionRow:
+    """Action with the page that shows why, ``href`` if any; ``english`` names English fields."""
+
+    action: Action
+    href: str = ""
+    english: tuple[str, ...] = ()
+
+    def until(self, say: Texts) -> str:
+        """Deadline, in words."""
+        key = f"until.{self.action.until}"
+        return say(key) if say.has(key) else say.given(self.action.until)
+
+    def who(self, say: Texts) -> str:
+        """Who does it, in words."""
+        return say(f"who.{self.action.who.replace(' ', '_')}")
+
+    def where(self, say: Texts) -> str:
+        """Place, in words."""
+        return say.given(self.action.where)
+
+
+@dataclass(frozen=True, kw_only=True)
+class StateLine:
+    """State of one thing: its status, a few words, and sentences that say why."""
+
+    status: Status
+    word: str
+    sentences: list[str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineVerdict:
+    """Head of a page: the machine's condition, its twin, and what is to be done.
+
+    ``passed`` is how many of the sub-models that count passed, and of how many; None without any.
+    """
+
+    condition: StateLine
+    twin: StateLine
+    actions: list[ActionRow]
+    passed: tuple[int, int] | None = None
+
+    @property
+    def status(self) -> Status:
+        """Status of the twin."""
+        return self.twin.status
+
+    def word(self, say: Texts) -> str:
+        """Both lines in one, for tables and titles."""
+        return say("twin.state", condition=self.condition.word, twin=self.twin.word)
+
+
+def passed_words(passed: int, of: int, say: Texts) -> str:
+    """Number of sub-models that passed, in words."""
+    if passed == of:
+        return say("twin.all_passed", count=passed)
+    return say("twin.some_passed", passed=passed, all=of)
+
+
+TRAINING = "the raw files that it names"
+JUDGED = "the model and records that it was not fitted on"
+
+
+@dataclass(frozen=True, kw_only=True)
+class ModelledPart:
+    """Sub-model of a machine: its name, its title, its files, its page."""
+
+    name: str
+    title: str
+    shown: Shown[Any]
+    page: SubModelPage
+
+    @property
+    def model(self) -> Model | None:
+        """The stored model; None where there is none."""
+        return self.shown.model
+
+    @property
+    def judged(self) -> Verdict | None:
+        """The stored verdict; None where there is none."""
+        return self.shown.verdict
+
+    def leaked(self, sets: GoldenSets | None) -> list[str]:
+        """Cases or frozen files to judge by that the model was also fitted on."""
+        if self.model is None:
+            return []
+        fitted = self.model.training_files
+        frozen = () if sets is None or sets.golden is None else sets.golden.files
+        found = [one.file for one in frozen if one.sha256 in fitted]
+        trained = {one.case for one in self.model.trained_on}
+        cases = () if self.judged is None else self.judged.cases
+        return found or [
+            one.case for one in cases if one.role in ("golden", "held_out") and one.case in trained
+        ]
+
+
+def modelled_parts(
+    folders: MachineFolders, shelf: SourceRegistry, truth: Mapping[str, Any] | None
+) -> list[ModelledPart]:
+    """Sub-models of a machine, in the order of the fleet."""
+    return [_part(name, folders, shelf, truth) for name in folders.submodels]
+
+
+def _part(
+    name: str, folders: MachineFolders, shelf: SourceRegistry, truth: Mapping[str, Any] | None
+) -> ModelledPart:
+    one, folder = submodel(name), folders.models / name
+    shown: Shown[Any] = Shown(
+        machine=folders.name,
+        origin=folders.origin,
+        model=shelf.read(folder / "model.json", one.model, TRAINING),
+        verdict=shelf.read(folder / "verdict.json", Verdict, JUDGED),
+        predictions=shelf.predictions(folder / "predictions.parquet", JUDGED),
+        truth=truth,
+        shelf=shelf,
+        folder=folder,
+        clean=folders.clean,
+        signals=folders.signals,
+    )
+    subject = Subject(name=name, title=one.title, needs=one.needs)
+    page = submodel_page(shown, subject, one.page(shown) or PageContent())
+    return ModelledPart(name=name, title=one.title, shown=shown, page=page)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Serving:
+    """The champion beside the latest models."""
+
+    path: Path
+    """Path of the champion's bundle."""
+    bundle: Bundle
+    """Bundle that serves."""
+    older: tuple[str, ...]
+    """Sub-models of which the champion and the latest are not the same model."""
+
+
+def serving(
+    folders: MachineFolders, shelf: SourceRegistry, parts: list[ModelledPart]
+) -> Serving | None:
+    """The champion of a machine; None where none serves."""
+    if folders.champion is None:
+        return None
+    path = folders.champion / BUNDLE
+    bundle = shelf.read(path, Bundle, "the promotion of a registered version")
+    if bundle is None:
+        return None
+    latest = {one.name: model_hash(one.shown.folder) for one in parts if one.model is not None}
+    champion = {name: one.sha256 for name, one in bundle.submodels.items()}
+    names = dict.fromkeys([*(one.name for one in parts), *champion])
+    older = tuple(name for name in names if latest.get(name) != champion.get(name))
+    return Serving(path=path, bundle=bundle, older=older)
+
 
 REMOVED_A_DAY = 50
 """Wrong values of one item on a working day above which its sensor or wiring is in doubt."""
-SILENT_S = 86_400.0
+SILENT_S = float(DAY)
 """Time by which a log that still writes may end before other records [s]: a day off."""
 AT_ONCE_S = 600.0
 """Time before the end of the last known state from which on "unavailable" is of that end [s]."""

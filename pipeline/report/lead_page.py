@@ -9,11 +9,10 @@ from pipeline.charts.tables import Cell, Column, Table, sources, tabulated
 from pipeline.report.alarms import lead_alarms
 from pipeline.report.changes import Change, columns
 from pipeline.report.evidence import EvidencePage
-from pipeline.report.facts import MachineFacts
+from pipeline.report.facts import MachineFacts, MachineVerdict
 from pipeline.report.folders import MachineFolders, evidence_page
 from pipeline.report.records import source_of
 from pipeline.report.scorecard import Line, scorecard
-from pipeline.report.states import MachineVerdict
 from pipeline.report.texts import Texts
 from pipeline.report.work import Day, Work
 from pipeline.schema.si import NS

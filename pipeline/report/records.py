@@ -15,9 +15,8 @@ from pipeline.charts.sections import Section, absent, present
 from pipeline.charts.sources import SourceRegistry, picked, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, code, sources, tabulated
 from pipeline.report.folders import MachineFolders
-from pipeline.schema.si import NS
+from pipeline.schema.si import DAY, NS
 
-DAY_S = 86_400.0
 MOST_BETWEEN_S = 1_800.0
 """Mean time between records [s] up to which a source reports by itself, not by hand."""
 WHOLE = "whole record"
@@ -183,7 +182,7 @@ def source_of(name: str, read: FileRead) -> str:
 def _live(files: list[tuple[datetime, datetime, int]]) -> bool:
     """Whether files of (first, last, records) report over time, not once or now and then."""
     span = (max(f[1] for f in files) - min(f[0] for f in files)).total_seconds()
-    return span > DAY_S and span <= MOST_BETWEEN_S * sum(f[2] for f in files)
+    return span > DAY and span <= MOST_BETWEEN_S * sum(f[2] for f in files)
 
 
 def records_read(folders: MachineFolders, shelf: SourceRegistry) -> RecordsRead:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.charts.numbers import TOGETHER, powers, unit_words
+from pipeline.report.facts import ModelledPart
 from pipeline.report.folders import evidence_page
-from pipeline.report.submodel_pages import ModelledPart
 from pipeline.report.texts import ENGLISH, Texts
 from pipeline.schema.verdict import MOST_PERCENT, Score, Verdict
 

@@ -14,8 +14,7 @@ from typing import Any
 
 from pipeline.schema.golden import read_golden
 from pipeline.schema.store import write_json
-from pipeline.submodels.cases import Records
-from pipeline.submodels.frozen import changes
+from pipeline.submodels.cases import Records, changes
 
 NAME_NO_RECORDINGS = {"identity", "records", "roles", "shop"}
 """Sections whose patterns say how files are read and used, not which ones a stage reads."""

@@ -7,8 +7,7 @@ from pathlib import Path
 from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.report.settings import ReportSettings
-from pipeline.report.texts import texts
+from pipeline.report.texts import ReportSettings, texts
 from pipeline.schema.structure import structured
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")

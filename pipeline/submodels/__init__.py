@@ -9,6 +9,6 @@ twin its prediction of what the drives leave over; ``wear`` tells the wear of a 
 """
 
 __all__ = [
-    "cases", "compensation", "conformal", "contract", "deformation", "frozen", "judge",
+    "cases", "compensation", "conformal", "contract", "deformation", "judge",
     "promotion", "spindle", "synthesis", "wear",
 ]  # fmt: skip

@@ -24,9 +24,8 @@ from pipeline.schema.verdict import (
     Verdict,
     sized,
 )
-from pipeline.submodels.cases import Case, Cases
+from pipeline.submodels.cases import Case, Cases, golden_used, leak_reasons, set_reasons
 from pipeline.submodels.contract import Predictor, Target
-from pipeline.submodels.frozen import golden_used, leak_reasons, set_reasons
 from pipeline.submodels.scoring import (
     ALL,
     FEWEST_GROUPS,

@@ -10,8 +10,7 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.predictions import AGAIN, BASELINE
 from pipeline.schema.verdict import Figures, Role, Score, Skill, significant
 from pipeline.submodels.contract import Target
-from pipeline.submodels.rounding import grid_step, left_open
-from pipeline.submodels.statistics import spread_of
+from pipeline.submodels.statistics import grid_step, left_open, spread_of
 
 DRAWS = 2000
 """Bootstrap samples of the groups."""

@@ -5,7 +5,7 @@ from time import perf_counter
 import numpy as np
 import pytest
 
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     CnnLstmAttentionSettings,
     TuningSettings,
     WindowTraining,

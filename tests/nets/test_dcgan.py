@@ -1,4 +1,4 @@
-"""Conditional DCGAN: shapes, bits, what conditions do, the R1 gradient."""
+"""Conditional DCGAN: shapes, bits, conditions and their readings, the R1 gradient, collapse."""
 
 import json
 from dataclasses import replace
@@ -8,11 +8,25 @@ import pytest
 import torch
 from scipy.stats import spearmanr
 
-from pipeline.nets.dcgan import ChannelScaling, Discriminator, Generator, dropped, restore_gan
+from pipeline.nets.dcgan import (
+    Block,
+    ChannelScaling,
+    Discriminator,
+    Generator,
+    dropped,
+    encoded,
+    restore_gan,
+)
 from pipeline.nets.dcgan_settings import ConditionSpace, GanSettings, GanTraining
-from pipeline.nets.dcgan_training import gradient_penalty, train_gan
+from pipeline.nets.dcgan_training import (
+    Readers,
+    energy_distance,
+    gradient_penalty,
+    train_gan,
+    window_features,
+)
+from pipeline.nets.diversity import band_edges, band_power, collapse, features
 from pipeline.nets.latent_search import LatentSearch, explain
-from pipeline.nets.spectral_distance import energy_distance
 from tests.nets.wear_signals import CHANNELS, LENGTH, SMALL, TRAINING, windows
 
 X, CONDITIONS = windows()
@@ -140,12 +154,9 @@ def test_a_word_that_is_not_given_is_the_mean_of_those_that_are_known(learnt) ->
     ({"cut": np.full(2, "turning")}, "cut = 'turning' was not learnt.*side, slot"),
     ({"speed": np.full(2, 1.0)}, "speed is no condition"),
 ])  # fmt: skip
-def test_conditions_that_were_not_learnt_are_refused(learnt, change, words: str) -> None:
+def test_conditions_that_were_not_learnt_or_are_missing_are_refused(learnt, change, words) -> None:
     with pytest.raises(ValueError, match=words):
         learnt.sample(middle(2, **change))
-
-
-def test_a_missing_number_is_refused(learnt) -> None:
     with pytest.raises(ValueError, match="condition wear is missing"):
         learnt.sample({"cut": np.full(2, "slot")})
 
@@ -254,8 +265,6 @@ def test_what_cannot_be_explained_is_refused(learnt) -> None:
 def test_settings_out_of_range_are_refused(change, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         GanSettings(**change)
-    with pytest.raises(ValueError, match="nothing to learn from"):
-        GanTraining(warm=10)
 
 
 @pytest.mark.parametrize(("x", "conditions", "words"), [
@@ -267,3 +276,125 @@ def test_settings_out_of_range_are_refused(change, words: str) -> None:
 def test_windows_that_do_not_fit_are_refused(x, conditions, words: str) -> None:
     with pytest.raises(ValueError, match=words):
         trained(x=x, conditions=conditions)
+
+
+NUMBERS, WORDS = encoded(SPACE, CONDITIONS)
+SCALED = ChannelScaling.of(X).scaled(X)
+LEARNT, LEFT = slice(0, None, 2), slice(1, None, 2)
+
+
+@pytest.fixture(scope="module")
+def readers() -> Readers:
+    torch.manual_seed(0)
+    return Readers(SCALED[LEARNT], NUMBERS[LEARNT], WORDS[LEARNT], read=0, unknown=0.25)
+
+
+def test_windows_that_were_not_learnt_are_read(readers: Readers) -> None:
+    found = readers(SCALED[LEFT], NUMBERS[LEFT], WORDS[LEFT]).mean(dim=1)
+    assert (found - NUMBERS[LEFT, 0]).abs().mean() < 0.5 * NUMBERS[LEFT, 0].abs().mean()
+
+
+def test_the_reading_does_not_rest_on_the_condition_that_is_read(readers: Readers) -> None:
+    other = NUMBERS.clone()
+    other[:, 0] = -other[:, 0]
+    assert torch.equal(readers(SCALED, NUMBERS, WORDS), readers(SCALED, other, WORDS))
+
+
+def test_windows_of_another_wear_are_further_away(readers: Readers) -> None:
+    order = np.argsort(NUMBERS[:, 0].numpy(), kind="stable")
+    x, numbers, words = SCALED[order], NUMBERS[order], WORDS[order]
+    near = readers.distance((x, x.roll(1, 0), x.roll(2, 0)), numbers, words)
+    far = readers.distance((x, x.flip(0), x.flip(0).roll(1, 0)), numbers, words)
+    assert far > 2.0 * near
+
+
+def test_it_moves_windows_and_not_the_readers(readers: Readers) -> None:
+    x = SCALED[:8].clone().requires_grad_(True)
+    readers.distance((SCALED[8:16], x, SCALED[16:24]), NUMBERS[:8], WORDS[:8]).backward()
+    assert x.grad is not None and x.grad.abs().sum() > 0
+    assert not any(one.requires_grad for one in readers.parameters())
+
+
+def test_level_and_spread_are_those_of_the_windows() -> None:
+    found = window_features(SCALED).numpy()
+    judged = features(SCALED.numpy().astype(float)).reshape(len(X), len(CHANNELS), -1)
+    many = len(CHANNELS)
+    assert np.allclose(found[:, :many], judged[:, :, 0], atol=1e-5)
+    assert np.allclose(found[:, many : 2 * many], 2.0 * judged[:, :, 1], atol=0.2)
+
+
+@pytest.mark.parametrize("read", ["", "cut"])
+def test_what_is_to_be_read_has_to_be_a_number(read: str) -> None:
+    with pytest.raises(ValueError, match=r"gan_training\.reading = 1 needs a condition"):
+        train_gan(
+            SMALL, X, CONDITIONS, training=replace(TRAINING, reading=1.0), channels=CHANNELS,
+            read=read,
+        )  # fmt: skip
+
+
+def test_first_steps_need_something_to_learn_from() -> None:
+    with pytest.raises(ValueError, match="nothing to learn from"):
+        GanTraining(warm=5)
+    assert GanTraining(warm=5, reading=1.0).warm == 5
+
+
+@pytest.mark.parametrize("kernel", [1, 3, 5, 7, 31])
+def test_a_block_is_a_convolution_over_each_sample_twice(kernel: int) -> None:
+    block = Block(3, 4, replace(SMALL, kernel=kernel))
+    x = torch.randn(2, 3, 20)
+    twice = x.repeat_interleave(2, dim=2)
+    wanted = torch.nn.functional.conv1d(twice, block.conv.weight, padding=kernel // 2)
+    normed = torch.nn.functional.leaky_relu(block.norm(wanted), 0.2)
+    assert torch.allclose(block(x, None), normed, atol=1e-5)
+
+
+PLACE = CONDITIONS["wear"][:, None] / 100.0
+
+
+def sound() -> np.ndarray:
+    """Other windows of the same wears and cuts."""
+    rng = np.random.default_rng(3)
+    return X * rng.uniform(0.95, 1.05, (len(X), 1, 1)) + rng.normal(0, 1.0, X.shape)
+
+
+def test_a_sound_generator_has_no_fault() -> None:
+    assert collapse(X, sound(), PLACE, [1.0, 0.8]).reasons == ()
+
+
+def test_one_window_for_all_conditions_is_a_collapse() -> None:
+    found = collapse(X, np.broadcast_to(X[:1], X.shape), PLACE)
+    assert found.within == found.between == 0.0
+    assert "the generator has collapsed" in found.reasons[0]
+
+
+def test_one_window_for_each_condition_is_a_collapse() -> None:
+    """Samples follow the wear, and are the same wherever it is."""
+    t = np.arange(X.shape[2])
+    tone = np.sin(2 * np.pi * 4 * t / X.shape[2])
+    made = (20.0 + CONDITIONS["wear"])[:, None, None] * tone
+    made = np.concatenate([made, 0.05 * made], axis=1)
+    found = collapse(X, made, PLACE)
+    assert any("at the same conditions" in one for one in found.reasons)
+
+
+def test_a_loss_that_vanished_is_said() -> None:
+    found = collapse(X, sound(), PLACE, [1.0, 0.5, 0.001])
+    assert found.saturated
+    assert "learns nothing more" in found.reasons[0]
+
+
+def test_too_few_windows_show_nothing() -> None:
+    with pytest.raises(ValueError, match="2 windows show no spread"):
+        collapse(X[:2], X[:2], PLACE[:2])
+
+
+@pytest.mark.parametrize("length", [16, 50, 64, 501])
+def test_bands_add_up_to_the_mean_square(length: int) -> None:
+    x = np.random.default_rng(0).normal(size=(3, 2, length))
+    x -= x.mean(axis=2, keepdims=True)
+    assert np.allclose(band_power(x).sum(axis=2), (x**2).mean(axis=2))
+    assert band_edges(length)[-1] == length // 2 + 1
+
+
+def test_features_do_not_depend_on_the_phase() -> None:
+    assert np.allclose(features(np.roll(X, 9, axis=2)), features(X))

@@ -16,7 +16,7 @@ from pipeline.nets.sequence import (
     over_rows,
     sequence_network,
 )
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
@@ -179,7 +179,7 @@ def test_the_linear_model_is_numpy_s_least_squares(ridge: float) -> None:
 def test_what_cannot_be_built_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one of each"):
         built(LstmSettings(), channels=0)
-    with pytest.raises(ValueError, match=r"give one of nets\.sequence_settings"):
+    with pytest.raises(ValueError, match=r"give one of nets\.settings"):
         built(SequenceSettings())
     with pytest.raises(ValueError, match=r"lstm\.units = 0 must be"):
         LstmSettings(units=0)

@@ -1,14 +1,17 @@
-"""Training: what can be learnt is, groups stay whole, the budget and the bits hold."""
+"""Training: what can be learnt is, groups stay whole, budget and bits hold; Adam is torch's."""
 
 import json
 import subprocess
 import sys
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
+from pipeline.nets.descent import Adam
 from pipeline.nets.ffnn import network
 from pipeline.nets.settings import (
     BackPropagationSettings,
@@ -17,8 +20,7 @@ from pipeline.nets.settings import (
     NetworkSettings,
     TrainingSettings,
 )
-from pipeline.nets.trained import Trained, restore
-from pipeline.nets.training import METHODS, descend, train, validation_groups
+from pipeline.nets.training import METHODS, Trained, descend, restore, train, validation_groups
 from tests.nets.samples import WAYS, Samples, tensors, warm_up
 
 SHORT = TrainingSettings(passes=24, population=6, patience=24)
@@ -29,6 +31,10 @@ def trained(
     kind: NetworkSettings, method: str, data: Samples = DATA, settings: TrainingSettings = SHORT
 ) -> Trained:
     return train(kind, method, *data, settings=settings)
+
+
+once = cache(trained)
+"""The training of a kind by a method on the usual samples, for all tests that only read it."""
 
 
 def rmse(found: Trained, data: Samples) -> float:
@@ -73,42 +79,30 @@ def test_what_a_network_can_represent_is_recovered(kind: NetworkSettings, method
 
 
 @pytest.mark.parametrize(("kind", "method"), WAYS, ids=repr)
-def test_two_trainings_are_the_same_bits_and_another_seed_is_another(
+def test_two_trainings_and_a_restored_one_are_the_same_bits(
     kind: NetworkSettings, method: str
 ) -> None:
-    one, two = (trained(kind, method) for _ in range(2))
-    assert json.dumps(one.document()) == json.dumps(two.document())
+    one = once(kind, method)
+    text = json.dumps(one.document(), allow_nan=False)
+    assert text == json.dumps(trained(kind, method).document())
     other = trained(kind, method, settings=replace(SHORT, seed=1))
     assert other.history.tobytes() != one.history.tobytes()
-
-
-@pytest.mark.parametrize(("kind", "method"), WAYS, ids=repr)
-def test_a_restored_network_predicts_the_same_bits(kind: NetworkSettings, method: str) -> None:
-    one = trained(kind, method)
-    document = json.loads(json.dumps(one.document(), allow_nan=False))
-    again = restore(document)
+    again = restore(json.loads(text))
     assert again.predict(DATA.x, DATA.c).tobytes() == one.predict(DATA.x, DATA.c).tobytes()
     assert (again.kind, again.method, again.settings) == (kind, method, SHORT)
     assert again.document() == one.document()
 
 
 @pytest.mark.parametrize(("kind", "method"), WAYS, ids=repr)
-def test_the_budget_holds_for_every_method(kind: NetworkSettings, method: str) -> None:
-    found = trained(kind, method)
-    passes = found.history[:, 0]
-    assert (np.diff(passes) > 0).all()
+def test_the_budget_holds_and_the_best_state_is_kept(kind: NetworkSettings, method: str) -> None:
+    found = once(kind, method)
+    assert (np.diff(found.history[:, 0]) > 0).all()
     # a generation is not begun that would go beyond
     assert SHORT.passes - SHORT.population < found.passes <= SHORT.passes
-
-
-@pytest.mark.parametrize(("kind", "method"), WAYS, ids=repr)
-def test_the_best_state_is_kept(kind: NetworkSettings, method: str) -> None:
-    found = trained(kind, method)
     kept = np.isin(DATA.group.astype(str), found.validation_groups)
-    validation = Samples(*(part[kept] for part in DATA))
-    assert rmse(found, validation) == pytest.approx(found.history[:, 2].min(), rel=1e-9)
-    training = Samples(*(part[~kept] for part in DATA))
+    validation, training = (Samples(*(part[rows] for part in DATA)) for rows in (kept, ~kept))
     best = found.history[found.history[:, 2].argmin()]
+    assert rmse(found, validation) == pytest.approx(best[2], rel=1e-9)
     assert rmse(found, training) == pytest.approx(best[1], rel=1e-9)
 
 
@@ -121,7 +115,9 @@ def test_patience_ends_a_training() -> None:
 
 def test_validation_groups_are_whole_and_never_learnt_from() -> None:
     """Another output in the groups for validation changes no weight after as many passes."""
-    kept = validation_groups(DATA.group.astype(str).tolist(), SHORT)
+    kept = validation_groups(
+        DATA.group.astype(str).tolist(), SHORT.validation, SHORT.seed, "training"
+    )
     assert len(kept) == 1
     held = np.isin(DATA.group.astype(str), kept)
     assert 0 < held.sum() < len(held)
@@ -129,7 +125,7 @@ def test_validation_groups_are_whole_and_never_learnt_from() -> None:
         y=np.where(held, -DATA.y, DATA.y), x=np.where(held[:, None], 99.0, DATA.x)
     )
     for kind, method in WAYS:
-        one, two = trained(kind, method), trained(kind, method, spoilt)
+        one, two = once(kind, method), trained(kind, method, spoilt)
         assert one.validation_groups == two.validation_groups == kept
         np.testing.assert_array_equal(one.history[:, 1], two.history[: len(one.history), 1])
         for part in ("x_scaling", "c_scaling", "y_scaling"):
@@ -141,7 +137,7 @@ def test_validation_groups_are_whole_and_never_learnt_from() -> None:
 @pytest.mark.parametrize(("share", "many"), [(0.0, 0), (0.01, 1), (0.4, 4), (0.99, 9)])
 def test_as_many_groups_are_kept_as_asked_and_one_is_always_left(share: float, many: int) -> None:
     labels = [f"profile {k % 10}" for k in range(95)]
-    kept = validation_groups(labels, replace(SHORT, validation=share))
+    kept = validation_groups(labels, share, SHORT.seed, "training")
     assert len(set(kept)) == len(kept) == many and set(kept) <= set(labels)
 
 
@@ -201,7 +197,7 @@ def test_torch_is_left_as_it_was() -> None:
         ({"x": DATA.x[:, 0]}, r"x has shape \(200,\): give it 2"),
         ({"c": DATA.c[:-1]}, "have 200, 199, 200 and 200 samples"),
         ({"group": DATA.group[:3]}, "have 200, 200, 200 and 3 samples"),
-        ({"group": np.zeros(200, int)}, "there is one group, '0',"),
+        ({"group": np.zeros(200, int)}, "there is one recording, '0',"),
         ({"x": DATA.x[:, :2]}, "on 2 sensors and 3 consequent inputs"),
         ({name: getattr(DATA, name)[:0] for name in DATA._fields}, "no samples"),
     ],
@@ -227,7 +223,7 @@ def test_a_rate_that_diverges_at_once_is_refused_by_its_name() -> None:
 
 
 def test_predictions_of_what_does_not_fit_are_refused() -> None:
-    found = trained(FuzzyFilteredSettings(), "projection")
+    found = once(FuzzyFilteredSettings(), "projection")
     with pytest.raises(ValueError, match="takes 9 temperatures and 3 consequent inputs"):
         found.predict(DATA.x[:, :8], DATA.c)
     with pytest.raises(ValueError, match="c has 1 values that are not finite"):
@@ -237,14 +233,14 @@ def test_predictions_of_what_does_not_fit_are_refused() -> None:
 
 @pytest.mark.parametrize("lost", ["kind", "network", "scaling", "state", "history", "training"])
 def test_a_document_that_lacks_something_is_refused(lost: str) -> None:
-    document = trained(FuzzyFilteredSettings(), "projection").document()
+    document = once(FuzzyFilteredSettings(), "projection").document()
     del document[lost]
     with pytest.raises(ValueError, match=f"no or no known '{lost}'"):
         restore(document)
 
 
 def test_a_document_whose_numbers_do_not_fit_is_refused() -> None:
-    document = trained(FuzzyFilteredSettings(), "projection").document()
+    document = once(FuzzyFilteredSettings(), "projection").document()
     with pytest.raises(ValueError, match="does not fit together"):
         restore(document | {"network": {"bands": 5}})
     with pytest.raises(ValueError, match="does not fit together"):
@@ -271,3 +267,48 @@ def test_settings_are_read_without_torch() -> None:
     """A stage that trains no network must not wait for it."""
     asked = "import sys, pipeline.nets.settings; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", asked], check=False).returncode == 0
+
+
+def perceptron() -> nn.Module:
+    torch.manual_seed(0)
+    return nn.Sequential(nn.Linear(3, 8), nn.Tanh(), nn.Linear(8, 1)).double()
+
+
+@pytest.mark.parametrize(("l2", "decay"), [(0.0, 0.0), (0.02, 0.0), (0.0, 0.05)])
+def test_its_steps_are_those_of_torch(l2: float, decay: float) -> None:
+    mine, theirs = perceptron(), perceptron()
+    x, y = torch.randn(20, 3, dtype=torch.float64), torch.randn(20, 1, dtype=torch.float64)
+    weights = list(mine.parameters())
+    adam = Adam(weights, 0.03, betas=(0.8, 0.99), l2=[l2] * len(weights), decay=decay)
+    kind = torch.optim.AdamW if decay else torch.optim.Adam
+    oracle = kind(theirs.parameters(), lr=0.03, betas=(0.8, 0.99), weight_decay=decay or 2.0 * l2)
+    for k in range(30):
+        adam.rate = oracle.param_groups[0]["lr"] = 0.03 / (1 + k)
+        adam.step((mine(x) - y).square().mean())
+        oracle.zero_grad()
+        (theirs(x) - y).square().mean().backward()
+        oracle.step()
+    for one, other in zip(mine.parameters(), theirs.parameters(), strict=True):
+        torch.testing.assert_close(one, other, rtol=1e-9, atol=1e-12)  # of sums in another order
+
+
+def test_a_weight_that_the_loss_does_not_see_stays() -> None:
+    seen, unseen = nn.Parameter(torch.ones(2)), nn.Parameter(torch.ones(3))
+    Adam([seen, unseen], 0.1).step(seen.sum())
+    assert (seen < 1).all() and (unseen == 1).all()
+
+
+@pytest.mark.proof
+def test_a_training_imports_no_compiler() -> None:
+    """It takes a second, in each process of a stage."""
+    said = (
+        "import sys, torch\n"
+        "from pipeline.nets.descent import Adam\n"
+        "from pipeline.nets.training import reproducible\n"
+        "weight = torch.nn.Parameter(torch.ones(2))\n"
+        "with reproducible():\n"
+        "    Adam([weight], 0.1).step(weight.sum())\n"
+        "print('torch._dynamo' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     LstmSettings,

@@ -7,8 +7,8 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pipeline.nets.best_state import Diverged
-from pipeline.nets.sequence_settings import LstmSettings, TuningSettings, WindowTraining
+from pipeline.nets.descent import Diverged
+from pipeline.nets.settings import LstmSettings, TuningSettings, WindowTraining
 from pipeline.nets.window_training import train_windows
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.nets.wear import WearJudge, restore_judge, train_judge
 from pipeline.schema.arrays import Floats
 

@@ -1,13 +1,15 @@
-"""Training on windows: what can be learnt is, recordings stay whole, bits hold."""
+"""Windows, what could not be known yet, and training on them: recordings stay whole, bits hold."""
 
 import json
 from dataclasses import replace
+from functools import cache
+from math import inf
 
 import numpy as np
 import pytest
 import torch
 
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
@@ -16,8 +18,13 @@ from pipeline.nets.sequence_settings import (
     TcnSettings,
     WindowTraining,
 )
-from pipeline.nets.window_model import TrainedSequence, restore_sequence
-from pipeline.nets.window_training import autocast, train_windows, usable_precision
+from pipeline.nets.window_training import (
+    TrainedSequence,
+    autocast,
+    restore_sequence,
+    train_windows,
+    usable_precision,
+)
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 
 NETWORKS: tuple[SequenceSettings, ...] = (
@@ -52,6 +59,10 @@ def trained(
     return train_windows(kind, data, settings=settings, **more)  # type: ignore[arg-type]
 
 
+once = cache(trained)
+"""The training of a kind on the usual windows, for all tests that only read it."""
+
+
 def rmse(found: TrainedSequence, data: Windows) -> float:
     return float(np.sqrt(np.mean((found.predict(data.x) - data.y) ** 2)))
 
@@ -80,31 +91,25 @@ def test_a_delayed_product_is_learnt_where_a_linear_model_learns_nothing(
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=repr)
-def test_two_trainings_are_the_same_bits_and_another_seed_is_another(
-    kind: SequenceSettings,
-) -> None:
-    one, two = trained(kind), trained(kind)
-    assert json.dumps(one.document()) == json.dumps(two.document())
+def test_two_trainings_and_a_restored_one_are_the_same_bits(kind: SequenceSettings) -> None:
+    one = once(kind)
+    text = json.dumps(one.document(), allow_nan=False)
+    assert text == json.dumps(trained(kind).document())
     other = trained(kind, settings=replace(SHORT, seed=1))
     assert other.history.tobytes() != one.history.tobytes()
-
-
-@pytest.mark.parametrize("kind", KINDS, ids=repr)
-def test_a_restored_network_predicts_the_same_bits(kind: SequenceSettings) -> None:
-    one = trained(kind)
-    again = restore_sequence(json.loads(json.dumps(one.document(), allow_nan=False)))
+    again = restore_sequence(json.loads(text))
     assert again.predict(DATA.x).tobytes() == one.predict(DATA.x).tobytes()
     assert again.document() == one.document()
     assert (again.kind, again.settings, again.inputs) == (kind, SHORT, DATA.inputs)
 
 
 def test_validation_recordings_are_whole_and_never_learnt_from() -> None:
-    one = trained(NETWORKS[0])
+    one = once(NETWORKS[0])
     assert len(one.validation_groups) == 1
     held = np.isin(DATA.group, one.validation_groups)
     x, y = np.where(held[:, None, None], 99.0, DATA.x), np.where(held, -DATA.y, DATA.y)
     for kind in KINDS:
-        one = trained(kind)
+        one = once(kind)
         two = trained(kind, Windows(x=x, y=y, group=DATA.group))
         assert two.validation_groups == one.validation_groups
         np.testing.assert_array_equal(two.history[:, 1], one.history[: len(two.history), 1])
@@ -178,7 +183,7 @@ def test_bfloat16_trains_to_what_float32_does(kind: SequenceSettings) -> None:
 
 
 def test_float32_stands_in_where_there_is_no_bfloat16(monkeypatch: pytest.MonkeyPatch) -> None:
-    wanted = trained(NETWORKS[2])
+    wanted = once(NETWORKS[2])
     monkeypatch.setattr(torch.cpu, "get_capabilities", dict)
     found = trained(NETWORKS[2], settings=replace(SHORT, precision="bfloat16"))
     assert found.precision == "float32"
@@ -186,16 +191,16 @@ def test_float32_stands_in_where_there_is_no_bfloat16(monkeypatch: pytest.Monkey
 
 
 def test_attention_of_windows_adds_up_to_one() -> None:
-    found = trained(NETWORKS[0])
+    found = once(NETWORKS[0])
     weights = found.attention(DATA.x)
     assert weights.shape == DATA.x.shape[:2]
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, rtol=1e-5)
     with pytest.raises(ValueError, match="a lstm network has no attention"):
-        trained(NETWORKS[2]).attention(DATA.x)
+        once(NETWORKS[2]).attention(DATA.x)
 
 
 def test_units_do_not_matter() -> None:
-    one = trained(ArxSettings(), delayed())
+    one = once(ArxSettings())
     scaled = Windows(x=1e3 * DATA.x + 5.0, y=1e-6 * DATA.y, group=DATA.group)
     two = trained(ArxSettings(), scaled)
     np.testing.assert_allclose(two.predict(scaled.x), 1e-6 * one.predict(DATA.x), rtol=1e-6)
@@ -211,7 +216,7 @@ def test_what_cannot_be_learnt_from_is_refused() -> None:
         trained(NETWORKS[2], Windows(x=DATA.x, y=DATA.y[1:], group=DATA.group))
     with pytest.raises(ValueError, match="lower window_training"):
         trained(NETWORKS[2], settings=replace(SHORT, learning_rate=1e30))
-    found = trained(NETWORKS[2])
+    found = once(NETWORKS[2])
     with pytest.raises(ValueError, match="takes 10 rows of 2 channels"):
         found.predict(DATA.x[:, 1:])
     assert found.predict(np.empty((0, 10, 2))).shape == (0,)
@@ -220,3 +225,88 @@ def test_what_cannot_be_learnt_from_is_refused() -> None:
         restore_sequence({k: v for k, v in document.items() if k != "scaling"})
     with pytest.raises(ValueError, match="does not fit together"):
         restore_sequence({**document, "network": {"units": 13}})
+
+
+STEP = 0.01
+COMMAND, OLD = WindowInput(name="command"), WindowInput(name="error", older_than_s=0.05)
+
+
+def recording(name: str = "a", many: int = 40, start: float = 0.0) -> Recording:
+    """Numbers that say which sample they are of."""
+    k = start + np.arange(many, dtype=np.float64)
+    signals = {"command": k, "position": k + 0.25, "error": k + 0.5}
+    return Recording(name=name, step_s=STEP, signals=signals, measured=frozenset({"position"}))
+
+
+def test_commands_reach_the_target_s_time_and_measurements_end_at_their_age() -> None:
+    found = windows_of([recording()], [COMMAND, OLD], "error", 8, 0.05)
+    assert found.x.shape == (40 - 7 - 5, 8, 2) and found.leaks == ()
+    t = found.y - 0.5
+    np.testing.assert_array_equal(found.at, t)
+    np.testing.assert_array_equal(found.x[:, -1, 0], t)
+    np.testing.assert_array_equal(found.x[:, 0, 0], t - 7)
+    np.testing.assert_array_equal(found.x[:, -1, 1] - 0.5, t - 5)
+
+
+def test_an_age_between_two_samples_is_rounded_up() -> None:
+    older = WindowInput(name="error", older_than_s=0.051)
+    found = windows_of([recording()], [older], "error", 3, 0.05)
+    np.testing.assert_array_equal(found.y - found.x[:, -1, 0], 6.0)
+
+
+def test_no_window_crosses_from_one_recording_into_the_next() -> None:
+    parts = [recording("a", 20), recording("short", 4, 500.0), recording("b", 25, 1000.0)]
+    found = windows_of(parts, [COMMAND, OLD], "error", 6, 0.02)
+    assert set(found.group) == {"a", "b"}
+    assert (np.ptp(found.x[..., 0], axis=1) == 5).all()
+    assert ((found.y > 900) == (found.group == "b")).all()
+    assert ((found.x > 900).all(axis=(1, 2)) == (found.group == "b")).all()
+    only = found.of("b")
+    assert set(only.group) == {"b"} and len(only.at) == (found.group == "b").sum()
+
+
+@pytest.mark.parametrize(
+    ("given", "horizon", "said"),
+    [
+        (WindowInput(name="error", older_than_s=0.04), 0.05, "'error' is a measurement .* younger"),
+        (WindowInput(name="position", older_than_s=0.0), 0.01, "'position' is a measurement"),
+        (OLD, inf, "'error' .* that no measurement may enter"),
+        (WindowInput(name="position"), 0.0, "'position' is measured, but declared as known"),
+        (WindowInput(name="error"), 0.0, "'error' is measured, but declared as known"),
+    ],
+    ids=["younger", "no age", "before the motion", "measured", "target"],
+)
+def test_an_input_that_could_not_be_known_is_refused_by_name(
+    given: WindowInput, horizon: float, said: str
+) -> None:
+    with pytest.raises(ValueError, match=said):
+        windows_of([recording()], [COMMAND, given], "error", 4, horizon)
+    leaky = windows_of([recording()], [COMMAND, given], "error", 4, horizon, allow_leaks=True)
+    assert leaky.leaks == (given.name,) == leaky.of("a").leaks
+
+
+def test_a_copy_of_the_target_under_another_name_is_refused() -> None:
+    first = recording()
+    copied = {**first.signals, "model": first.signals["error"].copy()}
+    with pytest.raises(ValueError, match="'model' holds the very values of the target 'error'"):
+        windows_of(
+            [Recording(name="a", step_s=STEP, signals=copied)],
+            [WindowInput(name="model")], "error", 4, 0.05,
+        )  # fmt: skip
+
+
+def test_what_cannot_be_made_windows_of_is_refused() -> None:
+    with pytest.raises(ValueError, match="recording a is given 2 times"):
+        windows_of([recording(), recording()], [COMMAND], "error", 4, 0.0)
+    with pytest.raises(ValueError, match="has no signal 'force'"):
+        windows_of([recording()], [WindowInput(name="force")], "error", 4, 0.0)
+    with pytest.raises(ValueError, match="long enough"):
+        windows_of([recording(many=7)], [COMMAND, OLD], "error", 4, 0.05)
+    broken = recording()
+    broken.signals["error"][17] = np.nan
+    with pytest.raises(ValueError, match="the first at sample 17"):
+        windows_of([broken], [COMMAND], "error", 4, 0.0)
+    with pytest.raises(ValueError, match="as many samples"):
+        Recording(name="a", step_s=STEP, signals={"u": np.ones(3), "v": np.ones(4)})
+    with pytest.raises(ValueError, match=r"older_than_s = -0\.1 s"):
+        WindowInput(name="error", older_than_s=-0.1)

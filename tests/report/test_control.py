@@ -1,18 +1,14 @@
 """What the pages say about a machine's control, its judged runs and its part programs."""
 
-import json
 import re
 import shutil
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from control_folders import (
     Programmer,
-    part,
     run,
     with_control,
-    write_control,
     write_program,
     write_refused,
     write_validation,
@@ -147,22 +143,6 @@ def test_unknown_feeds_are_grey_and_named(tmp_path):
     assert "feed not known" in text and "not known predicted" in text
 
 
-FILES = ("models/mill01/control/model.json", "models/mill01/control/verdict.json",
-         "programs/mill01/plate.json", "programs/mill01/plate.parquet")  # fmt: skip
-
-
-@pytest.mark.parametrize("broken", FILES)
-def test_a_broken_document_is_named_and_the_rest_stands(built, tmp_path, broken):
-    shutil.copytree(built, tmp_path / "root")
-    folders = empty_machine(tmp_path / "root", "mill01", submodels=("control",))
-    (tmp_path / "root" / broken).write_bytes(b"\x00no")
-    text = report(folders, tmp_path)
-    assert re.search(
-        rf"{re.escape(broken.split('/')[-1])} was left out: (not|is no) (JSON|Parquet)", text
-    )
-    assert "cover.nc" in text
-
-
 def test_columns_of_another_kind_are_said_not_raised(built, tmp_path):
     shutil.copytree(built, tmp_path / "root")
     folders = empty_machine(tmp_path / "root", "mill01", submodels=("control",))
@@ -175,49 +155,3 @@ def test_columns_of_another_kind_are_said_not_raised(built, tmp_path):
     table = pq.read_table(path)
     pq.write_table(table.set_column(table.schema.get_field_index("x"), "x", [["far"]]), path)
     assert "plate.parquet was left out: its columns are not those" in report(folders, tmp_path)
-
-
-ODD = {
-    "parameters": {"a": 1, "b": {"value": "x", "determined": True}}, "runs": [7, {}], "fit": [],
-    "limit_percent": "five", "left_out": {}, "found_from": [], "by_tool": [{"tool": "x"}],
-    "by_type": {"feed": "long"}, "by_limit": [], "origin": [1, "y"], "program": {"a": 1},
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("content", ["{}", "[]", json.dumps(ODD), json.dumps({"runs": {"a": 1}})])
-def test_documents_of_another_shape_never_stop_the_report(built, tmp_path, content):
-    shutil.copytree(built, tmp_path / "root")
-    folders = empty_machine(tmp_path / "root", "mill01", submodels=("control",))
-    for path in (*folders.models.rglob("*.json"), *folders.programs.glob("*.json")):
-        path.write_text(content)
-    assert "What the machine did" in report(folders, tmp_path)
-
-
-def test_text_from_programs_stays_text(tmp_path):
-    hostile = "<script>alert('x')</script>"
-    folders = empty_machine(tmp_path, "m", submodels=("control",))
-    write_control(folders)
-    write_validation(folders, [run(hostile, hostile, 1.0)], left_out=hostile)
-    write_program(folders, "p", part(chords=3, passes=1), program=hostile)
-    write_refused(folders, "q", hostile)
-    report(folders, tmp_path)
-    assert "script" not in [t for t, _ in outline(tmp_path / "out" / "m.html").tags]
-
-
-def test_the_second_report_says_how_the_times_changed(tmp_path):
-    folders = with_control(empty_machine(tmp_path, "m"))
-    write_report([folders], FLEET, None, tmp_path / "one")
-    write_validation(folders, [run("run-02", "plate.nc", 2.0)])
-    write_report([folders], FLEET, tmp_path / "one", tmp_path / "out")
-    text = every_word(tmp_path / "out" / "m.html")
-    assert "Error of a program’s time 4.20 % 2.00 % −2.20 %" in text
-    assert "Runs judged 3 1 −2" in text
-
-
-def test_two_runs_give_the_same_bytes(built, tmp_path, page):
-    shutil.copytree(built, tmp_path / "root")
-    folders = replace(machine(tmp_path / "root", "mill01", days=3),
-                      submodels=("spindle", "control"))  # fmt: skip
-    for name in ("a", "b"):
-        write_report([folders], FLEET, None, tmp_path / name)
-    assert (tmp_path / "a/mill01.html").read_bytes() == (tmp_path / "b/mill01.html").read_bytes()

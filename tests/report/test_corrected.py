@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.charts.sources import SourceRegistry
 from pipeline.charts.tables import Table
-from pipeline.report.corrected import corrected_section
+from pipeline.report.evidence import corrected_section
 
 
 def spread(mean: float) -> dict[str, float]:

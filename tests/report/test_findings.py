@@ -14,6 +14,7 @@ from report_folders import (
     empty_machine,
     machine,
     nanoseconds,
+    parameter,
     spindle_model,
     write_alarms,
     write_state,
@@ -22,12 +23,13 @@ from report_folders import (
 
 from pipeline.charts.judged import scores_table
 from pipeline.charts.sections import PartVerdict, SubModelPage
-from pipeline.report.actions import machine_actions
+from pipeline.report.changes import MachineFigures, changes, key_figure
 from pipeline.report.facts import machine_facts
 from pipeline.report.pages import write_report
 from pipeline.report.records import FileRead, RecordsRead
 from pipeline.report.scorecard import baseline_words, scorecard, worst_error
 from pipeline.report.texts import ENGLISH
+from pipeline.report.verdict import machine_actions
 from pipeline.report.work import Day, Work
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, JudgedCase, Score, Verdict
@@ -226,11 +228,6 @@ def test_a_table_written_once_is_no_live_source():
     assert read.newest == read.last_live < read.last
 
 
-def test_baselines_are_said_in_words():
-    assert baseline_words("speed_over_loop_gain").startswith("speed divided by")
-    assert baseline_words("not_listed") == "not listed"
-
-
 def test_a_figure_that_is_worse_on_other_records_stands_beside_the_one_that_decides(tmp_path):
     """The twin's free run has no limit and is 1.5 times as far off as its windows of an hour."""
     folders = machine(tmp_path, "m", days=4)
@@ -344,3 +341,30 @@ def test_a_machine_without_a_sub_model_is_asked_for_what_is_logged_already(tmp_p
     text = every_word(tmp_path / "out" / "bare.html")
     assert "The fleet names no sub-model of this machine" in text and "verdict.json" not in text
     assert "Record what is not logged yet of record spindle speed and load" in text
+
+
+def figures(value: float | None, **compared: float) -> MachineFigures:
+    return MachineFigures(
+        figures={name: key_figure(name, "s", v) for name, v in compared.items()},
+        parameters={"wear": {"T1": {"rate": parameter(value, "mm/h")}}},
+    )
+
+
+def test_a_changed_parameter_stands_with_the_note_of_its_submodel():
+    note = {"wear": lambda group, name, p, q: f"{group} {name} grew by {q.value / p.value:g}"}
+    (change,) = changes(figures(0.2), figures(0.4), note)
+    assert (change.what, change.before, change.now) == (
+        "Parameter wear T1 rate", "0.200\u00a0mm/h", "0.400\u00a0mm/h"
+    )  # fmt: skip
+    assert (change.difference, change.note) == ("+0.200\u00a0mm/h", "T1 rate grew by 2")
+    assert changes(figures(0.2), figures(0.2), note) == []
+    assert changes(figures(0.2), figures(None), note)[0].now == "not known"
+
+
+def test_counts_change_by_whole_numbers_and_what_was_not_there_was_not_known():
+    before, now = figures(0.2, runs=3), figures(0.2, runs=5, new=1.5)
+    found = {c.what: (c.before, c.now, c.difference) for c in changes(before, now, {})}
+    assert found == {
+        "runs": ("3\u00a0s", "5\u00a0s", "+2\u00a0s"),
+        "new": ("not known", "1.50\u00a0s", ""),
+    }

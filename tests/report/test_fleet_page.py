@@ -9,9 +9,9 @@ from page_reader import outline, words
 from report_folders import FLEET, empty_machine
 
 from pipeline.charts.sections import Action
-from pipeline.report.fleet_page import FleetRow, fleet_page, group_of
+from pipeline.report.facts import ActionRow, MachineVerdict, StateLine
+from pipeline.report.pages import FleetRow, fleet_page, group_of
 from pipeline.report.standalone_page import renderer
-from pipeline.report.states import ActionRow, MachineVerdict, StateLine
 
 UNKNOWN = StateLine(status="unknown", word="not assessed yet", sentences=[])
 PASSED = StateLine(status="passed", word="all 8 sub-models passed", sentences=[])

@@ -10,11 +10,10 @@ from report_folders import FLEET, machine
 
 from pipeline.charts.sections import Action
 from pipeline.report.changes import Change
-from pipeline.report.facts import machine_facts
+from pipeline.report.facts import ActionRow, machine_facts
 from pipeline.report.lead_page import MOST_ACTIONS, lead_page
 from pipeline.report.scorecard import Counts, Line
 from pipeline.report.standalone_page import renderer
-from pipeline.report.states import ActionRow
 from pipeline.report.texts import languages, texts
 from pipeline.report.verdict import machine_verdict
 from tests.browser import look, needs_browser

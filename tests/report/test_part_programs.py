@@ -160,16 +160,6 @@ def test_a_machine_without_programs_has_no_section_and_no_key_figure(tmp_path: P
     assert "parts_before_s" not in said and "Part programs" not in said
 
 
-def test_the_next_report_says_what_changed(tmp_path: Path) -> None:
-    folders = with_parts(tmp_path, machine(tmp_path, "m", days=3), {"SLOT": optimised()})
-    write_report([folders], FLEET, None, tmp_path / "one")
-    document = optimised()
-    document["after"]["time_s"] = 22.51
-    (tmp_path / "parts/m/SLOT.json").write_text(json.dumps(document))
-    write_report([folders], FLEET, tmp_path / "one", tmp_path / "two")
-    assert "Their time optimised 24.5 s 22.5 s −2.00 s" in every_word(tmp_path / "two/m.html")
-
-
 @pytest.mark.parametrize(
     ("what", "source", "said"),
     [

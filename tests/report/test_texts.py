@@ -16,8 +16,16 @@ from test_part_programs import cuts, with_parts
 
 from pipeline.report.folders import MachineFolders
 from pipeline.report.pages import write_report
-from pipeline.report.settings import ReportSettings
-from pipeline.report.texts import ENGLISH, FOLDER, Entry, Texts, check_like, languages, texts
+from pipeline.report.texts import (
+    ENGLISH,
+    FOLDER,
+    Entry,
+    ReportSettings,
+    Texts,
+    check_like,
+    languages,
+    texts,
+)
 from pipeline.submodels.contract import submodel, submodels
 
 LEADS = ("index.html", "mill01.html", "mill02.html", "lathe.html", "new_mill.html")

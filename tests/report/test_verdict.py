@@ -7,7 +7,7 @@ import pytest
 from pipeline.charts.sections import Action, PartVerdict, SubModelPage
 from pipeline.report import verdict
 from pipeline.report.alarms import Alarms
-from pipeline.report.states import ActionRow
+from pipeline.report.facts import ActionRow
 
 
 def facts(**parts: PartVerdict) -> SimpleNamespace:

@@ -4,7 +4,16 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Protocol
 
-from pipeline.charts.numbers import NARROW, NOT_KNOWN, TOGETHER, counted, duration, fixed, number
+from pipeline.charts.numbers import (
+    NARROW,
+    NOT_KNOWN,
+    TOGETHER,
+    counted,
+    duration,
+    fixed,
+    number,
+    range_words,
+)
 from pipeline.charts.sources import Source
 from pipeline.charts.tables import Cell, Column, Table, tabulated
 from pipeline.schema.drive import AxisInCut
@@ -172,7 +181,9 @@ INTERVALS: tuple[Column[ForceInterval], ...] = (
         for load, group in (("peak_load", "Peak force"), ("mean_load", "Mean force"))
         for name, key in (("predicted", ""), ("from", "_low"), ("to", "_high"))
     ),
-    Column("Outside of what was learnt", lambda row: "; ".join(row.outside) or "nothing"),
+    Column(
+        "Outside of what was learnt", lambda row: range_words("; ".join(row.outside)) or "nothing"
+    ),
 )
 
 

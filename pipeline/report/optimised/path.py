@@ -11,8 +11,18 @@ from markupsafe import Markup, escape
 from pipeline.charts import svg
 from pipeline.charts.sections import Figure, Figures, Section
 from pipeline.charts.sources import Source
-from pipeline.report.programs.map import VIEWS, Axes, View, framed, grid_points, panel, stroke
-from pipeline.report.programs.panels import COLOURS, UNKNOWN, Classes
+from pipeline.report.programs.moves import (
+    COLOURS,
+    UNKNOWN,
+    VIEWS,
+    Axes,
+    Classes,
+    View,
+    framed,
+    grid_points,
+    panel,
+    stroke,
+)
 from pipeline.schema.arrays import Floats
 from pipeline.schema.part import LoadTrace, OptimisedPart
 from pipeline.schema.part_sheet import PathTrace

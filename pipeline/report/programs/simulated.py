@@ -13,15 +13,17 @@ from pipeline.charts.sections import Block, Figure, Figures, Section, present
 from pipeline.charts.sources import Source, SourceRegistry, shown
 from pipeline.charts.tables import MOST_ROWS, Cell, Column, Table, code, sources, tabulated
 from pipeline.report.cut.tables import sentence
-from pipeline.report.programs import times
-from pipeline.report.programs.map import map_figure
+from pipeline.report.programs import panels
 from pipeline.report.programs.moves import (
+    COLOURS,
     COLUMNS,
+    UNKNOWN,
+    Classes,
     ProgramMoves,
     lengths,
+    map_figure,
     program_moves,
 )
-from pipeline.report.programs.panels import COLOURS, UNKNOWN, Classes
 from pipeline.report.standalone_page import StandalonePage
 from pipeline.schema.program import SimulatedProgram, ToolTime
 
@@ -238,9 +240,9 @@ def time_section(
         figure
         for figure in (
             _map(program, classes, moves),
-            _bars(program, times.limit_bars(program.summary), "what bounds its speed", summary),
+            _bars(program, panels.limit_bars(program.summary), "what bounds its speed", summary),
             _timeline(program, classes, moves),
-            _bars(program, times.tool_and_type_bars(program.summary), "tool and type of block",
+            _bars(program, panels.tool_and_type_bars(program.summary), "tool and type of block",
                   summary),
         )
         if figure is not None
@@ -281,7 +283,7 @@ def lost_seconds(moves: ProgramMoves) -> float | None:
 
 def _binding(program: Program, assumed: Collection[str]) -> str:
     """Greatest loss beside the programmed feed and rapids, and its meaning."""
-    costs = times.limit_seconds(program.summary)
+    costs = panels.limit_seconds(program.summary)
     least = WORTH_SAYING * sum(costs.values())
     bound = {k: v for k, v in costs.items() if k in REMEDIES and v >= least}
     if not bound:
@@ -318,7 +320,7 @@ def _map(program: Program, classes: Classes, files: list[Source]) -> Figure | No
 
 
 def _timeline(program: Program, classes: Classes, files: list[Source]) -> Figure | None:
-    shown = None if program.moves is None else times.timeline(program.moves)
+    shown = None if program.moves is None else panels.timeline(program.moves)
     if shown is None:
         return None
     words = (
@@ -326,21 +328,21 @@ def _timeline(program: Program, classes: Classes, files: list[Source]) -> Figure
         "reached, while it cuts"
     )
     return Figure(
-        svg=times.timeline_figure(shown, classes, words),
+        svg=panels.timeline_figure(shown, classes, words),
         caption=f"{words}; below, what the axes fall short by, and which tool is in the spindle.",
         sources=files,
     )
 
 
 def _bars(
-    program: Program, groups: list[times.Group], by: str, files: list[Source]
+    program: Program, groups: list[panels.Group], by: str, files: list[Source]
 ) -> Figure | None:
     if not groups:
         return None
     total = program.seconds or sum(bar.seconds for bar in groups[0][1])
     words = f"Predicted time of {program.name} by {by}"
     return Figure(
-        svg=times.bars_figure(groups, total, words),
+        svg=panels.bars_figure(groups, total, words),
         caption=f"{words}.",
         sources=files,
     )
@@ -354,16 +356,16 @@ def _overview_table(programs: list[Program], shelf: SourceRegistry) -> Table | N
         return NOT_KNOWN if value is None else number(value)
 
     def at_feed(program: Program) -> str:
-        limits = times.limit_seconds(program.summary)
+        limits = panels.limit_seconds(program.summary)
         return percent(limits.get("feed", 0.0), sum(limits.values())) if limits else NOT_KNOWN
 
     def bound(program: Program) -> str:
-        limits = times.limit_seconds(program.summary)
+        limits = panels.limit_seconds(program.summary)
         other = {k: v for k, v in limits.items() if k not in FREE}
         if not other:
             return "–"
         most = max(sorted(other), key=lambda k: other[k])
-        return f"{times.limit_words(most)}, {percent(other[most], sum(limits.values()))}"
+        return f"{panels.limit_words(most)}, {percent(other[most], sum(limits.values()))}"
 
     def state(program: Program) -> Cell:
         if program.refused:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import TuningSettings, WindowTraining, place
+from pipeline.nets.settings import TuningSettings, WindowTraining, place
 from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import KINDS as NETWORKS
-from pipeline.nets.sequence_settings import (
+from pipeline.nets.settings import WINDOW_KINDS as NETWORKS
+from pipeline.nets.settings import (
     ArxSettings,
     CnnLstmAttentionSettings,
     CnnLstmSettings,
@@ -46,7 +46,7 @@ from pipeline.submodels.conformal import half_widths
 from pipeline.twin.drive import IdentifiedDrive
 
 if TYPE_CHECKING:
-    from pipeline.nets.window_model import TrainedSequence
+    from pipeline.nets.window_training import TrainedSequence
     from pipeline.twin.program_axes import Residual
 
 PREDICTION, ESTIMATION = "prediction", "estimation"
@@ -255,7 +255,7 @@ class Compensation:
 
     def networks(self, letter: str, use: str, kind: str) -> "tuple[TrainedSequence, ...]":
         """Networks of the folds."""
-        from pipeline.nets.window_model import restore_sequence
+        from pipeline.nets.window_training import restore_sequence
 
         key = key_of(letter, use, kind)
         if key not in self.restored:

@@ -351,7 +351,7 @@ class Network(Method):
 
     def restore(self, document: Mapping[str, Any]) -> Fitted:
         """The network of a document."""
-        from pipeline.nets.trained import restore
+        from pipeline.nets.training import restore
 
         return _Network(restore(document), self.inputs)
 

@@ -7,4 +7,4 @@ for, whether a learner that saw generated windows only reads recorded ones, spec
 whether training windows were copied.  Source: DCGAN2019.
 """
 
-__all__ = ["explanation", "model", "samples", "submodel"]
+__all__ = ["model", "samples", "submodel"]

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.nets.dcgan_settings import ConditionSpace, GanTraining
 from pipeline.nets.diversity import Collapse, collapse, features
-from pipeline.nets.sequence_settings import place
+from pipeline.nets.settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.verdict import significant
@@ -24,11 +24,11 @@ from pipeline.submodels.synthesis.model import (
     Look,
     Reference,
     Synthesis,
+    SynthesisFitSettings,
     WearCurve,
     beside,
     conditions_of_windows,
 )
-from pipeline.submodels.synthesis.settings import SynthesisFitSettings
 
 if TYPE_CHECKING:
     from pipeline.nets.dcgan import TrainedGan

@@ -40,10 +40,11 @@ from pipeline.submodels.synthesis.model import (
     GeneratorFile,
     Life,
     Synthesis,
+    SynthesisFitSettings,
+    SynthesisLimits,
     SynthesisModel,
     load_synthesis,
 )
-from pipeline.submodels.synthesis.settings import SynthesisFitSettings, SynthesisLimits
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,4 +5,4 @@ these with a baseline that needs no sensor; who serves is decided on training to
 of tools are cases, and no tool is learnt from and judged on.  Sources: DCGAN2019; ISO 8688-2.
 """
 
-__all__ = ["due", "edge_growth", "machine_wear", "model", "submodel"]
+__all__ = ["due", "machine_wear", "model", "submodel"]

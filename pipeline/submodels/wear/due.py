@@ -1,8 +1,17 @@
-"""Remaining life of tools in use: their wear now, and the time in the cut until the criterion.
+"""What wear does: growth of the edge forces, and the life that tools in use have left.
 
-Its wear now is what the signals of its last recording say, with the interval of the model that
-says it.  The time left is told by that, by what was last read under the microscope, and by its use
-alone.  Of tools that were used up it is counted how often the interval held.
+On the land of a worn flank pressure and friction act, so that edge forces grow as its width:
+K_te = K_te0 + k_t VB and K_re = K_re0 + k_r VB (Smithey, Kapoor, DeVor 2000).  Mean forces of
+milling are linear in the edge coefficients (:mod:`pipeline.cutting.force.mean_force`).  The force
+of the sharp tool is free for each tool and cut, so that runout, depth and the law of the chip are
+none of the growth.  A recording counts by its relative error, since depth and hardness err in per
+cent, and less where it lies apart (Huber).  Intervals leave out one tool after another: recordings
+of one tool share its edges, its mounting and its batches.  Under chips thinner than the edge is
+round a land carries less than this law says.
+
+The wear of a tool now is what the signals of its last recording say, with the interval of the
+model that says it.  The time left rests on that, on what was last read under the microscope, and on
+its use alone.  Of tools that were used up it is counted how often the interval held.
 """
 
 from collections.abc import Mapping
@@ -10,19 +19,185 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.schema.arrays import Floats
+from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
+from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
+from pipeline.schema.si import N_MM2, UM
 from pipeline.schema.verdict import Fact
 from pipeline.signals.wear_windows import WearWindows
-from pipeline.submodels.wear.edge_growth import EdgeGrowth, fit_edge_growth
 from pipeline.submodels.wear.life import (
+    Engaged,
     LifeLaw,
     TimeLeft,
     ToolUse,
     WearLifeSettings,
+    engaged,
     fit_life,
     uses,
 )
+
+EDGE_NAMES = ("K_te_over_VB", "K_re_over_VB")
+"""Order of the fitted coefficients, in N/mm of depth for each mm of land."""
+UNIT = "N/mm^2"
+EDGE = (COEFFICIENTS.index("K_te"), COEFFICIENTS.index("K_re"))
+WHOLE = 0.85
+"""Least force of a window against the greatest of its recording, so that the tool is all in [1]."""
+HUBER = 1.5
+"""Residual from which on a recording counts less, in robust standard deviations."""
+PLANE = 1.177
+"""Median size of a plane normal distribution of standard deviation 1 [1]."""
+ROUNDS = 30
+FEWEST = 3
+"""Least number of tools for an interval."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class EdgeGrowth:
+    """Contribution of wear to the edge coefficients, as stored."""
+
+    parameters: Mapping[str, Parameter]
+    """Parameters by ``EDGE_NAMES``."""
+    tools: int
+    recordings: int
+    """Tools and recordings that they were fitted on."""
+    wear_um: tuple[float, float]
+    """Least and greatest wear of those."""
+    error_percent: float
+    """Median of the relative error of the mean force after the fit."""
+    material: str = ""
+    """Material of conf/material/ that was cut; empty where nobody said it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class MeanForces:
+    """Mean forces of M recordings with the tool all in the material."""
+
+    force: Floats
+    """Force on the tool along the feed and to the left of it [N]; shape (M, 2)."""
+    land: Floats
+    """Area by which each of ``EDGE_NAMES`` adds to it [m^2]: design of the edge coefficients times
+    the wear; shape (M, 2, 2)."""
+    wear: Floats
+    """Wear [um]; shape (M,)."""
+    tool: np.ndarray
+    """Tool of each row; shape (M,)."""
+    cut: Ints
+    """Number of the tool and its cut: one sharp force each; shape (M,)."""
+
+    def of(self, rows: Bools) -> "MeanForces":
+        """Some of the recordings."""
+        return MeanForces(
+            force=self.force[rows], land=self.land[rows], wear=self.wear[rows],
+            tool=self.tool[rows], cut=self.cut[rows],
+        )  # fmt: skip
+
+
+def mean_forces(windows: WearWindows, settings: WearLifeSettings) -> MeanForces:
+    """Mean forces and what a land adds to them, one row a recording."""
+    cuts = engaged(windows, settings)
+    each = np.stack([_channel(windows, settings, axis) for axis in ("feed", "normal")], axis=1)
+    _, first, place = np.unique(windows.recording, return_index=True, return_inverse=True)
+    size, greatest = np.hypot(each[:, 0], each[:, 1]), np.zeros(len(first))
+    np.maximum.at(greatest, place, size)
+    kept = size >= WHOLE * greatest[place]
+    count = np.bincount(place[kept], minlength=len(first))
+    sums = [np.bincount(place[kept], each[kept, k], minlength=len(first)) for k in (0, 1)]
+    wear = np.asarray(windows.wear[first], np.float64)
+    return MeanForces(
+        force=np.stack(sums, axis=1) / count[:, None], wear=wear, tool=windows.tool[first],
+        land=_edges(cuts, first) * (wear * UM)[:, None, None], cut=_cut(windows, cuts, first),
+    )  # fmt: skip
+
+
+def _channel(windows: WearWindows, settings: WearLifeSettings, axis: str) -> Floats:
+    """Mean of a force on the tool in each window [N], shape (N,)."""
+    named = {str(k): v for k, v in settings.forces.items()}.get(axis, "")
+    name = named.removeprefix("-")
+    if name not in windows.channels:
+        raise ValueError(
+            f"wear_life.forces.{axis} = {named!r} is no channel of the windows: use one of "
+            f"{', '.join(windows.channels)}"
+        )
+    mean: Floats = windows.values[:, windows.channels.index(name)].mean(axis=1, dtype=np.float64)
+    return -mean if named.startswith("-") else mean
+
+
+def _edges(cuts: Engaged, at: Ints) -> Floats:
+    """Mean F_x, F_y for each edge coefficient [m], shape (M, 2, 2)."""
+    every = regressors(
+        flutes=cuts.flutes[at], f_z=cuts.f_z[at], a_p=cuts.a_p[at], phi_st=cuts.phi_st[at],
+        phi_ex=cuts.phi_ex[at],
+    )  # fmt: skip
+    return every[:, :2][:, :, list(EDGE)]
+
+
+def _cut(windows: WearWindows, cuts: Engaged, at: Ints) -> Ints:
+    """Number of the tool and its cut of recordings, shape (M,)."""
+    _, tool = np.unique(windows.tool[at], return_inverse=True)
+    told = (cuts.v_c, cuts.f_z, cuts.a_p, cuts.phi_st, cuts.phi_ex)
+    columns = np.column_stack([tool, *(np.round(one[at], 9) for one in told)])
+    _, number = np.unique(columns, axis=0, return_inverse=True)
+    return np.asarray(number, np.int64).ravel()
+
+
+def fit_edge_growth(windows: WearWindows, settings: WearLifeSettings) -> EdgeGrowth:
+    """Growth of the edge coefficients over the wear of three training tools or more."""
+    from scipy.special import stdtrit
+
+    rows = mean_forces(windows, settings)
+    tools = sorted(set(rows.tool.tolist()))
+    if len(tools) < FEWEST:
+        raise ValueError(
+            f"edge forces over wear need {FEWEST} tools, there are {len(tools)}: record more"
+        )
+    found, error = _robust(rows)
+    left = np.array([_robust(rows.of(rows.tool != one))[0] for one in tools])
+    share = (len(tools) - 1) / len(tools)
+    spread = np.sqrt(share * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
+    half = float(stdtrit(len(tools) - 1, 0.975)) * spread
+    method = f"mean forces of {len(rows.wear)} cuts, {len(tools)} tools left out in turn"
+    parameters = {
+        name: _parameter(float(value) / N_MM2, float(width) / N_MM2, method)
+        for name, value, width in zip(EDGE_NAMES, found, half, strict=True)
+    }
+    return EdgeGrowth(
+        parameters=parameters, tools=len(tools), recordings=len(rows.wear),
+        error_percent=100 * error, wear_um=(float(rows.wear.min()), float(rows.wear.max())),
+        material=settings.material,
+    )  # fmt: skip
+
+
+def _parameter(value: float, half: float, method: str) -> Parameter:
+    ends = (value - half, value + half)
+    if ends[0] <= 0.0:
+        return Parameter(
+            value=None, unit=UNIT, interval_95=None, determined=False,
+            method=f"its 95 % interval, {ends[0]:.3g} to {ends[1]:.3g} {UNIT}, reaches zero",
+            remedy="record cuts of tools over their whole life, from new to worn",
+        )  # fmt: skip
+    return Parameter(value=value, unit=UNIT, interval_95=ends, determined=True, method=method)
+
+
+def _robust(rows: MeanForces) -> tuple[Floats, float]:
+    """Slopes [Pa], shape (2,), by weighted least squares; median of the relative error [1]."""
+    size = np.hypot(rows.force[:, 0], rows.force[:, 1])[:, None]
+    _, cut = np.unique(rows.cut, return_inverse=True)
+    sharp = np.zeros((len(size), 2, cut.max() + 1, 2))
+    for axis in (0, 1):
+        sharp[np.arange(len(size)), axis, cut, axis] = 1.0
+    design = np.concatenate([rows.land, sharp.reshape(len(size), 2, -1)], axis=2)
+    x = (design / size[..., None]).reshape(2 * len(size), -1)
+    y, unit = (rows.force / size).ravel(), np.linalg.norm(x, axis=0)
+    weight, off = np.ones(len(size)), np.zeros(len(size))
+    found = np.zeros(x.shape[1])
+    for _ in range(ROUNDS):
+        root = np.repeat(np.sqrt(weight), 2)
+        found = np.linalg.lstsq(x / unit * root[:, None], y * root, rcond=None)[0] / unit
+        off = np.hypot(*(y - x @ found).reshape(-1, 2).T)
+        usual = max(float(np.median(off)), 1e-9)
+        weight = np.minimum(1.0, HUBER * usual / PLANE / np.maximum(off, 1e-12))
+    return found[:2], float(np.median(off))
+
 
 NORMAL_90 = 1.645
 """Half of a 90 % interval in standard deviations of a normal distribution [1]."""

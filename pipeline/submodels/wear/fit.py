@@ -20,16 +20,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import place
+from pipeline.nets.settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.interval import Bands
+from pipeline.schema.model import Model
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
 from pipeline.submodels.statistics import LEVEL, auc, gains
-from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
+from pipeline.submodels.wear.due import Lasting
 from pipeline.submodels.wear.methods import (
+    FeatureScaling,
+    KnownConditions,
     blend_weights,
+    features,
     fit_curve,
     fit_forest,
     fit_ridge,
@@ -47,6 +50,7 @@ from pipeline.submodels.wear.model import (
     MethodsFile,
     Readings,
     WearFitSettings,
+    WearModel,
     median,
 )
 
@@ -54,21 +58,6 @@ LEAST_SHARE = 0.05
 """Weight of the signals in the blend below which it is the baseline [1]."""
 RESAMPLED = 200
 """Draws of tools with replacement, of the standard error of an area under the curve [1]."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class WearFit:
-    """Result of the fit; see :class:`~pipeline.submodels.wear.model.WearModel`."""
-
-    scaling: ChannelScaling
-    known: KnownConditions
-    per_recording: bool
-    champion: str
-    alone: str
-    scores: Mapping[str, MethodScore]
-    weights: Mapping[str, float]
-    bands: Mapping[str, Bands]
-    methods: MethodsFile
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -82,11 +71,13 @@ class _Task:
     fold: int
 
 
-def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> WearFit:
+def fit_wear(
+    windows: WearWindows, progress: str, settings: WearFitSettings, head: Model, lasting: Lasting
+) -> tuple[WearModel, MethodsFile]:
     """Fit every method on training windows of three tools or more, and decide who serves.
 
     Windows come in the order of tools and of their use; ``progress`` is the condition that is the
-    tool's use, empty where there is none.
+    tool's use, empty where there is none; ``head`` is what a model of any sub-model holds.
     """
     tools = list(dict.fromkeys(windows.tool.tolist()))
     _check_tools(windows, tools)
@@ -104,18 +95,21 @@ def fit_wear(windows: WearWindows, progress: str, settings: WearFitSettings) -> 
     champion, alone = _who_serves(out, scores, weights, is_class=windows.is_class)
     own = _fitted(windows, progress, settings)
     documents = tuple(document for _, document in done if document is not None)
-    return WearFit(
-        scaling=own.scaling, known=own.known, per_recording=per_recording, champion=champion,
-        alone=alone, scores=scores, weights=weights,
+    return WearModel(
+        **vars(head), wear_unit=windows.wear_unit,
+        learnt=(float(windows.wear.min()), float(windows.wear.max())), channels=windows.channels,
+        units=windows.units, rate_Hz=windows.rate_Hz, length=windows.values.shape[2],
+        scaling=own.scaling, known=own.known, condition_units=dict(windows.condition_units),
+        progress=progress, progress_unit=windows.progress_unit, per_recording=per_recording,
+        champion=champion, alone=alone, scores=scores, weights=weights, lasting=lasting,
         bands={} if windows.is_class else {
             name: bands(_residuals(out, name), alike=True)
             for name in dict.fromkeys((champion, alone))
         },
-        methods=MethodsFile(
-            scaling=own.feature_scaling, ridge=own.ridge,
-            forest=None if own.forest is None else own.forest.document(), networks=documents,
-            guess=own.guess, by_conditions=own.by_conditions, mean=own.mean,
-        ),
+    ), MethodsFile(
+        scaling=own.feature_scaling, ridge=own.ridge,
+        forest=None if own.forest is None else own.forest.document(), networks=documents,
+        guess=own.guess, by_conditions=own.by_conditions, mean=own.mean,
     )  # fmt: skip
 
 

@@ -10,7 +10,7 @@ from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut.wear import NOT_RECORDED, KnownWear, LandGrowth, MachineWear
 
 if TYPE_CHECKING:
-    from pipeline.submodels.wear.edge_growth import EdgeGrowth
+    from pipeline.submodels.wear.due import EdgeGrowth
 
 NUMBER = re.compile(r"T?(\d+)", re.IGNORECASE)
 """Name of a tool that is its number."""
@@ -37,10 +37,10 @@ def _growth(edges: "EdgeGrowth | None") -> tuple[LandGrowth | None, str]:
     """The growth in SI, or why there is none."""
     if edges is None:
         return None, NOT_RECORDED
-    from pipeline.submodels.wear.edge_growth import NAMES
+    from pipeline.submodels.wear.due import EDGE_NAMES
 
     found = []
-    for name in NAMES:
+    for name in EDGE_NAMES:
         one = edges.parameters[name]
         if one.value is None or one.interval_95 is None:
             return None, f"{NOT_RECORDED}: {one.method}"

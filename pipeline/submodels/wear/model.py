@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.interval import Bands
 from pipeline.schema.model import Model
@@ -18,8 +18,14 @@ from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import ALL_REGIMES
 from pipeline.submodels.statistics import DRAWN
 from pipeline.submodels.wear.due import Lasting
-from pipeline.submodels.wear.features import FeatureScaling, KnownConditions, features
-from pipeline.submodels.wear.methods import Curve, ForestSettings, Ridge
+from pipeline.submodels.wear.methods import (
+    Curve,
+    FeatureScaling,
+    ForestSettings,
+    KnownConditions,
+    Ridge,
+    features,
+)
 
 if TYPE_CHECKING:
     from pipeline.nets.wear import WearJudge

@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.nets.sequence_settings import TuningSettings, WindowTraining
+from pipeline.nets.settings import TuningSettings, WindowTraining
 from pipeline.schema.arrays import Floats
 from pipeline.schema.drive import (
     DirectionFriction,

@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 import pytest
 
-from pipeline.nets.sequence_settings import TuningSettings
+from pipeline.nets.settings import TuningSettings
 from pipeline.nets.windows import WindowInput, windows_of
 from pipeline.submodels.compensation.features import MEASURED, RESIDUAL, Features, inputs_of
 from pipeline.submodels.compensation.fit import (

@@ -12,9 +12,9 @@ import torch
 
 from pipeline.charts.sources import SourceRegistry
 from pipeline.nets.sequence import sequence_network
-from pipeline.nets.sequence_settings import CnnLstmAttentionSettings, WindowTraining
+from pipeline.nets.settings import CnnLstmAttentionSettings, WindowTraining
 from pipeline.nets.stored import Scaling
-from pipeline.nets.window_model import TrainedSequence
+from pipeline.nets.window_training import TrainedSequence
 from pipeline.nets.windows import WindowInput
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Condition

@@ -12,7 +12,7 @@ import pytest
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.stages.identify import identify, judge
-from pipeline.submodels.cases import Case, Records
+from pipeline.submodels.cases import Case, Records, leak_reasons
 from pipeline.submodels.compensation import submodel
 from pipeline.submodels.compensation.features import modelled_following
 from pipeline.submodels.compensation.model import (
@@ -29,7 +29,6 @@ from pipeline.submodels.compensation.records import CompensationRecords
 from pipeline.submodels.compensation.submodel import SUBMODEL
 from pipeline.submodels.conformal import half_widths
 from pipeline.submodels.contract import Prediction
-from pipeline.submodels.frozen import leak_reasons
 from pipeline.submodels.judge import judge as judge_of
 from pipeline.submodels.statistics import DRAWN
 from tests.submodels.compensation.axis_files import (

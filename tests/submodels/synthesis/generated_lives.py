@@ -12,8 +12,7 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.contract import Predictor
 from pipeline.submodels.judge import Judged, judge
-from pipeline.submodels.synthesis.model import SynthesisModel
-from pipeline.submodels.synthesis.settings import SynthesisFitSettings, SynthesisLimits
+from pipeline.submodels.synthesis.model import SynthesisFitSettings, SynthesisLimits, SynthesisModel
 from pipeline.submodels.synthesis.submodel import SUBMODEL, Fitting, Judging
 from tests.shared import made_once
 from tests.signals.wear_files import IDENTITY, signals_of, wear_records

@@ -272,7 +272,7 @@ def test_a_broken_file_of_the_wear_model_is_named(tmp_path: Path) -> None:
 
 
 def test_the_network_of_the_wear_model_judges_too(built: Built, tmp_path: Path) -> None:
-    from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+    from pipeline.nets.settings import ResNetSettings, WindowTraining
     from pipeline.nets.wear import train_judge
 
     lives = [case.load().windows for case in built.cases.of("training")]

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.cutting.force.force_law import regressors
 from pipeline.signals.wear_windows import WearWindows
-from pipeline.submodels.wear.edge_growth import EDGE, NAMES, fit_edge_growth, mean_forces
+from pipeline.submodels.wear.due import EDGE, EDGE_NAMES, fit_edge_growth, mean_forces
 from pipeline.submodels.wear.life import engaged
 from tests.submodels.wear.shop_lives import (
     followed,
@@ -43,7 +43,7 @@ def test_a_linear_law_is_recovered(machine: str) -> None:
     settings = life_settings(machine)
     exact = fit_edge_growth(made(machine, relative=0.0), settings)
     noisy = fit_edge_growth(made(machine, relative=0.05), settings)
-    for name, true in zip(NAMES, SLOPES, strict=True):
+    for name, true in zip(EDGE_NAMES, SLOPES, strict=True):
         assert exact.parameters[name].value == pytest.approx(true, rel=1e-4)
         low, high = noisy.parameters[name].interval_95 or (np.nan, np.nan)
         assert low < true < high
@@ -63,7 +63,7 @@ def test_a_record_that_shows_half_of_a_cut_does_not_count() -> None:
     values[7] *= 0.3  # of one window a record: an exit that is all partial
     spoilt = fit_edge_growth(replace(found, values=values), settings)
     clean = fit_edge_growth(found, settings)
-    for name in NAMES:
+    for name in EDGE_NAMES:
         one, other = spoilt.parameters[name], clean.parameters[name]
         assert one.value == pytest.approx(other.value, rel=0.1)
 
@@ -86,7 +86,7 @@ def test_the_shops_growth_lies_in_the_interval(machine: str) -> None:
     some = tools(machine, training=True)
     found = fit_edge_growth(windows(machine, seed, some, forces=True, every=2), settings)
     true = fit_edge_growth(_plain(machine, seed, some), settings)
-    for name in NAMES:
+    for name in EDGE_NAMES:
         low, high = found.parameters[name].interval_95 or (np.nan, np.nan)
         value = true.parameters[name].value
         assert value is not None and low < value < high

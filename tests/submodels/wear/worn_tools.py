@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from pipeline.nets.sequence_settings import ResNetSettings, WindowTraining
+from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.schema.store import write_json
 from pipeline.signals.wear_records import WearRecords
 from pipeline.submodels.cases import Cases, Records, Roles
