@@ -9,7 +9,15 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.control.path import where
-from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace, tool_spans
+from pipeline.optimisation.comparison import (
+    BINDS,
+    KEPT,
+    RowReasons,
+    Side,
+    exceeded_limits,
+    load_trace,
+    tool_spans,
+)
 from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
@@ -21,9 +29,8 @@ from pipeline.optimisation.part_sheet import (
     tool_uses,
 )
 from pipeline.optimisation.proof.prove import with_proof_comment
-from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
-from pipeline.optimisation.reliability.judged import used_models
-from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.reliability.uncertainty import used_models
+from pipeline.optimisation.text.editable_blocks import reads_feed
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows

@@ -21,9 +21,15 @@ from pipeline.cutting.catalogue import Operation
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
-from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
-from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.operation_signs import (
+    CODE,
+    comments_of,
+    fill_from_cut,
+    named_operation,
+    says_roughing,
+    spots_only,
+)
+from pipeline.optimisation.text.editable_blocks import reads_feed
 from pipeline.schema.arrays import Bools, Rows
 from pipeline.twin.cut.blocks import CutBlocks
 from pipeline.twin.cut.loads import Cut

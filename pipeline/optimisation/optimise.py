@@ -17,8 +17,7 @@ from pipeline.cutting.tool import tool_limits
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.axis_limits import check_axes_known
-from pipeline.optimisation.full_twin import Result, TwinAnswer, full_twin
+from pipeline.optimisation.full_twin import Result, TwinAnswer, check_axes_known, full_twin
 from pipeline.optimisation.job import (
     Interrupted,
     Job,
@@ -29,10 +28,9 @@ from pipeline.optimisation.job import (
 )
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
-from pipeline.optimisation.methods.genetic import baselines, improve
-from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.methods.genetic import baselines, improve, pareto
 from pipeline.optimisation.methods.speeds import staying
-from pipeline.optimisation.operation_cuts import long_in_air
+from pipeline.optimisation.operation_signs import long_in_air
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import (
     Decision,
@@ -56,7 +54,7 @@ from pipeline.optimisation.reliability.chance_constraint import (
     chance_constrained_feeds,
     exceedance,
 )
-from pipeline.optimisation.reliability.force_intervals import cut_ranges
+from pipeline.optimisation.reliability.part_loads import cut_ranges
 from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks

@@ -14,9 +14,8 @@ from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
 from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.spindle import CUTTING
-from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
+from pipeline.optimisation.comparison import BINDS, COLUMNS, MM, RowReasons, Side, path_length
 from pipeline.optimisation.problem.arrays import feeds_per_minute
-from pipeline.optimisation.reasons import BINDS, RowReasons
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL
@@ -68,8 +67,7 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
 def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     """Name in ``BINDS`` that binds for the longest; None where nothing does for longer.
 
-    ``binds`` (M,): of :class:`~pipeline.optimisation.reasons.RowReasons`; ``seconds`` (M,): time of
-    each row [s].
+    ``binds`` (M,): of ``RowReasons``; ``seconds`` (M,): time of each row [s].
     """
     if not len(rows):
         return None

@@ -30,7 +30,7 @@ from pipeline.cutting.tool import Tool
 from pipeline.cutting.tool_range import by_width, tool_range
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import drills_on_one_side, long_in_air
+from pipeline.optimisation.operation_signs import drills_on_one_side, long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import (
     SAME,

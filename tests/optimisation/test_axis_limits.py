@@ -6,9 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.optimisation.axis_limits import check_axes, check_axes_known
 from pipeline.optimisation.document import optimised_part
-from pipeline.optimisation.full_twin import Result
+from pipeline.optimisation.full_twin import Result, check_axes, check_axes_known
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit

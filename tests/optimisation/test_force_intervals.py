@@ -6,7 +6,7 @@ from itertools import product
 import pytest
 
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
+from pipeline.optimisation.reliability.part_loads import cut_ranges, force_intervals
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.program_cut import ForceInterval

@@ -15,8 +15,12 @@ from pipeline.app.optimise_lines import optimise_lines
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.job import machine_models
-from pipeline.optimisation.reliability.judged import FIGURES, judged_spread, used_models
-from pipeline.optimisation.reliability.uncertainty import uncertainty
+from pipeline.optimisation.reliability.uncertainty import (
+    FIGURES,
+    judged_spread,
+    uncertainty,
+    used_models,
+)
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.report.optimised.page import optimised_page
 from pipeline.schema.cutting import MAGNITUDE

@@ -17,7 +17,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
-from pipeline.optimisation.operation_cuts import drills_on_one_side
+from pipeline.optimisation.operation_signs import drills_on_one_side
 from pipeline.optimisation.operations import operations, operations_without_cut
 from pipeline.optimisation.practice import practice_of
 from pipeline.parameters import structure

@@ -8,11 +8,11 @@ import pytest
 
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front
-from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.methods.genetic import pareto
 from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.problem.problem import Problem
 from pipeline.optimisation.settings import OBJECTIVES, Grouping, SearchSettings
-from pipeline.search.dominance import knee
+from pipeline.search.nsga2 import knee
 from tests.optimisation.modal_programs import seeds
 from tests.optimisation.problem_parts import cut_on, problem_on
 from tests.optimisation.zigzags import FREE, PAPER, zigzag, zigzag_problem

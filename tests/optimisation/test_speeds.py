@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.machine.spindle import run_up_time
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
-from pipeline.optimisation.methods.speed_pieces import speed_pieces
-from pipeline.optimisation.methods.speeds import viterbi
+from pipeline.optimisation.methods.speeds import speed_pieces, viterbi
 from pipeline.optimisation.settings import Grouping
 from pipeline.schema.limits import CutLimit
 from tests.optimisation.direct_parts import control, problem, slots

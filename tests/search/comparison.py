@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 from scipy import stats
 
-from pipeline.search import methods, whale
+from pipeline.search import methods
 from pipeline.search.result import minimise
 from tests.search.published import FUNCTIONS, Cost, Published
 
@@ -34,7 +34,7 @@ def by_name(name: str, cost: Cost, low, high, budget: Budget, seed: int) -> floa
 
 
 def whale_by_axis(cost: Cost, low, high, budget: Budget, seed: int) -> float:
-    some = whale.WhaleSettings(
+    some = methods.WhaleSettings(
         population=budget.population, generations=budget.generations, seed=seed, by_axis=True
     )
     return minimise(cost, low, high, some).cost

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.search.dominance import crowded_tournament, crowding, knee, ranks, survivors
+from pipeline.search.nsga2 import crowded_tournament, crowding, knee, ranks, survivors
 
 GRID = st.integers(0, 4).map(float)  # few values, so that ties are common
 

@@ -162,7 +162,7 @@ def test_it_ends_by_limit_stall_and_callback(name: str) -> None:
     method = METHODS[name]
 
     def ended(**more):
-        some = method.settings(population=8, generations=50, **more)
+        some = method(population=8, generations=50, **more)
         return result.minimise(sphere, LOW, HIGH, some)
 
     good = ended(limit=1.0)
@@ -199,4 +199,4 @@ def test_a_search_that_is_none_is_refused_with_the_names_of_those_there_are() ->
 )
 def test_settings_out_of_range_are_refused_by_name(name: str, setting: str, value) -> None:
     with pytest.raises(ValueError, match=rf"^{name}\.{setting} = {value} "):
-        METHODS[name].settings(**{setting: value})
+        METHODS[name](**{setting: value})

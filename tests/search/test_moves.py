@@ -6,12 +6,10 @@ from math import cos, exp, pi
 import numpy as np
 import pytest
 
-from pipeline.search import swarm, whale, wolf
+from pipeline.search import methods
+from pipeline.search.methods import SwarmSettings, WhaleSettings, WolfSettings
 from pipeline.search.operators import encircled, inside
 from pipeline.search.result import minimise
-from pipeline.search.swarm import SwarmSettings
-from pipeline.search.whale import WhaleSettings
-from pipeline.search.wolf import WolfSettings
 from tests.search.landscapes import sphere
 from tests.search.published import FUNCTIONS
 
@@ -38,7 +36,7 @@ def test_a_spiral_turns_about_the_best_within_its_greatest_widening() -> None:
     """Of each whale one factor for all axes, exp(l) cos(2 pi l), l from -1 to 1, and both ends."""
     best = UNIT[0]
     still = replace(WhaleSettings(), origin=0.5)
-    moved = whale.moved(UNIT, best, 1e-9, still, np.random.default_rng(2))
+    moved = methods.whales_moved(UNIT, best, 1e-9, still, np.random.default_rng(2))
     distance = np.abs(best - UNIT)[1:]
     factor = ((moved - best)[1:]) / distance
     spiralling = np.abs(factor).max(axis=1) > 1e-6  # a near 0 puts the others onto the best
@@ -52,7 +50,7 @@ def test_a_spiral_turns_about_the_best_within_its_greatest_widening() -> None:
     # l near 1 and near the trough at 0.53 are both among two hundred
     assert ours.max() > 2.0 and ours.min() < -1.5
     printed = replace(still, least_turn=-2.0, greatest_turn=-1.0)
-    wrong = whale.moved(UNIT, best, 1e-9, printed, np.random.default_rng(2))
+    wrong = methods.whales_moved(UNIT, best, 1e-9, printed, np.random.default_rng(2))
     assert (np.abs(wrong - best)[1:] / distance).max() <= exp(-1) + 1e-9
 
 
@@ -61,9 +59,11 @@ def test_whales_roam_while_a_is_great_and_encircle_when_it_is_small(by_axis: boo
     """With all others in one place and the best in another, the goal is seen in where they land."""
     crowd, best = np.full((400, 5), 0.45), np.full(5, 0.55)
     some = WhaleSettings(by_axis=by_axis)
-    roaming = whale.moved(crowd, best, 2.0, some, np.random.default_rng(3))
-    near = whale.moved(crowd, best, 0.99, some, np.random.default_rng(3))
-    stays = whale.moved(crowd, best, 2.0, replace(some, roams=False), np.random.default_rng(3))
+    roaming = methods.whales_moved(crowd, best, 2.0, some, np.random.default_rng(3))
+    near = methods.whales_moved(crowd, best, 0.99, some, np.random.default_rng(3))
+    stays = methods.whales_moved(
+        crowd, best, 2.0, replace(some, roams=False), np.random.default_rng(3)
+    )
     # with G = -0.05 a whale lands at G - A |C G - Z| = G -+ 0.05 A |C - 1|, C from 0 to 2
     spirals = (np.abs(roaming - stays) < 1e-12).all(axis=1)
     assert 1 - spirals.mean() > 0.3 if by_axis else 0.15 < 1 - spirals.mean() < 0.4
@@ -77,9 +77,9 @@ def test_whales_roam_while_a_is_great_and_encircle_when_it_is_small(by_axis: boo
 
 def test_wolves_close_in_on_the_mean_of_their_leaders_as_a_falls() -> None:
     leaders = UNIT[:3]
-    near = wolf.moved(UNIT, leaders, 1e-9, 0.5, np.random.default_rng(4))
+    near = methods.wolves_moved(UNIT, leaders, 1e-9, 0.5, np.random.default_rng(4))
     np.testing.assert_allclose(near, np.broadcast_to(leaders.mean(axis=0), near.shape), atol=1e-8)
-    wide = wolf.moved(UNIT, leaders, 1.0, 0.5, np.random.default_rng(4))
+    wide = methods.wolves_moved(UNIT, leaders, 1.0, 0.5, np.random.default_rng(4))
     # A is even about 0, so that the mean of many stays
     spread = (wide - leaders.mean(axis=0)).std()
     assert np.abs((wide - leaders.mean(axis=0)).mean()) < 4 * spread / np.sqrt(wide.size)
@@ -88,9 +88,9 @@ def test_wolves_close_in_on_the_mean_of_their_leaders_as_a_falls() -> None:
 
 def test_the_three_best_so_far_lead_though_the_pack_left_them() -> None:
     unit, costs = UNIT[:5], np.array([5.0, 1.0, 4.0, 2.0, 3.0])
-    leaders, theirs = wolf._best_of(unit[:0], costs[:0], unit, costs)
+    leaders, theirs = methods._best_of(unit[:0], costs[:0], unit, costs)
     assert theirs.tolist() == [1.0, 2.0, 3.0]
-    leaders, theirs = wolf._best_of(leaders, theirs, UNIT[5:8], np.array([9.0, 2.5, 9.0]))
+    leaders, theirs = methods._best_of(leaders, theirs, UNIT[5:8], np.array([9.0, 2.5, 9.0]))
     assert theirs.tolist() == [1.0, 2.0, 2.5]
     np.testing.assert_array_equal(leaders, UNIT[[1, 3, 6]])
 
@@ -108,12 +108,12 @@ def test_particles_accelerate_towards_both_bests_and_never_pass_the_greatest_spe
     shape = (20000, 1)
     velocity = np.full(shape, 0.1)
     to_own, to_all = np.full(shape, 0.02), np.full(shape, -0.04)
-    faster = swarm.accelerated(velocity, to_own, to_all, some, np.random.default_rng(5))
+    faster = methods.accelerated(velocity, to_own, to_all, some, np.random.default_rng(5))
     expected = some.constriction * (0.1 + 2.05 * 0.5 * 0.02 - 2.05 * 0.5 * 0.04)
     assert faster.mean() == pytest.approx(expected, abs=4 * faster.std() / np.sqrt(len(faster)))
-    hasty = swarm.accelerated(velocity, 50 * to_own, 50 * to_all, some, np.random.default_rng(5))
+    hasty = methods.accelerated(velocity, 50 * to_own, 50 * to_all, some, np.random.default_rng(5))
     assert np.abs(hasty).max() == some.fastest
-    left = swarm.accelerated(velocity, 0 * to_own, 0 * to_all, some, np.random.default_rng(5))
+    left = methods.accelerated(velocity, 0 * to_own, 0 * to_all, some, np.random.default_rng(5))
     np.testing.assert_allclose(left, some.constriction * velocity, rtol=1e-14)
 
 
@@ -129,8 +129,8 @@ def test_particles_remember_their_best_and_stop_at_walls(monkeypatch) -> None:
         drawn.append((velocity.copy(), to_own, to_all))
         return accelerated(velocity, to_own, to_all, settings, rng)
 
-    accelerated = swarm.accelerated
-    monkeypatch.setattr(swarm, "accelerated", spy)
+    accelerated = methods.accelerated
+    monkeypatch.setattr(methods, "accelerated", spy)
     # an optimum behind the walls, so that many meet them
     some = SwarmSettings(population=6, generations=12)
     minimise(cost, np.zeros(3), np.ones(3), some)

@@ -13,8 +13,9 @@ import numpy as np
 from pipeline.machine.control.path import where
 from pipeline.optimisation.methods.feed_groups import feed_groups
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds, column
-from pipeline.optimisation.methods.speed_pieces import SPEEDS, Pieces
 from pipeline.optimisation.methods.speeds import (
+    SPEEDS,
+    Pieces,
     Stretches,
     best_speeds,
     change_price,

@@ -189,7 +189,7 @@ class Front:
     no_worse: NDArray[np.bool_] = field(repr=False)
     """Members that are in nothing that counts worse than the program as it is; shape (F,)."""
     knee: int
-    """The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
+    """The member that gives most for what it takes (:func:`pipeline.search.nsga2.knee`), of
     those that are no worse than the program; of all where there is none."""
     evaluations: int
     """Number of evaluations."""

@@ -17,14 +17,13 @@ from pipeline.optimisation.problem.arrays import (
     Practice,
     feeds_per_minute,
 )
-from pipeline.optimisation.problem.demand import demand_of
 from pipeline.optimisation.problem.limits import (
     at_hardest_station,
     bounds_of,
     ranges_of,
     row_limits,
 )
-from pipeline.optimisation.problem.problem import Problem
+from pipeline.optimisation.problem.problem import Problem, demand_of
 from pipeline.optimisation.problem.spindle import Lobes, allowed_power
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit, limit_words
