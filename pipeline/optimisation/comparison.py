@@ -190,8 +190,7 @@ class RowReasons:
     @cached_property
     def kept(self) -> Bools:
         """Rows whose F and S both stay; shape (M,)."""
-        stays: Bools = (self.editable.block < 0) & ~self.editable.speed
-        return stays
+        return (self.editable.block < 0) & ~self.editable.speed
 
     @cached_property
     def binds(self) -> Rows:
@@ -224,8 +223,7 @@ class RowReasons:
         """Rows that cut with a tool whose life in the material is not known; shape (M,)."""
         material, tools = self.result.job.basis.material, self.problem.cut.tools
         unknown = np.array([material.tool_life(tool) is None for tool in tools] or [False])
-        rows: Bools = self.problem.cuts & unknown[self.problem.cut.tool]
-        return rows
+        return self.problem.cuts & unknown[self.problem.cut.tool]
 
     @cached_property
     def _held(self) -> dict[str, tuple[tuple[str, ...], Rows]]:
@@ -312,8 +310,7 @@ class RowReasons:
         return "; ".join(dict.fromkeys(one.why for one in found if one.rows[rows].any())) or None
 
     def _own(self, rows: Rows) -> Floats:
-        own: Floats = self.own_speed[rows] * ROUNDED
-        return own
+        return self.own_speed[rows] * ROUNDED
 
 
 def _first(reasons: Reasons, many: int) -> tuple[tuple[str, ...], Rows]:

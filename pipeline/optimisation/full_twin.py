@@ -170,8 +170,7 @@ def _of_it(width: Floats, k: int, name: str) -> str:
 
 
 def _falls(values: Floats) -> Bools:
-    falls: Bools = np.diff(values, prepend=values[:1]) < -FALLING * values
-    return falls
+    return np.diff(values, prepend=values[:1]) < -FALLING * values
 
 
 SLACK = 1e-4
@@ -426,5 +425,4 @@ def _loads(cut: Cut, station: int, f_z: float, angles: Floats) -> Floats:
         slope=float(np.clip(engagement.slope[station], -1.0, 1.0)),
         ring=engagement.rings.of(station),
     )  # fmt: skip
-    load: Floats = np.hypot(forces[:, 0], forces[:, 1])
-    return load
+    return np.hypot(forces[:, 0], forces[:, 1])

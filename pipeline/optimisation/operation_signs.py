@@ -272,8 +272,7 @@ def fill_from_cut(code: NDArray[np.int8], moves: Moves, cut: Cut, blocks: CutBlo
 
 def _fall(moves: Moves) -> Floats:
     """Height lost over the length of each row [1]; shape (M,)."""
-    fall: Floats = (moves.start[:, 2] - moves.end[:, 2]) / np.maximum(moves.length, 1e-9)
-    return fall
+    return (moves.start[:, 2] - moves.end[:, 2]) / np.maximum(moves.length, 1e-9)
 
 
 def _moving(moves: Moves) -> Rows:
@@ -293,8 +292,7 @@ def _begins(moves: Moves, cut: Cut) -> Bools:
 def _mostly(rows: Bools, passes: Rows, length: Floats) -> Bools:
     """Blocks of a pass of which ``rows`` are at least half, by length."""
     share = np.bincount(passes, rows * length) / np.maximum(np.bincount(passes, length), 1e-12)
-    most: Bools = share[passes] >= 0.5
-    return most
+    return share[passes] >= 0.5
 
 
 def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
@@ -318,8 +316,7 @@ def _leads(moves: Moves, cut: Cut, blocks: CutBlocks, cuts: Rows) -> Bools:
     whole = np.bincount(cuts, length)[cuts]
     end = (first | last) & (length <= whole / 2)
     alone = (first & before) | (last & behind)
-    lead: Bools = in_air & (length <= longest) & np.where(whole > longest, end, alone)
-    return lead
+    return in_air & (length <= longest) & np.where(whole > longest, end, alone)
 
 
 def _drilling_stations(cut: Cut) -> Rows:
@@ -386,8 +383,7 @@ def length_in_air(cut: Cut, blocks: CutBlocks) -> Floats:
     inside = np.zeros(len(length))
     time = blocks.air + blocks.seconds
     inside[blocks.row] = np.divide(blocks.seconds, time, out=np.zeros(len(time)), where=time > 0)
-    outside: Floats = length * (1 - inside)
-    return outside
+    return length * (1 - inside)
 
 
 def long_in_air(cut: Cut, blocks: CutBlocks) -> Bools:

@@ -111,8 +111,7 @@ class CommentsInForce:
         own = np.maximum.accumulate(np.where(there & self.main, lines, -1))
         under = np.where(self.main, own, every) >= self.begin
         called = np.array([under[list(calls)].any() for calls in self.callers])
-        rows: Bools = under[self.line] | called[self.caller]
-        return rows
+        return under[self.line] | called[self.caller]
 
 
 def comments_in_force(program: Program, comments: tuple[str, ...], moves: Moves) -> CommentsInForce:
@@ -244,8 +243,7 @@ class Operations:
 
     def of(self, *names: Operation) -> Bools:
         """Rows with one of some operations; shape (M,)."""
-        there: Bools = np.isin(self.code, [CODE[name] for name in names])
-        return there
+        return np.isin(self.code, [CODE[name] for name in names])
 
     def of_parts(self, whole: NDArray[np.int8]) -> "Operations":
         """Operations of the parts of blocks, where ``whole`` (M,) are those of the blocks.

@@ -128,8 +128,7 @@ def immersion(width: ArrayLike) -> Floats:
     >>> immersion([0.1, 0.5, 0.9]).round(3).tolist()
     [0.6, 1.0, 1.0]
     """
-    sine: Floats = np.sqrt(1 - (1 - 2 * np.minimum(width, 0.5)) ** 2)
-    return sine
+    return np.sqrt(1 - (1 - 2 * np.minimum(width, 0.5)) ** 2)
 
 
 def thinning(cut: Cut, arcs: StationArcs) -> Floats:
@@ -286,8 +285,7 @@ class _Rows:
         yield (found or (None,))[-1], rows
 
     def _wider(self, share: float, tool: Tool) -> Bools:
-        rows: Bools = self.radial > share * tool.diameter + self.cut.engagement.resolution
-        return rows
+        return self.radial > share * tool.diameter + self.cut.engagement.resolution
 
     def _thicker(self, ranges: tuple[OperationRange, ...]) -> Floats:
         """Feed for each tooth over that of the range for a chip as thick, 1 or more; (M,)."""
@@ -375,8 +373,7 @@ class _Rows:
         line = np.where(self.moves.file == 0, self.moves.line, 0)
         air = np.zeros(len(self.program) + 1, dtype=np.bool_)
         air[line[self.fed & ~self.cuts]] = True
-        rows: Bools = self.cuts & air[line]
-        return rows
+        return self.cuts & air[line]
 
     def _kept(
         self, ranges: tuple[OperationRange, ...]
@@ -414,8 +411,7 @@ class _Rows:
         line = np.where(self.moves.file == 0, self.moves.line, 0)
         cutting = np.zeros(len(words), dtype=np.bool_)
         cutting[line[self.cuts]] = True
-        rows: Bools = self.fed & ~self.cuts & words[line] & ~cutting[line]
-        return rows
+        return self.fed & ~self.cuts & words[line] & ~cutting[line]
 
     def _named(self, text: str) -> Bools:
         """Rows that a person names: a tool, lines, a word of a comment or of a tool's name."""

@@ -104,8 +104,7 @@ def accelerated(
     faster = chi * velocity
     faster += (chi * settings.own) * chance[0] * to_own
     faster += (chi * settings.best) * chance[1] * to_all
-    limited: Floats = np.minimum(np.maximum(faster, -most, out=faster), most, out=faster)
-    return limited
+    return np.minimum(np.maximum(faster, -most, out=faster), most, out=faster)
 
 
 @dataclass(frozen=True, kw_only=True)

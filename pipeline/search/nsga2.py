@@ -38,8 +38,7 @@ def dominates(one: Floats, other: Floats, mine: Floats, theirs: Floats) -> Bools
         nowhere_worse &= one[..., k] <= other[..., k]
         somewhere_better |= one[..., k] < other[..., k]
     inside = (mine <= 0) & (theirs <= 0)
-    dominating: Bools = np.where(inside, nowhere_worse & somewhere_better, mine < theirs)
-    return dominating
+    return np.where(inside, nowhere_worse & somewhere_better, mine < theirs)
 
 
 def ranks(objectives: Floats, violation: Floats) -> Ranks:
@@ -154,8 +153,7 @@ def _toward_ideal(edges: Floats) -> Floats:
         across = down - along.T @ (along @ down)
         if np.linalg.norm(across) > 1e-6:
             down = across
-    unit: Floats = down / np.linalg.norm(down)
-    return unit
+    return down / np.linalg.norm(down)
 
 
 @dataclass(frozen=True, kw_only=True)

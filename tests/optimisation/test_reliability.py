@@ -10,9 +10,11 @@ from hypothesis import strategies as st
 from scipy.stats import binom, norm
 
 from pipeline.cutting.force.force_law import ForceLaw
+from pipeline.cutting.force.profile_kernel import look_up
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.chance_constraint import (
+    PartLoads,
     aimed_share,
     chance_constrained_feeds,
     clopper_pearson,
@@ -21,7 +23,6 @@ from pipeline.optimisation.reliability.chance_constraint import (
     share_above,
 )
 from pipeline.optimisation.reliability.part_loads import (
-    PartLoads,
     _sobol,
     critical,
     deeper,
@@ -333,10 +334,10 @@ def test_nominal_draws_are_the_load_table(milled):
     """Candidates, one for each class, hold the peak of every row at any feed."""
     found = critical(milled)
     for f_z in (1e-6, 2e-5, 1e-4):
-        rows = np.full(found.rows, f_z)
-        greatest = np.zeros(found.rows)
-        np.maximum.at(greatest, found.row, found.loads(rows[found.row]))
-        assert greatest == pytest.approx(milled.table.peaks(rows))
+        loads, greatest = np.zeros((1, len(found))), np.zeros(found.rows)
+        look_up(np.full((1, len(found)), f_z), found.curve, found.scale, found.exponent, loads)
+        np.maximum.at(greatest, found.row, loads[0])
+        assert greatest == pytest.approx(milled.table.peaks(np.full(found.rows, f_z)))
 
 
 def lognormal(many: int, spread: float = 0.1):

@@ -205,8 +205,7 @@ def _widths(problem: Problem, stretches: Stretches) -> Floats:
     np.maximum.at(high, stretches.stretch[rows], problem.ranges.speed_high[rows])
     low = np.maximum(np.minimum(low, stretches.speeds), 0.01 * stretches.speeds)
     high = np.minimum(np.maximum(high, stretches.speeds), 100 * stretches.speeds)
-    widths: Floats = (high / low) ** (1 / (SPEEDS - 1)) - 1
-    return widths
+    return (high / low) ** (1 / (SPEEDS - 1)) - 1
 
 
 def _values(

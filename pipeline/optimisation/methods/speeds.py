@@ -162,8 +162,7 @@ def _corners(problem: Problem, cuts: NDArray[np.bool_]) -> Floats:
     rows = np.flatnonzero(cuts & (path.motion != Motion.PER_TURN) & (problem.bounds.high > 0))
     fastest = np.minimum(path.factor[rows] * problem.ranges.feed_high[rows], path.cap[rows])
     speed = 60 * fastest / (problem.bounds.high[rows] * problem.flutes[rows])
-    corners: Floats = np.unique(np.ceil(speed[np.isfinite(speed)]))
-    return corners
+    return np.unique(np.ceil(speed[np.isfinite(speed)]))
 
 
 LEADS = np.array([0.0, 0.1, 0.2, 0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 5.0, 10.0])

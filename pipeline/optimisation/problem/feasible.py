@@ -123,8 +123,7 @@ def _outside(value: Floats, low: Floats, high: Floats) -> Floats:
 def _over(value: Floats | float, limit: Floats) -> Floats:
     shape = np.broadcast_shapes(np.shape(value), limit.shape)
     above = np.where(np.broadcast_to(value, shape) > 0, np.inf, 0.0)
-    divided: Floats = np.divide(value, limit, out=above, where=limit > 0)
-    return divided
+    return np.divide(value, limit, out=above, where=limit > 0)
 
 
 def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
@@ -356,8 +355,7 @@ def _corners(problem: Problem) -> tuple[Floats, Floats]:
 def _in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
     """F in the units of ``Moves`` of feeds in [mm/min]; shape (M,)."""
     ones = feeds_per_minute(problem.cut, np.ones(len(problem)), spindle_speed)
-    units: Floats = np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
-    return units
+    return np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
 
 
 def _check_kept(problem: Problem) -> None:

@@ -345,8 +345,7 @@ class Problem:
         """Along the path at F, as fast as axes and arcs allow [m/s]; shape of both."""
         path = self.cut.plan.path
         by_turn = np.where(path.motion == Motion.PER_TURN, spindle_speed, 1.0)
-        allowed: Floats = np.minimum(path.factor * feeds * by_turn, path.cap)
-        return allowed
+        return np.minimum(path.factor * feeds * by_turn, path.cap)
 
     @cached_property
     def speed_changes(self) -> SpeedChanges:

@@ -296,8 +296,7 @@ def quantiles(ordered: Floats, level: float) -> Floats:
     before = normal_level(body)
     low, high = _at(ordered, body), _at(ordered, 1.0 - beyond)
     growth = np.divide(high, low, out=np.ones_like(high), where=low > 0)
-    tail: Floats = high * growth ** ((level - settled) / (settled - before))
-    return tail
+    return high * growth ** ((level - settled) / (settled - before))
 
 
 def _at(ordered: Floats, share: float) -> Floats:
@@ -305,8 +304,7 @@ def _at(ordered: Floats, share: float) -> Floats:
     many = ordered.shape[-1]
     place = min(max(share * (many + 1) - 1, 0.0), many - 1.0)
     k = min(int(place), many - 2)
-    value: Floats = ordered[..., k] + (place - k) * (ordered[..., k + 1] - ordered[..., k])
-    return value
+    return ordered[..., k] + (place - k) * (ordered[..., k + 1] - ordered[..., k])
 
 
 def share_above(ordered: Floats, limit: float) -> float:

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
+from pipeline.optimisation.problem.limits import crossings
 from pipeline.optimisation.reliability.uncertainty import CutRange, ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
@@ -103,38 +104,17 @@ class Critical:
     @property
     def last_feeds(self) -> Floats:
         """f_z of the last node of each candidate's table [m]; shape (Q,)."""
-        last: Floats = ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
-        return last
+        return ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
 
     def over(self, limits_N: Floats) -> "Critical":
         """The same with loads over the limit of their tool, (T,) [N], in place of newtons."""
         limit = limits_N[self.tool][self.group]
         return replace(self, curve=self.curve / limit[:, None])
 
-    def loads(self, f_z: Floats) -> Floats:
-        """Nominal peak of each candidate [N] at one feed for each, shape (Q,)."""
-        from pipeline.cutting.force.profile_kernel import look_up
-
-        out = np.empty((1, len(self)))
-        if len(self):
-            look_up(f_z[np.newaxis], self.curve, self.scale, self.exponent, out)
-        return out[0]
-
     def feeds(self, limit: float) -> Floats:
         """Greatest f_z up to which each stays within a load [m]; inf where none reaches it."""
-        squares = np.arange(self.curve.shape[1]) ** 2.0
-        beyond = self.curve > limit
-        beyond[:, -1] = True  # the last two go on
-        node = np.argmax(beyond, axis=1)
-        after = np.maximum(node, 1)
-        low, high = (np.take_along_axis(self.curve, k[:, None], axis=1)[:, 0]
-                     for k in (after - 1, after))  # fmt: skip
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            share = (limit - low) / (high - low)
-            u = squares[after - 1] + share * (squares[after] - squares[after - 1])
-            f_z = (u / self.scale) ** (1.0 / self.exponent)
-        f_z = np.where((high > low) & (f_z < ENDLESS), f_z, np.inf)
-        return np.where(node == 0, 0.0, f_z)
+        f_z = crossings(self.curve, self.scale, self.exponent, limit)
+        return np.where(f_z < ENDLESS, f_z, np.inf)
 
 
 def critical(cut: Cut, rows: Rows | None = None) -> Critical:

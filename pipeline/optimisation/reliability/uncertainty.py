@@ -70,27 +70,28 @@ def used_models(
     verdicts: Mapping[str, Verdict | None], settings: ReliabilitySettings
 ) -> tuple[UsedModel, ...]:
     """Sub-models with their verdicts and spreads, the gravest first."""
-    found = [
-        _used(name, verdicts.get(name), settings) if name in verdicts
-        else _without(name, settings)
+    models = (
+        _used(name, verdicts[name], settings) if name in verdicts else _without(name, settings)
         for name in FIGURES
-    ]  # fmt: skip
-    return tuple(sorted(found, key=lambda one: GRAVITY.index(one.status)))
+    )
+    return tuple(sorted(models, key=lambda model: GRAVITY.index(model.status)))
 
 
 def _used(name: str, verdict: Verdict | None, settings: ReliabilitySettings) -> UsedModel:
-    errors = judged_errors(name, verdict)
-    status = "not judged" if verdict is None else verdict.status
-    missed = () if verdict is None else verdict.set_aside
-    if verdict is not None and status != "passed":
-        missed = verdict.missed
-    least = settings.model if name == "cutting" else 0.0
+    held_out = held_out_errors(name, verdict)
+    errors = [error for _, error in held_out]
+    status: UsedStatus = "not judged"
+    missed: tuple[str, ...]
     if verdict is None:
         missed = ("no verdict.json stands beside its model: run dvc repro to its end",)
+    else:
+        status = verdict.status
+        missed = verdict.set_aside if status == "passed" else verdict.missed
+    least = settings.model if name == "cutting" else 0.0
     return UsedModel(
         submodel=name, figures=FIGURES[name], status=status,
         reason=missed[0] if missed else "", missed=len(missed),
-        recordings=len({group for group, _ in _judged(name, verdict)}),
+        recordings=len({group for group, _ in held_out}),
         error_percent=float(f"{100 * rms(errors):.4g}") if errors else None,
         spread_percent=float(f"{100 * judged_spread(status, errors, least, settings)[0]:.4g}"),
     )  # fmt: skip
@@ -104,13 +105,11 @@ def _without(name: str, settings: ReliabilitySettings) -> UsedModel:
     )  # fmt: skip
 
 
-def judged_errors(name: str, verdict: Verdict | None) -> list[float]:
-    """Relative errors of a sub-model on held-out recordings [1]: peak loads, else RMSE over RMS."""
-    return [error for _, error in _judged(name, verdict)]
+def held_out_errors(name: str, verdict: Verdict | None) -> list[tuple[str, float]]:
+    """Held-out recordings and the relative error [1] of each axis or channel judged in them.
 
-
-def _judged(name: str, verdict: Verdict | None) -> list[tuple[str, float]]:
-    """Held-out recordings, one for each axis or channel that was judged, with the error [1]."""
+    The error is that of peak loads, or else the RMSE over the RMS.
+    """
     figure = "peak_percent" if name == "cutting" else "relative_percent"
     errors = [
         (score.group, getattr(score, figure))
@@ -335,9 +334,7 @@ def law_root(
     deepest = used.depths_m[1]  # chips of shallower cuts are as thick, and the tool ends in some
     share = max(outside_share(spread, speed, deepest) for speed in used.speeds)
     square += share**2 * np.outer(mean, mean)
-    values, vectors = np.linalg.eigh(square)
-    root_of: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root_of
+    return root(square)
 
 
 def _fitted_root(
@@ -350,7 +347,9 @@ def _fitted_root(
             max(abs(mean[k]), BESIDE * beside) if half is None else half / NORMAL * SCALES[k]
         )
     determined = [name for k, name in enumerate(COEFFICIENTS) if halves[k] is not None]
-    return np.asarray(spread[:, None] * root(correlation(model, determined)))
+    rows = root(correlation(model, determined))
+    length = np.sqrt((rows**2).sum(axis=1, keepdims=True))
+    return spread[:, None] * rows / np.where(length > 0, length, 1.0)
 
 
 def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertainty:
@@ -368,8 +367,7 @@ def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertain
             what=f"{name} of {land.wear_um:g} um of wear", value=f"{added / N_MM:.4g} N/mm more",
             spread=f"{spread[k] / N_MM:.3g} N/mm", source=land.source,
         ))  # fmt: skip
-    values, vectors = np.linalg.eigh(drawn.own @ drawn.own.T + np.diag(spread**2))
-    own = vectors * np.sqrt(np.maximum(values, 0.0))
+    own = root(drawn.own @ drawn.own.T + np.diag(spread**2))
     return replace(drawn, mean=mean, own=own, described=(*drawn.described, *described))
 
 
@@ -435,11 +433,9 @@ def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats
 
 
 def root(matrix: Floats) -> Floats:
-    """R with R R^T a correlation, which rounding may have made slightly indefinite."""
+    """R with R R^T a covariance, which rounding may have made slightly indefinite."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    factor: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
-    length = np.sqrt((factor**2).sum(axis=1, keepdims=True))
-    return factor / np.where(length > 0, length, 1.0)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def model_spread(
@@ -451,5 +447,5 @@ def model_spread(
     their own.
     """
     status: UsedStatus = "not judged" if verdict is None else verdict.status
-    errors = judged_errors("cutting", verdict)
+    errors = [error for _, error in held_out_errors("cutting", verdict)]
     return judged_spread(status if own else "passed", errors, settings.model, settings)

@@ -92,8 +92,7 @@ def cuts_at_feed(moves: Moves) -> Bools:
 def _repeats_point(moves: Moves) -> Bools:
     """Feed and arc rows that end where they begin: they take no time, whatever their F (M,)."""
     fed = np.isin(moves.kind, (Kind.FEED, Kind.ARC)) & (moves.angle == 0)
-    same: Bools = fed & (moves.end == moves.start).all(axis=1)
-    return same
+    return fed & (moves.end == moves.start).all(axis=1)
 
 
 def at_speed(moves: Moves) -> Bools:
@@ -339,8 +338,7 @@ def _feed_reasons(
 def _lines_with(moves: Moves, rows: Bools) -> Bools:
     """Rows of the program's own lines that some rows come of (M,)."""
     own = moves.file == 0
-    among: Bools = np.isin(moves.line, np.unique(moves.line[rows & own])) & own
-    return among
+    return np.isin(moves.line, np.unique(moves.line[rows & own])) & own
 
 
 def _turns_alone(words: ProgramWords, moves: Moves, unit: Floats) -> Bools:
