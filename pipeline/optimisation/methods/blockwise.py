@@ -50,11 +50,11 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
     kept: list[tuple[float, Decision]] = []
     passed: list[tuple[float, Decision]] = []
     for decision in _rounds(problem, objective, grouping, whole):
-        evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-        if evaluated.violation[0] > 0.0:
-            passed.append((float(evaluated.violation[0]), decision))
+        objectives, violation = problem.decided(decision)
+        if violation > 0.0:
+            passed.append((violation, decision))
             continue
-        value = float(evaluated.objectives[0, which])
+        value = float(objectives[which])
         best = min((found for found, _ in kept), default=np.inf)
         kept.append((value, decision))
         if value > best * (1 - WORTH):

@@ -171,11 +171,9 @@ class Method:
 
 def method_of(problem: Problem, name: str, decision: Decision, evaluations: int) -> Method:
     """Objectives and violation of a decision."""
-    evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-    return Method(
-        name=name, decision=decision, objectives=evaluated.objectives[0],
-        violation=float(evaluated.violation[0]), evaluations=evaluations,
-    )  # fmt: skip
+    objectives, violation = problem.decided(decision)
+    return Method(name=name, decision=decision, objectives=objectives, violation=violation,
+                  evaluations=evaluations)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

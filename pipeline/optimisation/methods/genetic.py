@@ -70,16 +70,16 @@ def improve(
 
 
 def _value(problem: Problem, start: Decision, which: int) -> float:
-    evaluated = problem.evaluate(start.groups, start.feeds[None], start.speeds[None])
-    value = float(evaluated.objectives[0, which])
+    objectives, violation = problem.decided(start)
+    value = float(objectives[which])
     if not np.isfinite(value):
         raise ValueError(
             f"the {OBJECTIVES[which]} of the start is not known: choose another objective"
         )
-    if evaluated.violation[0] > 0:
+    if violation > 0:
         named = passed_limit(problem, start.row_feeds, start.row_speeds)
         raise ValueError(
-            f"the start of the search passes its limits by {100 * evaluated.violation[0]:.3g} % in "
+            f"the start of the search passes its limits by {100 * violation:.3g} % in "
             f"sum: begin with one that keeps them ({named or 'no single block'})"
         )
     return value

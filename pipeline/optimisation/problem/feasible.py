@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,7 +25,7 @@ from pipeline.optimisation.problem.limits import (
     row_limits,
 )
 from pipeline.optimisation.problem.problem import Problem, demand_of
-from pipeline.optimisation.problem.spindle import Lobes, allowed_power
+from pipeline.optimisation.problem.spindle import allowed_power, chatter_of
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut.blocks import cut_blocks, station_arcs
@@ -167,7 +168,17 @@ def problem_of(
         bounds=bounds,
         ranges=ranges,
         demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
-        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed, limits.margins.stability),
+        lobes=cache(
+            partial(
+                chatter_of,
+                cut,
+                blocks,
+                basis.dynamics,
+                ranges,
+                editable.speed,
+                limits.margins.stability,
+            )
+        ),
         practice=practice,
     )
     if practice is not None:  # what keeps its S is cut as it is

@@ -33,6 +33,7 @@ from pipeline.optimisation.problem.arrays import (
     SAME,
     STABILITY,
     Bounds,
+    Decision,
     Editable,
     Evaluation,
     Groups,
@@ -45,7 +46,6 @@ from pipeline.optimisation.problem.arrays import (
 from pipeline.optimisation.problem.limits import inverse
 from pipeline.optimisation.problem.spindle import (
     Chatter,
-    Lobes,
     SpeedChanges,
     allowed_torque,
     speed_changes,
@@ -234,8 +234,8 @@ class Problem:
     """F and S of each row."""
     demand: Demand = field(repr=False)
     """Objectives of each row."""
-    lobes: Lobes = field(repr=False)
-    """Stability lobes."""
+    lobes: Callable[[], Chatter | None] = field(repr=False)
+    """Stability lobes, computed where they are first read and then kept: they take time."""
     practice: Practice | None = field(default=None, repr=False)
     """Ranges by tool and operation, and the greatest change from the program."""
     stays: Floats | None = field(default=None, repr=False)
@@ -264,7 +264,7 @@ class Problem:
     @property
     def chatter(self) -> Chatter | None:
         """Margins of stability; None where no dynamics are known."""
-        return self.lobes.chatter
+        return self.lobes()
 
     def spindle_speed(self, speeds: ArrayLike) -> Floats:
         """Speed of the spindle [rev/min] for S of shape (..., M)."""
@@ -359,6 +359,11 @@ class Problem:
             self, len(feed),
             lambda part: (groups.row_feeds(feed[part]), groups.row_speeds(speed[part])),
         )  # fmt: skip
+
+    def decided(self, decision: Decision) -> tuple[Floats, float]:
+        """Objectives, shape (4,), and violation of a decision."""
+        found = self.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
+        return found.objectives[0], float(found.violation[0])
 
     @cached_property
     def as_programmed(self) -> Evaluation:

@@ -1,7 +1,6 @@
 """Limits that a spindle sets: power and torque of its drive, changes of speed, chatter."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -215,27 +214,9 @@ class Chatter:
         return np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
 
 
-class Lobes:
-    """Stability lobes, computed where they are first read and then kept: they take time."""
-
-    def __init__(
-        self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
-        free: NDArray[np.bool_], least: float,
-    ) -> None:  # fmt: skip
-        self._of = cut, blocks, dynamics, ranges, free, least
-
-    @cached_property
-    def chatter(self) -> Chatter | None:
-        """None where nothing that is milled has known dynamics."""
-        cut, blocks, dynamics, ranges, free, least = self._of
-        if dynamics is None:
-            return None
-        return chatter_of(cut, blocks, dynamics, ranges, free, least)
-
-
 def chatter_of(
-    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_],
-    least: float,
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
+    free: NDArray[np.bool_], least: float,
 ) -> Chatter | None:  # fmt: skip
     """Stability over the speeds that rows may have, those of the program where S is kept.
 
@@ -246,7 +227,7 @@ def chatter_of(
     own, mine = cut.plan.spindle_speed[row], free[row]
     low = float(np.where(mine, ranges.speed_low[row], own).min(initial=np.inf))
     high = float(np.where(mine, ranges.speed_high[row], own).max(initial=0.0))
-    if not high > 0.0:
+    if dynamics is None or not high > 0.0:
         return None
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
