@@ -6,6 +6,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.cutting.catalogue import OPERATIONS
 from pipeline.cutting.tool import tool_limits
@@ -148,6 +149,14 @@ def tool_spans(cut: Cut) -> tuple[tuple[int, float, float], ...]:
         (cut.numbers[int(tool[k])], round(float(begin[fed[k]] / total), 5), round(end, 5))
         for k, end in zip(edges.tolist(), ends, strict=True)
     )
+
+
+def alike_runs(rows: Rows, *columns: NDArray[np.generic]) -> list[Rows]:
+    """Runs of ascending ``rows`` over which none of the columns (M,) changes."""
+    if not len(rows):
+        return []
+    keys = np.stack(columns)[:, rows]
+    return np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
 
 
 def path_length(cut: Cut) -> tuple[Floats, float]:

@@ -14,6 +14,7 @@ from pipeline.optimisation.comparison import (
     KEPT,
     RowReasons,
     Side,
+    alike_runs,
     exceeded_limits,
     load_trace,
     tool_spans,
@@ -347,11 +348,7 @@ def _runs(result: Result, words: FeedWords) -> list[Rows]:
     """Rows of each group; a row that neither cuts nor has an F to change is in none."""
     groups, moves = result.answer.decision.groups, result.moves
     rows = np.flatnonzero((groups.feed >= 0) | result.problem.cuts)
-    if not len(rows):
-        return []
-    keys = np.stack([groups.feed, groups.speed, moves.tool, moves.file, words.code])[:, rows]
-    edges = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1
-    return np.split(rows, edges)
+    return alike_runs(rows, groups.feed, groups.speed, moves.tool, moves.file, words.code)
 
 
 def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:

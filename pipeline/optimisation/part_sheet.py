@@ -14,7 +14,15 @@ from pipeline.cutting.engagement.height_map import HeightMap
 from pipeline.cutting.engagement.stock import Box, Cylinder, Stock
 from pipeline.cutting.tool_range import tool_range
 from pipeline.machine.spindle import CUTTING
-from pipeline.optimisation.comparison import BINDS, COLUMNS, MM, RowReasons, Side, path_length
+from pipeline.optimisation.comparison import (
+    BINDS,
+    COLUMNS,
+    MM,
+    RowReasons,
+    Side,
+    alike_runs,
+    path_length,
+)
 from pipeline.optimisation.problem.arrays import feeds_per_minute
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
@@ -166,13 +174,8 @@ def feed_changes(
     practice = result.problem.practice
     operation = np.zeros(len(moves)) if practice is None else practice.operation
     rows = np.flatnonzero(np.isin(moves.kind, CUTTING) & (moves.length > 0))
-    if not len(rows):
-        return ()
-    keys = np.stack([
-        before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, words.code,
-        operation,
-    ])[:, rows]  # fmt: skip
-    runs = np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
+    words_of_row = before.feed, after.feed, before.speed, after.speed
+    runs = alike_runs(rows, *words_of_row, moves.tool, moves.file, words.code, operation)
     changes = []
     for run in runs:
         row = run[0]

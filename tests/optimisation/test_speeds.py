@@ -1,7 +1,6 @@
 """Viterbi's path through the grid of speeds against all; groups of blocks that share an F."""
 
 from itertools import product
-from time import process_time
 
 import numpy as np
 import pytest
@@ -224,23 +223,6 @@ def test_a_valley_inside_the_range_is_found():
         high=np.array([1900.0, 600.0]), own=np.full(2, np.nan),
     )  # fmt: skip
     assert merged(curves, np.ones(1, bool), gain=1e-9, least_time=0.0).tolist() == [0, 0]
-
-
-def test_the_time_grows_with_the_blocks_not_with_their_square():
-    """B log B: four times the blocks take less than ten times as long (sixteen if squared)."""
-
-    def seconds(many):
-        rng = np.random.default_rng(0)
-        high = rng.uniform(100, 1000, many)
-        curves = time_curves(rng.uniform(1, 100, many), 0.9 * high, high)
-        least = np.inf
-        for _ in range(3):
-            start = process_time()
-            merged(curves, np.ones(many - 1, bool), gain=0.01, least_time=0.05)
-            least = min(least, process_time() - start)
-        return least
-
-    assert seconds(4000) < 10 * seconds(1000)
 
 
 def test_nothing_to_merge():

@@ -82,6 +82,12 @@ def others(**kinds: str):
     return uncertainty(laws, dict.fromkeys(laws, MILL), None, None, ReliabilitySettings())
 
 
+def alone(kind, found=None, judged=None, certainty=None):
+    """One tool with a law of some kind."""
+    law = ToolCoefficients(law=LAW, kind=kind, source="A")
+    return uncertainty({1: law}, {1: MILL}, found, judged, certainty or ReliabilitySettings())
+
+
 def coefficients(uncertain, number=1):
     return draws_of(uncertain, MANY, 0).tools[number].coefficients
 
@@ -123,9 +129,7 @@ def test_tools_of_one_source_err_together_and_of_two_do_not(source: str, common:
 
 
 def test_a_cut_never_drives_its_tool():
-    law = ToolCoefficients(law=LAW, kind="catalogue", source="a book")
-    known = uncertainty({1: law}, {1: MILL}, None, None, ReliabilitySettings(catalogue=1.0))
-    drawn = coefficients(known)
+    drawn = coefficients(alone("catalogue", certainty=ReliabilitySettings(catalogue=1.0)))
     assert drawn[:, [0, 3]].min() == 0.0 < drawn[:, 0].max()
 
 
@@ -171,24 +175,17 @@ def test_depth_is_of_each_tool_and_the_model_of_the_part():
 
 def test_the_models_spread_is_that_of_judged_recordings_where_it_is_greater():
     scores = tuple(
-        Score(
-            quantity=MAGNITUDE, unit="N", group=f"{role} {error}", regime="", role=role, n=1,
-            peak_percent=error,
-        )
+        replace(score("cutting", f"{role} {error}", error), role=role)
         for role, error in (("held_out", 3.0), ("golden", -5.0), ("training", 90.0))
-    )  # fmt: skip
+    )
     # of all recordings together, and by a fit without it: neither is a recording of its own
     scores += (
         replace(scores[0], group="all", peak_percent=50.0),
         replace(scores[0], regime=OTHERS, peak_percent=60.0),
     )
-    verdict = Verdict(
-        submodel="cutting", machine="mill", origin="simulated", status="passed", reasons=(),
-        judged_role="golden", golden=None, scores=scores,
-    )  # fmt: skip
-    law = {1: ToolCoefficients(law=LAW, kind="measured", source="A")}
+    judged = replace(verdict("cutting", "passed"), scores=scores)
     for least, expected in ((0.02, np.sqrt((9 + 25) / 2) / 100), (0.1, 0.1)):
-        known = uncertainty(law, {1: MILL}, None, verdict, ReliabilitySettings(model=least))
+        known = alone("measured", judged=judged, certainty=ReliabilitySettings(model=least))
         assert known.model == pytest.approx(expected)
 
 
@@ -244,20 +241,18 @@ ROWS = st.dictionaries(st.sampled_from([*NAMES, "runout", "helix"]), parameters(
 @given(rows=ROWS, correlation=CORRELATIONS, fitted=FITTED)
 @settings(max_examples=60, deadline=None)
 def test_a_model_that_says_little_is_drawn_from_all_the_same(rows, correlation, fitted):
-    law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
     found = cutting_files.model({"": rows}, correlation=correlation, prediction=fitted)
-    known = uncertainty({1: law}, {1: MILL}, found, cutting_files.verdict(), ReliabilitySettings())
+    assert_finite(alone("identified", found, cutting_files.verdict()))
+
+
+def assert_finite(known) -> None:
     drawn = draws_of(known, 16, 0).tools[1]
     assert np.isfinite(drawn.coefficients).all() and np.isfinite(drawn.offsets).all()
 
 
 def test_a_cut_without_a_fit_is_not_known():
-    law = ToolCoefficients(law=LAW, kind="identified", source="this machine")
     for bare in (None, cutting_files.without_forces()):
-        known = uncertainty({1: law}, {1: MILL}, bare, None, ReliabilitySettings())
-        drawn = draws_of(known, 16, 0).tools[1]
-        assert np.isfinite(drawn.coefficients).all()
-        assert np.isfinite(drawn.offsets).all()
+        assert_finite(alone("identified", bare))
 
 
 RELIABILITY = ReliabilitySettings()
@@ -376,11 +371,9 @@ def test_no_verdict_narrows(
 def test_loads_of_identified_coefficients_count_with_the_verdicts_spread(
     judged: Verdict | None, spread: float, source: str
 ) -> None:
-    law = {1: ToolCoefficients(law=LAW, kind="identified", source="this machine")}
-    known = uncertainty(law, {1: MILL}, cutting_files.model(), judged, RELIABILITY)
+    known = alone("identified", cutting_files.model(), judged)
     assert known.model == pytest.approx(spread) and source in known.quantities[-1].source
-    book = {1: replace(law[1], kind="catalogue", source="a book")}  # has a spread of its own
-    assert uncertainty(book, {1: MILL}, None, judged, RELIABILITY).model <= 0.15
+    assert alone("catalogue", judged=judged).model <= 0.15  # a book has a spread of its own
 
 
 def test_verdicts_are_read_beside_the_models(tmp_path: Path) -> None:
