@@ -23,7 +23,7 @@ from pipeline.gcode.moves import FeedMode, Moves
 from pipeline.gcode.program import parse_program
 from pipeline.optimisation.operations import MAY_BE, operations_without_cut
 from pipeline.optimisation.proof.prove import Proof, proved
-from pipeline.optimisation.text.modal_words import LineRuns, at_speed, cuts_at_feed
+from pipeline.optimisation.text.editable_blocks import LineRuns, at_speed, cuts_at_feed
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Rows
 from pipeline.schema.limits import MachiningPractice

@@ -13,9 +13,9 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
-from pipeline.optimisation.axis_limits import check_axes
+from pipeline.optimisation.full_twin import check_axes
 from pipeline.optimisation.job import Workshop, cut_of
-from pipeline.optimisation.reliability.force_intervals import cut_ranges, force_intervals
+from pipeline.optimisation.reliability.part_loads import cut_ranges, force_intervals
 from pipeline.optimisation.reliability.uncertainty import uncertainty
 from pipeline.optimisation.settings import Part
 from pipeline.parameters import structure

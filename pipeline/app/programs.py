@@ -117,7 +117,7 @@ class Controlled:
     @property
     def used(self) -> tuple[UsedModel, ...]:
         """Sub-models that figures rest on, with their verdicts, the gravest first."""
-        from pipeline.optimisation.reliability.judged import used_models
+        from pipeline.optimisation.reliability.uncertainty import used_models
 
         return used_models(self.identified_models.verdicts, self.optimisation.certainty)
 

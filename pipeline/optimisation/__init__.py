@@ -5,7 +5,6 @@ in SI.  Sources: Sim2023 (genetic search); NSGA-II for a front.
 """
 
 __all__ = [
-    "axis_limits",
     "document",
     "full_twin",
     "job",

@@ -9,7 +9,16 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.machine.control.path import where
-from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace, tool_spans
+from pipeline.optimisation.comparison import (
+    BINDS,
+    KEPT,
+    RowReasons,
+    Side,
+    alike_runs,
+    exceeded_limits,
+    load_trace,
+    tool_spans,
+)
 from pipeline.optimisation.full_twin import NOTHING, Result
 from pipeline.optimisation.methods.genes import Method
 from pipeline.optimisation.part_sheet import (
@@ -21,9 +30,8 @@ from pipeline.optimisation.part_sheet import (
     tool_uses,
 )
 from pipeline.optimisation.proof.prove import with_proof_comment
-from pipeline.optimisation.reasons import BINDS, KEPT, RowReasons
-from pipeline.optimisation.reliability.judged import used_models
-from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.reliability.uncertainty import used_models
+from pipeline.optimisation.text.editable_blocks import reads_feed
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema import part as stored
 from pipeline.schema.arrays import Floats, Rows
@@ -340,11 +348,7 @@ def _runs(result: Result, words: FeedWords) -> list[Rows]:
     """Rows of each group; a row that neither cuts nor has an F to change is in none."""
     groups, moves = result.answer.decision.groups, result.moves
     rows = np.flatnonzero((groups.feed >= 0) | result.problem.cuts)
-    if not len(rows):
-        return []
-    keys = np.stack([groups.feed, groups.speed, moves.tool, moves.file, words.code])[:, rows]
-    edges = np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1
-    return np.split(rows, edges)
+    return alike_runs(rows, groups.feed, groups.speed, moves.tool, moves.file, words.code)
 
 
 def _mean(values: Floats, seconds: Floats, rows: Rows) -> float | None:

@@ -15,7 +15,7 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program, read_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.optimisation.operation_words import named_operation
+from pipeline.optimisation.operation_signs import named_operation
 from pipeline.optimisation.settings import OptimisationSettings, Part
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit

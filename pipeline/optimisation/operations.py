@@ -21,9 +21,15 @@ from pipeline.cutting.catalogue import Operation
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import CODE, fill_from_cut, spots_only
-from pipeline.optimisation.operation_words import comments_of, named_operation, says_roughing
-from pipeline.optimisation.text.modal_words import reads_feed
+from pipeline.optimisation.operation_signs import (
+    CODE,
+    comments_of,
+    fill_from_cut,
+    named_operation,
+    says_roughing,
+    spots_only,
+)
+from pipeline.optimisation.text.editable_blocks import reads_feed
 from pipeline.schema.arrays import Bools, Rows
 from pipeline.twin.cut.blocks import CutBlocks
 from pipeline.twin.cut.loads import Cut
@@ -105,8 +111,7 @@ class CommentsInForce:
         own = np.maximum.accumulate(np.where(there & self.main, lines, -1))
         under = np.where(self.main, own, every) >= self.begin
         called = np.array([under[list(calls)].any() for calls in self.callers])
-        rows: Bools = under[self.line] | called[self.caller]
-        return rows
+        return under[self.line] | called[self.caller]
 
 
 def comments_in_force(program: Program, comments: tuple[str, ...], moves: Moves) -> CommentsInForce:
@@ -238,8 +243,7 @@ class Operations:
 
     def of(self, *names: Operation) -> Bools:
         """Rows with one of some operations; shape (M,)."""
-        there: Bools = np.isin(self.code, [CODE[name] for name in names])
-        return there
+        return np.isin(self.code, [CODE[name] for name in names])
 
     def of_parts(self, whole: NDArray[np.int8]) -> "Operations":
         """Operations of the parts of blocks, where ``whole`` (M,) are those of the blocks.

@@ -17,8 +17,7 @@ from pipeline.cutting.tool import tool_limits
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.axis_limits import check_axes_known
-from pipeline.optimisation.full_twin import Result, TwinAnswer, full_twin
+from pipeline.optimisation.full_twin import Result, TwinAnswer, check_axes_known, full_twin
 from pipeline.optimisation.job import (
     Interrupted,
     Job,
@@ -29,10 +28,9 @@ from pipeline.optimisation.job import (
 )
 from pipeline.optimisation.methods.blockwise import blockwise_optimum
 from pipeline.optimisation.methods.genes import Front, Method, method_of, written_feeds
-from pipeline.optimisation.methods.genetic import baselines, improve
-from pipeline.optimisation.methods.pareto import pareto
+from pipeline.optimisation.methods.genetic import baselines, improve, pareto
 from pipeline.optimisation.methods.speeds import staying
-from pipeline.optimisation.operation_cuts import long_in_air
+from pipeline.optimisation.operation_signs import long_in_air
 from pipeline.optimisation.practice import practice_of
 from pipeline.optimisation.problem.arrays import (
     Decision,
@@ -56,7 +54,7 @@ from pipeline.optimisation.reliability.chance_constraint import (
     chance_constrained_feeds,
     exceedance,
 )
-from pipeline.optimisation.reliability.force_intervals import cut_ranges
+from pipeline.optimisation.reliability.part_loads import cut_ranges
 from pipeline.optimisation.reliability.uncertainty import Uncertainty, uncertainty
 from pipeline.optimisation.settings import OBJECTIVES
 from pipeline.optimisation.text.editable_blocks import editable_blocks
@@ -99,7 +97,7 @@ def optimise(job: Job, progress: Progress | None = None) -> Result:
 
     Raises Interrupted when the search was ended before anything kept the limits.
     """
-    return _best(_Course(job, progress or _alone, NOTHING))
+    return _best(_Optimisation(job, progress or _alone, NOTHING))
 
 
 def optimise_worn(
@@ -123,12 +121,12 @@ def optimise_worn(
     while True:  # again without the tools that cannot keep their limits even when they are sharp
         for share in SHARES[:-1]:
             try:
-                course = _Course(worn(share), progress or _alone, given_up)
-                kept = course.outcome()
+                run = _Optimisation(worn(share), progress or _alone, given_up)
+                kept = run.outcome()
             except LimitsError:
                 continue
-            return kept if kept.interrupted else _best(course, kept)
-        sharp = _best(_Course(worn(SHARES[-1]), progress or _alone, given_up))
+            return kept if kept.interrupted else _best(run, kept)
+        sharp = _best(_Optimisation(worn(SHARES[-1]), progress or _alone, given_up))
         if sharp.given_up == given_up:
             return sharp
         given_up = sharp.given_up
@@ -149,7 +147,7 @@ class _Text:
     points: int = 0
 
 
-class _Course:
+class _Optimisation:
     """Optimisation in progress."""
 
     def __init__(
@@ -218,13 +216,13 @@ class _Course:
         )  # fmt: skip
 
     def _problem(self) -> Problem:
-        asked = problem_of(
+        problem = problem_of(
             self.before, self.job.basis, self.job.limits, self.editable, f_z_load=self.f_z,
             practice=self.practice,
         )  # fmt: skip
-        return staying(asked, self.job.settings.grouping)
+        return staying(problem, self.job.settings.grouping)
 
-    def in_parts(self) -> "_Course | None":
+    def in_parts(self) -> "_Optimisation | None":
         """The same with long blocks split where their best F differ; None where none do."""
         settings, practice = self.job.settings.grouping, self.practice
         rows = self.editable.block >= 0
@@ -241,12 +239,12 @@ class _Course:
         split = split.without(split.alike(parts.moves, feeds, settings.split_gain))
         return self._of_parts(split) if split.added else None
 
-    def _of_parts(self, split: SplitProgram) -> "_Course":
+    def _of_parts(self, split: SplitProgram) -> "_Optimisation":
         moves = interpret(split.program, self.job.setup)
         cut = cut_program(planned_program(moves, self.job.models.control), self.job.cut)
         of = None if self.practice is None else self.practice.operation[split.whole_rows(moves)]
         text = _Text(program=split.program, moves=moves, cut=cut, whole=of, points=len(split.added))
-        return _Course(self.job, self.progress, self.given_up, text)
+        return _Optimisation(self.job, self.progress, self.given_up, text)
 
     @property
     def _limits_N(self) -> Floats:
@@ -498,11 +496,11 @@ def _as_programmed(job: Job) -> _Text:
     return _Text(program=program, moves=moves, cut=cut)
 
 
-def _best(course: _Course, whole: Result | None = None) -> Result:
+def _best(run: _Optimisation, whole: Result | None = None) -> Result:
     """Better of the program as it is (``whole``) and with long blocks split where that gains."""
-    grouping, refused = course.job.settings.grouping, None
+    grouping, refused = run.job.settings.grouping, None
     try:
-        whole = whole or course.result()
+        whole = whole or run.result()
     except LimitsError as error:
         refused = error
         if not grouping.split:
@@ -511,7 +509,7 @@ def _best(course: _Course, whole: Result | None = None) -> Result:
         return whole
     split, points = None, 0
     with suppress(ValueError, Interrupted):  # what splitting cannot do, the whole program can
-        parts = None if course.interrupted else course.in_parts()
+        parts = None if run.interrupted else run.in_parts()
         if parts is not None:
             split, points = parts.result(), parts.text.points
     at = f"long blocks are split at {points} point{'s' * (points > 1)}"
@@ -522,7 +520,7 @@ def _best(course: _Course, whole: Result | None = None) -> Result:
     gain = 0.0 if split is None else _gain(whole, split)
     if split is not None and gain > points * grouping.least_gain:
         return replace(split, split=f"{at}, which gains {100 * gain:.2g} %")
-    ended = course.interrupted or course.progress("splitting", 1.0)
+    ended = run.interrupted or run.progress("splitting", 1.0)
     nothing = "splitting long blocks gains nothing: none is split"
     return replace(whole, split=nothing, interrupted=ended)
 

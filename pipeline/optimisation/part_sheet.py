@@ -12,9 +12,16 @@ from numpy.typing import NDArray
 from pipeline.cutting.catalogue import OPERATIONS, CuttingRange, tool_range
 from pipeline.cutting.engagement.stock import Box, Cylinder, HeightMap, Stock
 from pipeline.machine.spindle import CUTTING
-from pipeline.optimisation.comparison import COLUMNS, MM, Side, path_length
+from pipeline.optimisation.comparison import (
+    BINDS,
+    COLUMNS,
+    MM,
+    RowReasons,
+    Side,
+    alike_runs,
+    path_length,
+)
 from pipeline.optimisation.problem.arrays import feeds_per_minute
-from pipeline.optimisation.reasons import BINDS, RowReasons
 from pipeline.optimisation.text.words import FeedWords
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import BY_TOOL
@@ -66,8 +73,7 @@ def tool_ranges(result: "Result") -> Iterator[tuple[int, CuttingRange, str, Bool
 def longest_binding(binds: Rows, seconds: Floats, rows: Rows) -> str | None:
     """Name in ``BINDS`` that binds for the longest; None where nothing does for longer.
 
-    ``binds`` (M,): of :class:`~pipeline.optimisation.reasons.RowReasons`; ``seconds`` (M,): time of
-    each row [s].
+    ``binds`` (M,): of ``RowReasons``; ``seconds`` (M,): time of each row [s].
     """
     if not len(rows):
         return None
@@ -166,13 +172,8 @@ def feed_changes(
     practice = result.problem.practice
     operation = np.zeros(len(moves)) if practice is None else practice.operation
     rows = np.flatnonzero(np.isin(moves.kind, CUTTING) & (moves.length > 0))
-    if not len(rows):
-        return ()
-    keys = np.stack([
-        before.feed, after.feed, before.speed, after.speed, moves.tool, moves.file, words.code,
-        operation,
-    ])[:, rows]  # fmt: skip
-    runs = np.split(rows, np.flatnonzero((np.diff(keys, axis=1) != 0).any(axis=0)) + 1)
+    words_of_row = before.feed, after.feed, before.speed, after.speed
+    runs = alike_runs(rows, *words_of_row, moves.tool, moves.file, words.code, operation)
     changes = []
     for run in runs:
         row = run[0]

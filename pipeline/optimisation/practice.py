@@ -35,7 +35,7 @@ from pipeline.cutting.stability.tip_dynamics import TipDynamics
 from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import METRE_PER_SECOND, Moves
 from pipeline.gcode.program import Program
-from pipeline.optimisation.operation_cuts import drills_on_one_side, long_in_air
+from pipeline.optimisation.operation_signs import drills_on_one_side, long_in_air
 from pipeline.optimisation.operations import Operations, operations, passes
 from pipeline.optimisation.problem.arrays import (
     SAME,
@@ -133,8 +133,7 @@ def immersion(width: ArrayLike) -> Floats:
     >>> immersion([0.1, 0.5, 0.9]).round(3).tolist()
     [0.6, 1.0, 1.0]
     """
-    sine: Floats = np.sqrt(1 - (1 - 2 * np.minimum(width, 0.5)) ** 2)
-    return sine
+    return np.sqrt(1 - (1 - 2 * np.minimum(width, 0.5)) ** 2)
 
 
 def thinning(cut: Cut, arcs: StationArcs) -> Floats:
@@ -291,8 +290,7 @@ class _Rows:
         yield (found or (None,))[-1], rows
 
     def _wider(self, share: float, tool: Tool) -> Bools:
-        rows: Bools = self.radial > share * tool.diameter + self.cut.engagement.resolution
-        return rows
+        return self.radial > share * tool.diameter + self.cut.engagement.resolution
 
     def _thicker(self, ranges: tuple[OperationRange, ...]) -> Floats:
         """Feed for each tooth over that of the range for a chip as thick, 1 or more; (M,)."""
@@ -380,8 +378,7 @@ class _Rows:
         line = np.where(self.moves.file == 0, self.moves.line, 0)
         air = np.zeros(len(self.program) + 1, dtype=np.bool_)
         air[line[self.fed & ~self.cuts]] = True
-        rows: Bools = self.cuts & air[line]
-        return rows
+        return self.cuts & air[line]
 
     def _kept(
         self, ranges: tuple[OperationRange, ...]
@@ -419,8 +416,7 @@ class _Rows:
         line = np.where(self.moves.file == 0, self.moves.line, 0)
         cutting = np.zeros(len(words), dtype=np.bool_)
         cutting[line[self.cuts]] = True
-        rows: Bools = self.fed & ~self.cuts & words[line] & ~cutting[line]
-        return rows
+        return self.fed & ~self.cuts & words[line] & ~cutting[line]
 
     def _named(self, text: str) -> Bools:
         """Rows that a person names: a tool, lines, a word of a comment or of a tool's name."""

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 from pathlib import PurePosixPath
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from pipeline.cutting.economics.cost import EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
@@ -138,9 +138,6 @@ class Part(Ranged, section="parts"):
                 f"parts.name = {self.label!r} names files and a heading: use letters, digits, '_', "
                 "'-' and '.', as in `name: PLATE-1`"
             )
-        if self.objective not in get_args(Objective):
-            known = ", ".join(get_args(Objective))
-            raise ValueError(f"parts.objective = {self.objective!r} is none of {known}")
         super().__post_init__()
 
     @property

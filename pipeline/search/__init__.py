@@ -9,7 +9,4 @@ Clerc and Kennedy 2002; Mirjalili, Mirjalili and Lewis 2014; Bergstra and Bengio
 Agarwal and Meyarivan 2002; Kolda, Lewis and Torczon 2003; Branke, Deb, Dierolf and Osswald 2004.
 """
 
-__all__ = [
-    "box", "compass", "dominance", "genetic", "methods", "nsga2", "operators",
-    "result", "swarm", "whale", "wolf",
-]  # fmt: skip
+__all__ = ["box", "compass", "genetic", "methods", "nsga2", "operators", "result"]

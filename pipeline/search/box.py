@@ -107,8 +107,7 @@ class Box:
             x[:, self.log] = low * np.exp(unit[:, self.log] * ratio)
         if self._some_whole:
             x[:, self.integer] = np.floor(x[:, self.integer] + 0.5)
-        inside: Floats = np.minimum(np.maximum(x, self.low, out=x), self.high, out=x)
-        return inside
+        return np.minimum(np.maximum(x, self.low, out=x), self.high, out=x)
 
     def unit(self, x: ArrayLike) -> Floats:
         """Points of the unit cube at values of shape (K, D); 0.5 for a parameter that is held.
@@ -150,8 +149,7 @@ class Box:
         near = np.where(self.integer, 0.0, NEAR)
         low = np.where(self.integer, x == self.low, unit <= near)
         high = np.where(self.integer, x == self.high, unit >= 1.0 - near)
-        sides: Sides = high.astype(np.int8) - low.astype(np.int8)
-        return sides
+        return high.astype(np.int8) - low.astype(np.int8)
 
 
 def _each(answer: ArrayLike | None, shape: tuple[int, ...], name: str, what: str) -> Bools:

@@ -17,8 +17,7 @@ def tournament(many: int, draws: int, size: int, rng: np.random.Generator) -> Ro
     """
     # the least of s even draws in 0..1 is 1 - (1 - u)^(1/s) of one
     least = 1.0 - (1.0 - rng.random(draws)) ** (1.0 / size)
-    winners: Rows = np.minimum((many * least).astype(np.intp), many - 1)
-    return winners
+    return np.minimum((many * least).astype(np.intp), many - 1)
 
 
 def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) -> Rows:
@@ -32,8 +31,7 @@ def stochastic_universal(fitness: Floats, draws: int, rng: np.random.Generator) 
     places = edges.searchsorted(pointers, side="right")
     # rounding may push the last pointer onto the edge of the last that has any fitness
     last = edges.searchsorted(edges[-1])
-    shuffled: Rows = rng.permutation(np.minimum(places, last))
-    return shuffled
+    return rng.permutation(np.minimum(places, last))
 
 
 def ranked(many: int, pressure: float = 2.0) -> Floats:
@@ -68,8 +66,7 @@ def exponential(costs: Floats, breadth: float = 1.0) -> Floats:
     finite = depth[:many]
     # 0 and 1 are among them, so that the difference of squares is well off 0
     sigma = sqrt(finite @ finite / many - (finite.sum() / many) ** 2)
-    fitness: Floats = np.exp(depth / (-breadth * sigma))
-    return fitness
+    return np.exp(depth / (-breadth * sigma))
 
 
 _NARROW = 1e-14  # parents nearer to each other than this are the same but for rounding
@@ -171,11 +168,9 @@ def encircled(z: Floats, goal: Floats, step: Floats, swing: Floats) -> Floats:
     away -= z
     np.abs(away, out=away)
     away *= step
-    around: Floats = np.subtract(goal, away, out=away)
-    return around
+    return np.subtract(goal, away, out=away)
 
 
 def inside(unit: Floats) -> Floats:
     """Points of any shape moved to the nearest wall of the cube where they left it, in place."""
-    walled: Floats = np.minimum(np.maximum(unit, 0.0, out=unit), 1.0, out=unit)
-    return walled
+    return np.minimum(np.maximum(unit, 0.0, out=unit), 1.0, out=unit)

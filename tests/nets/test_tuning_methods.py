@@ -14,7 +14,7 @@ from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.search.box import Box
 from pipeline.search.methods import METHODS
-from tests.search.comparison import SEARCHES, Budget, ranking, table
+from tests.search.test_published import SEARCHES, Budget, ranking, table
 
 NAMES = ("learning_rate", "units", "l2")
 RANGES = TuningSettings(learning_rate=(1e-3, 1e-1), units=(2, 16))

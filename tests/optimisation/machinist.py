@@ -66,33 +66,23 @@ SLOTS = Order(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Rows:
-    """Rows that move, in the order of the program; R of them.
-
-    Parameters
-    ----------
-    line, tool : ndarray, shape (R,)
-        Line of the program, from 1; tool in the spindle.
-    at_feed, in_cut : ndarray of bool, shape (R,)
-        G1, G2, G3; whether the tool is in the material.
-    drop, length : ndarray, shape (R,)
-        Height lost, above 0 in plunges and ramps, and length [mm].
-    feed, speed : ndarray, shape (2, R)
-        F [mm/min] and S [rev/min], before and after.
-    f_z, v_c : ndarray, shape (2, R)
-        Feed per tooth [mm], cutting speed at the full diameter [m/min]; NaN where the
-        spindle stands.
-    """
+    """Rows that move, in the order of the program; R of them, before and after."""
 
     line: np.ndarray
     tool: np.ndarray
+    """Line of the program, from 1; tool in the spindle; shape (R,)."""
     at_feed: np.ndarray
     in_cut: np.ndarray
+    """G1, G2, G3; whether the tool is in the material; shape (R,)."""
     drop: Floats
     length: Floats
+    """Height lost, above 0 in plunges and ramps, and length [mm]; shape (R,)."""
     feed: Floats
     speed: Floats
+    """F [mm/min] and S [rev/min]; shape (2, R)."""
     f_z: Floats
     v_c: Floats
+    """Feed per tooth [mm], cutting speed at the full diameter [m/min], NaN at rest; (2, R)."""
 
     @property
     def in_air(self) -> np.ndarray:
@@ -131,20 +121,6 @@ class Read:
         """Rows of those lines, shape (R,) of bool."""
         return np.isin(self.rows.line, lines)
 
-    def by_tool(self) -> dict[int, dict[str, tuple[float, float, float, float]]]:
-        """Least and greatest before, then after, of f_z, v_c, F and S over the rows in the cut."""
-        rows, found = self.rows, {}
-        for number in np.unique(rows.tool[rows.in_cut]).tolist():
-            mine = rows.in_cut & (rows.tool == number)
-            found[number] = {
-                name: tuple(
-                    float(end) for values in getattr(rows, name)
-                    for end in (values[mine].min(), values[mine].max())
-                )
-                for name in ("f_z", "v_c", "feed", "speed")
-            }  # fmt: skip
-        return found
-
     def changed_words(self, letter: str) -> list[tuple[int, str]]:
         """Line and value of each ``letter`` word of the program after that differs or is new."""
         return [
@@ -167,10 +143,7 @@ def _word(line: str, letter: str) -> str | None:
 def optimised(order: Order, *options: str, edit: tuple[tuple[str, str], ...] = ()) -> Read:
     """The program of ``order`` optimised with more ``options``; ``edit`` replaces text in it.
 
-    Raises
-    ------
-    ValueError
-        When the command refuses it.
+    Raises ValueError when the command refuses it.
     """
     found = _once(order, options, edit)
     if isinstance(found, str):

@@ -1,12 +1,14 @@
-"""Small programs of several tools, optimised with the catalogue and without files."""
+"""Small programs optimised with the catalogue and without files, of one tool and of several."""
 
 from typing import Any
 
 from pipeline.app.tables import read_catalogue, read_material
+from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool, ToolTable
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
+from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
 from pipeline.optimisation.job import JobRequest, MachineModels, Workshop
@@ -19,7 +21,6 @@ from pipeline.optimisation.settings import (
 )
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart
-from pipeline.twin.cut.wear import ToolWear
 from tests.twin.cut_parts import CONTROL
 
 QUICK = OptimisationSettings(
@@ -42,24 +43,35 @@ THREAD = (
 STOCK = "box:0,60,0,50,-40,0"
 
 
+def request_of(
+    text: str, tools: dict[int, Tool], *, stock: str = STOCK, material: str = "steel_medium_carbon",
+    settings: OptimisationSettings = QUICK, control: ControlParameters = CONTROL,
+    limits: CutLimit | None = None, resolution: float = 1.0, law: Material | None = None,
+    **known: Any,
+) -> tuple[JobRequest, Workshop]:  # fmt: skip
+    """A program on a bare control, and a workshop without prices but for what is ``known``."""
+    part = Part(program="P.nc", stock=stock, tool_table="mine", material=material,
+                limits=limits or CutLimit(), resolution_mm=resolution)  # fmt: skip
+    workshop = Workshop(
+        table=ToolTable(tools=tools), material=law or read_material(material), drive_source="",
+        catalogue=read_catalogue(),
+        **({"rates": None, "drive": None, "energy": None, "dynamics": None} | known),
+    )  # fmt: skip
+    request = JobRequest(
+        program=parse_program(text.encode(), "P.nc"), part=part, setup=Setup(),
+        models=MachineModels(control=control), settings=settings,
+    )  # fmt: skip
+    return request, workshop
+
+
 def optimised(
     text: str, tools: dict[int, Tool] | None = None, *, stock: str = STOCK,
-    material: str = "steel_medium_carbon", drive: SpindleDrive | None = None, **limits: Any,
+    drive: SpindleDrive | None = None, **limits: Any,
 ) -> Result:  # fmt: skip
     """The program of ``text`` (without M30) with limits by the names of their fields."""
-    part = Part(program="P.nc", stock=stock, tool_table="mine", material=material,
-                limits=CutLimit(**limits), resolution_mm=1.0)  # fmt: skip
-    workshop = Workshop(
-        table=ToolTable(tools=TOOLS if tools is None else tools), material=read_material(material),
-        rates=None, drive=drive, drive_source="", energy=None, dynamics=None,
-        catalogue=read_catalogue(), wear=ToolWear(),
-    )  # fmt: skip
-
-    request = JobRequest(
-        program=parse_program(f"{text}M30\n".encode(), "P.nc"), part=part, setup=Setup(),
-        models=MachineModels(control=CONTROL), settings=QUICK,
-    )  # fmt: skip
-    return optimise_worn(request, workshop)
+    given = TOOLS if tools is None else tools
+    limit = CutLimit(**limits)
+    return optimise_worn(*request_of(f"{text}M30\n", given, stock=stock, limits=limit, drive=drive))
 
 
 def document(result: Result) -> OptimisedPart:

@@ -47,9 +47,9 @@ GROWING = Taylor(n=0.25, C_m_min=400.0, f_z_exponent=0.6, f_z_ref_mm=0.05)  # we
 
 
 def value(found, decision: Decision, objective: str) -> float:
-    result = found.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-    assert result.violation[0] == 0.0
-    return float(result.objectives[0, OBJECTIVES.index(objective)])
+    objectives, violation = found.decided(decision)
+    assert violation == 0.0
+    return float(objectives[OBJECTIVES.index(objective)])
 
 
 def brute(found, objective, *, together: bool) -> float:
@@ -268,13 +268,6 @@ def test_the_spindle_is_not_slow_in_a_cut_that_does_not_wait_for_it(rate, speeds
     assert len(blockwise_optimum(found, "cost", Grouping()).speeds) == speeds
 
 
-def test_the_same_twice():
-    found = problem(slots(2.0, 1.0, 3.0), LIMITS)
-    one, other = (blockwise_optimum(found, "cost", Grouping()) for _ in range(2))
-    assert one.feeds.tobytes() == other.feeds.tobytes()
-    assert one.speeds.tobytes() == other.speeds.tobytes()
-
-
 def test_a_part_whose_cost_is_not_known():
     found = problem(slots(2.0), LIMITS, rates=None)
     with pytest.raises(ValueError, match=r"the cost of part\.nc is not known"):
@@ -348,72 +341,56 @@ def optimum(found, objective, grouping=GROUPING):
     return decision.feeds[0], decision.speeds[0], decision
 
 
-def test_cheapest_speed_of_a_slot_at_its_load_limit():
-    """Gilbert: T = (1/n - 1) (T_c + P_t / r), of the time that the tool is in the material.
+TIME_ALONE = CostRates(currency="EUR", labour_per_h=60.0, tool_change_min=10.0)
+GILBERT, HOURLY = (
+    turns(minimum_cost_speed(TAYLOR, rates.tool_change * INSIDE, price * INSIDE, second))
+    for rates, price, second in ((RATES, SIX.price, RATES.per_second), (TIME_ALONE, 0.0, 1.0))
+)
+AT_LOAD = load_f_z(60.0) * FLUTES
+"""Feed over the speed of a slot at its load limit [mm]."""
+BASE_LOAD, P_2 = 0.4, 0.05
+QUIET = 60 * np.sqrt(0.8 * 0.9 * BASE_LOAD * 1e3 / P_2)
+ALONE = CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 12000))
+CLOSED = {
+    # T = (1/n - 1) (T_c + P_t / r), of the time in the material: time falls as 1/n
+    "cheapest": ("cost", {"speed_rpm": (1000, 20000)}, {}, GILBERT, AT_LOAD * GILBERT),
+    # tools that cost nothing: what is left of the cost is time, that of changing tools with it
+    "most parts in an hour": ("cost", {"speed_rpm": (1000, 20000)}, {
+        "tool": replace(SIX, price=0.0), "rates": TIME_ALONE}, HOURLY, AT_LOAD * HOURLY),
+    "fastest": ("time", {"speed_rpm": (1000, 8000)}, {}, 8000, AT_LOAD * 8000),
+    # F = P eta / (K_t d D) at any S from the base speed on; the slowest of them is taken
+    "at the drive's power": ("time", {"load_N": 1000.0}, {
+        "drive": drive(0.2, base=5000.0, top=12000.0, efficiency=0.8)},
+        5000, 0.8 * 200 / (K_T * DEPTH * 1e-3 * D) * 60e3),
+    # F_max binds below Gilbert's speed: S is just what keeps the load at F_max, faster only wears
+    "cheapest at the greatest feed": ("cost", {
+        "feed_mm_min": (50, 300.0), "speed_rpm": (1000, 20000)}, {}, 300.0 / AT_LOAD, 300.0),
+    # above n = F_max / (f_z N) time stays, wear and noise do not
+    "fastest at the greatest feed": ("time", {"feed_mm_min": (50, 200)}, {}, 200 / AT_LOAD, 200.0),
+    # (P_base + p_2 n^2 / eta) / n, all else stays with f_z: n = sqrt(eta P_base / p_2)
+    "least energy": ("energy", {}, {
+        "drive": drive(5.0, base=1000.0, motor_efficiency=0.8, efficiency=0.9,
+                       no_load_W=(0.0, 0.0, P_2)),
+        "energy": EnergyParameters(base_load_kW=BASE_LOAD)}, QUIET, AT_LOAD * QUIET),
+    # wear goes with n^(1/T - 1) at one f_z: slower is always better
+    "least wear": ("wear", {"feed_mm_min": (10, 2000)}, {}, 1000, AT_LOAD * 1000),
+}  # fmt: skip
+"""Objective, limits, problem -> S [rev/min] and F [mm/min] of one slot, in closed form."""
 
-    f_z stands at the load limit, so that time falls as 1/n.  Rapids do not depend on S.
-    """
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 20000))
-    )
-    price, change = SIX.price * INSIDE, RATES.tool_change * INSIDE
-    speed = turns(minimum_cost_speed(TAYLOR, change, price, RATES.per_second))
-    feed, S, _ = optimum(found, "cost")
+
+@pytest.mark.parametrize("case", CLOSED)
+def test_the_best_speed_and_feed_of_a_slot_have_a_closed_form(case):
+    objective, limits, choices, speed, expected = CLOSED[case]
+    found = problem(slots(DEPTH), replace(ALONE, **limits), **choices)
+    own = Grouping(speeds="own") if objective == "energy" else GROUPING  # rapids would turn slower
+    feed, S, decision = optimum(found, objective, own)
     assert pytest.approx(speed, rel=NEAR) == S
-    assert feed == pytest.approx(load_f_z(60.0) * FLUTES * speed, rel=NEAR)
-
-
-def test_speed_of_the_most_parts_in_an_hour():
-    """Tools that cost nothing: what is left of the cost is time, that of changing tools with it."""
-    rates = CostRates(currency="EUR", labour_per_h=60.0, tool_change_min=10.0)
-    tool = type(SIX)(kind="flat", diameter_mm=6.0, flutes=2, stickout_mm=20.0, price=0.0)
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 20000)),
-        tool=tool, rates=rates,
-    )  # fmt: skip
-    speed = turns(minimum_cost_speed(TAYLOR, rates.tool_change * INSIDE, 0.0, 1.0))
-    feed, S, _ = optimum(found, "cost")
-    assert pytest.approx(speed, rel=NEAR) == S
-    assert feed == pytest.approx(load_f_z(60.0) * FLUTES * speed, rel=NEAR)
-
-
-def test_fastest_slot_at_its_load_limit():
-    """As fast as the spindle turns; the time of the block is L / (f_z N n)."""
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 8000))
-    )
-    feed, S, decision = optimum(found, "time")
-    assert S == 8000
-    assert feed == pytest.approx(load_f_z(60.0) * FLUTES * 8000, rel=NEAR)
-    row = int(np.flatnonzero(found.cuts)[0])
-    alone = BlockModel.alone(found, "time")
-    time = alone.values(decision.row_feeds[None], decision.row_speeds[None])[0, row]
-    assert time == pytest.approx(LENGTH * 1e3 / (load_f_z(60.0) * FLUTES * 8000) * 60, rel=NEAR)
-
-
-def test_fastest_slot_at_the_drive_s_power():
-    """F = P eta / (K_t d D) at any S from the base speed on; the slowest of them is taken."""
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=1000.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 12000)),
-        drive=drive(0.2, base=5000.0, top=12000.0, efficiency=0.8),
-    )  # fmt: skip
-    feed, S, _ = optimum(found, "time")
-    assert feed == pytest.approx(0.8 * 200 / (K_T * DEPTH * 1e-3 * D) * 60e3, rel=NEAR)
-    assert S == 5000
-
-
-def test_cheapest_speed_where_the_feed_has_its_greatest():
-    """F_max binds below Gilbert's speed: S is just what keeps the load at F_max, faster only wears.
-
-    n = F_max / (f_z N).
-    """
-    greatest = 300.0
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, greatest), speed_rpm=(1000, 20000))
-    )
-    feed, S, _ = optimum(found, "cost")
-    assert feed == pytest.approx(greatest, rel=NEAR)
-    assert pytest.approx(greatest / (load_f_z(60.0) * FLUTES), rel=NEAR) == S
+    assert feed == pytest.approx(expected, rel=NEAR)
+    if objective == "time":  # L / F, as each row is reckoned alone
+        row = int(np.flatnonzero(found.cuts)[0])
+        alone = BlockModel.alone(found, "time")
+        time = alone.values(decision.row_feeds[None], decision.row_speeds[None])[0, row]
+        assert time == pytest.approx(LENGTH * 1e3 / expected * 60, rel=NEAR)
 
 
 def test_fastest_side_cut_at_its_greatest_chip():
@@ -445,40 +422,6 @@ def test_cheapest_feed_inside_its_range_where_wear_grows_with_the_chip():
     feed, _, _ = optimum(found, "cost")
     assert feed == pytest.approx((RATES.per_second / (B * (a / n - 1))) ** (n / a), rel=NEAR)
     assert 20 < feed < found.bounds.high.min() * FLUTES * speed * 1e3
-
-
-def test_least_energy_of_a_slot():
-    """(P_base + p_2 n^2 / eta) / n, all else stays with f_z: n = sqrt(eta P_base / p_2)."""
-    base, p_2 = 0.4, 0.05
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 2000), speed_rpm=(1000, 12000)),
-        drive=drive(5.0, base=1000.0, motor_efficiency=0.8, efficiency=0.9,
-                    no_load_W=(0.0, 0.0, p_2)),
-        energy=EnergyParameters(base_load_kW=base),
-    )  # fmt: skip
-    feed, S, _ = optimum(found, "energy", Grouping(speeds="own"))  # rapids would turn slower
-    assert pytest.approx(60 * np.sqrt(0.8 * 0.9 * base * 1e3 / p_2), rel=NEAR) == S
-    assert feed == pytest.approx(load_f_z(60.0) * FLUTES * S, rel=NEAR)
-
-
-def test_least_wear_is_the_slowest():
-    """Wear goes with n^(1/T - 1) at one f_z: slower is always better."""
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(10, 2000), speed_rpm=(1000, 12000))
-    )
-    feed, S, _ = optimum(found, "wear")
-    assert S == 1000
-    assert feed == pytest.approx(load_f_z(60.0) * FLUTES * 1000, rel=NEAR)
-
-
-def test_of_speeds_that_take_as_long_the_slowest_is_taken():
-    """Above n = F_max / (f_z N) time stays, wear and noise do not."""
-    found = problem(
-        slots(DEPTH), CutLimit(load_N=60.0, feed_mm_min=(50, 200), speed_rpm=(1000, 12000))
-    )
-    feed, S, _ = optimum(found, "time")
-    assert feed == pytest.approx(200.0, rel=NEAR)
-    assert pytest.approx(200.0 / (load_f_z(60.0) * FLUTES), rel=NEAR) == S
 
 
 def test_a_feed_that_axes_do_not_reach_keeps_its_word():

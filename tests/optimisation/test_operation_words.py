@@ -3,7 +3,7 @@
 import pytest
 
 from pipeline.gcode.program import parse_program
-from pipeline.optimisation.operation_words import (
+from pipeline.optimisation.operation_signs import (
     READ_OTHERWISE,
     WORDS,
     comments_of,

@@ -16,14 +16,15 @@ from pipeline.gcode.moves import Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.setup import Tool as Register
-from pipeline.optimisation.operation_cuts import drills_on_one_side
-from pipeline.optimisation.operations import operations, operations_without_cut
+from pipeline.optimisation.operation_signs import drills_on_one_side
+from pipeline.optimisation.operations import Operations, operations, operations_without_cut
 from pipeline.optimisation.practice import practice_of
+from pipeline.optimisation.problem.arrays import Practice
 from pipeline.parameters import structure
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut.blocks import cut_blocks
-from pipeline.twin.cut.loads import CutJob, cut_program
+from pipeline.twin.cut.loads import Cut, CutJob, cut_program
 from tests.gcode.following import follow
 from tests.optimisation.machinist import PROGRAMS
 from tests.twin.cut_parts import CONTROL, LAW, cut_of
@@ -49,13 +50,37 @@ def of_lines(
     text: str, tools: dict[int, Tool], stock: Box = BLOCK, resolution: float = 0.5
 ) -> list[tuple[int, int, str]]:
     """Line, tool and operation of each row at feed, by the cut."""
-    registers = {number: Register(diameter=tool.diameter_mm) for number, tool in tools.items()}
-    plan = planned_program(follow(text, tools=registers), CONTROL)
-    cut = cut_program(plan, CutJob(stock=stock, tools=tools, force_laws=dict.fromkeys(tools, LAW),
-                                   resolution=resolution * 1e-3))  # fmt: skip
-    moves = plan.path.moves
+    cut = cut_with(text, tools, stock, resolution)
+    moves = cut.plan.path.moves
     found = operations(parse_program(text.encode(), "P.nc"), moves, cut, cut_blocks(cut))
     return listed(moves, found.code)
+
+
+def cut_with(text: str, tools: dict[int, Tool], stock: Box = BLOCK, resolution: float = 1.0) -> Cut:
+    """The cut of a program with tools of their nominal diameter [mm]."""
+    registers = {number: Register(diameter=tool.diameter_mm) for number, tool in tools.items()}
+    plan = planned_program(follow(text, tools=registers), CONTROL)
+    return cut_program(plan, CutJob(stock=stock, tools=tools, force_laws=dict.fromkeys(tools, LAW),
+                                    resolution=resolution * 1e-3))  # fmt: skip
+
+
+def without_cut(
+    text: str, dialect: str = "fanuc", tool: Tool = FLAT
+) -> tuple[list[tuple[int, int, str]], Operations]:
+    """Operations of a program of T1 as far as they are known without its cut."""
+    program = parse_program(text.encode(), "P.nc")
+    moves = interpret(program, Setup(dialect=dialect, tools={1: Register(diameter=10.0)}))
+    found = operations_without_cut(program, moves, {1: tool})
+    return listed(moves, found.code), found
+
+
+def practice_in_steel(text: str, cut: Cut, practice: MachiningPractice) -> Practice:
+    """Practice of a program in C45."""
+    return practice_of(
+        parse_program(text.encode(), "P.nc"), cut.plan.path.moves, cut,
+        limits=CutLimit(practice=practice), catalogue=read_catalogue(),
+        material=read_material("steel_medium_carbon"),
+    )  # fmt: skip
 
 
 def listed(moves: Moves, code: np.ndarray) -> list[tuple[int, int, str]]:
@@ -293,9 +318,7 @@ M30
     ("AT Z-3", "boring"), ("SLOT WALLS", "boring"),
 ])  # fmt: skip
 def test_a_section_of_another_kind_ends_a_comment(title: str, name: str) -> None:
-    program = parse_program(SECTIONS.format(title=title).encode(), "P.nc")
-    moves = interpret(program, Setup())
-    assert listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)[-1] == (7, 1, name)
+    assert without_cut(SECTIONS.format(title=title))[0][-1] == (7, 1, name)
 
 
 TITLED = """%
@@ -317,19 +340,14 @@ M30
 ])  # fmt: skip
 @pytest.mark.parametrize("above", ["", "({title})\nG0 Z100", "T1 (END MILL)"])
 def test_what_stands_above_the_first_tool_change_is_a_title(title: str, above: str) -> None:
-    text = TITLED.format(title=title, above=above.format(title=title))
-    program = parse_program(text.encode(), "P.nc")
-    moves = interpret(program, Setup())
-    found = operations_without_cut(program, moves, {1: FLAT})
-    assert {name for _, _, name in listed(moves, found.code)} == {"roughing"}
+    rows, found = without_cut(TITLED.format(title=title, above=above.format(title=title)))
+    assert {name for _, _, name in rows} == {"roughing"}
     assert found.comments.below(title.split()[0]).any()  # --keep finds it all the same
 
 
 @pytest.mark.parametrize("above", ["(FINISH WALLS)", "(FINISH WALLS)\n(0.2 LEFT)\nN12 T1"])
 def test_a_comment_right_above_the_first_tool_change_names_its_operation(above: str) -> None:
-    program = parse_program(TITLED.format(title="PLATE", above=above).encode(), "P.nc")
-    moves = interpret(program, Setup())
-    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
+    found, _ = without_cut(TITLED.format(title="PLATE", above=above))
     assert {name for _, _, name in found} == {"finishing"}
 
 
@@ -358,9 +376,7 @@ M99
 def test_a_subprogram_is_under_the_comment_where_it_is_called(
     title: str, between: str, names: list[str]
 ) -> None:
-    program = parse_program(CALLED.format(title=title, between=between).encode(), "P.nc")
-    moves = interpret(program, Setup())
-    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
+    found, _ = without_cut(CALLED.format(title=title, between=between))
     assert [name for _, _, name in found] == names
 
 
@@ -393,19 +409,15 @@ def test_a_subprogram_of_linuxcnc_is_under_its_callers_comment(
     title: str, said: str, names: list[str]
 ) -> None:
     """It stands above the main program; a comment right above it is its title."""
-    program = parse_program(DEFINED.format(title=title, said=said).encode(), "P.ngc")
-    moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
-    found = listed(moves, operations_without_cut(program, moves, {1: FLAT}).code)
+    found, _ = without_cut(DEFINED.format(title=title, said=said), "linuxcnc")
     assert [line for line, _, _ in found] == [10, 5, 13, 5, 15]
     assert [name for _, _, name in found] == names
 
 
 def test_a_comment_of_the_main_program_holds_beyond_a_subprogram_in_its_midst() -> None:
     text = "T1 M6\n(FINISH)\no100 sub\n(ENGRAVE)\no0100 endsub\nG1 X1 F300\nM2\n"
-    program = parse_program(text.encode(), "P.ngc")
-    moves = interpret(program, Setup(dialect="linuxcnc", tools={1: Register(diameter=10.0)}))
-    found = operations_without_cut(program, moves, {1: FLAT})
-    assert listed(moves, found.code) == [(6, 1, "finishing")]
+    rows, found = without_cut(text, "linuxcnc")
+    assert rows == [(6, 1, "finishing")]
     assert not found.comments.below("engrave").any()
 
 
@@ -438,18 +450,11 @@ def test_a_word_keeps_the_rows_that_its_comment_holds_for(
     said: tuple[str, str, str], lines: list[int]
 ) -> None:
     text = KEPT.format(**dict(zip(("tool", "first", "second"), said, strict=True)))
-    tools = {1: FLAT, 2: FLAT}
-    plan = planned_program(follow(text, tools={k: Register(diameter=10.0) for k in tools}), CONTROL)
-    cut = cut_program(plan, CutJob(stock=BLOCK, tools=tools, force_laws=dict.fromkeys(tools, LAW),
-                                   resolution=1e-3))  # fmt: skip
-    moves = plan.path.moves
+    cut = cut_with(text, {1: FLAT, 2: FLAT})
+    moves = cut.plan.path.moves
 
     def kept(word: str) -> np.ndarray:
-        limits = CutLimit(practice=MachiningPractice(keep=(word,)))
-        practice = practice_of(
-            parse_program(text.encode(), "P.nc"), moves, cut, limits=limits,
-            catalogue=read_catalogue(), material=read_material("steel_medium_carbon"),
-        )  # fmt: skip
+        practice = practice_in_steel(text, cut, MachiningPractice(keep=(word,)))
         return dict(practice.kept_feed)[f"keep {word}"]
 
     rows = moves.line[kept("finish") & (moves.length > 0)]
@@ -462,16 +467,10 @@ def test_a_word_keeps_the_rows_that_its_comment_holds_for(
 def test_an_edge_lasts_by_the_slowest_constants_of_its_spread(minutes: float) -> None:
     """C45: S goes no further than the least speed that makers' tables have for 15 min."""
     text = "T1 M6\nG0 X-10 Y20 S2000 M3\nG1 Z-3 F300\nX70\nM30\n"
-    plan = planned_program(follow(text, tools={1: Register(diameter=10.0)}), CONTROL)
-    cut = cut_program(plan, CutJob(stock=BLOCK, tools={1: FLAT}, force_laws={1: LAW},
-                                   resolution=1e-3))  # fmt: skip
-    material = read_material("steel_medium_carbon")
-    practice = practice_of(
-        parse_program(text.encode(), "P.nc"), plan.path.moves, cut,
-        limits=CutLimit(practice=MachiningPractice(tool_life_min=minutes)),
-        catalogue=read_catalogue(), material=material,
-    )  # fmt: skip
-    low, n = material.taylor["carbide"].C_range_m_min[0], material.taylor["carbide"].n_range[1]
+    cut = cut_with(text, {1: FLAT})
+    practice = practice_in_steel(text, cut, MachiningPractice(tool_life_min=minutes))
+    taylor = read_material("steel_medium_carbon").taylor["carbide"]
+    low, n = taylor.C_range_m_min[0], taylor.n_range[1]
     speed = low * (15 / minutes) ** n / (np.pi * 0.010)
     highest = practice.surface_high[cut.tool == 0]
     assert highest == pytest.approx(speed, rel=1e-6)
@@ -485,14 +484,12 @@ def test_an_edge_lasts_by_the_slowest_constants_of_its_spread(minutes: float) ->
 def test_the_role_goes_first_but_a_face_mill_may_finish(
     role: str, name: str, operation: str
 ) -> None:
-    program = parse_program(b"T1 M6\nS1000 M3\nG1 X10 F300\nM30\n", "P.nc")
-    moves = interpret(program, Setup())
-    told = operations_without_cut(program, moves, {1: replace(FLAT, role=role, name=name)})
-    assert listed(moves, told.code) == [(3, 1, operation)]
+    tool = replace(FLAT, role=role, name=name)
+    found, _ = without_cut("T1 M6\nS1000 M3\nG1 X10 F300\nM30\n", tool=tool)
+    assert found == [(3, 1, operation)]
 
 
 def test_what_is_engraved_is_kept_with_a_chamfer_mill() -> None:
-    program = parse_program(b"T1 M6\nS1000 M3\n(ENGRAVE)\nG1 X10 F300\nM30\n", "P.nc")
-    moves = interpret(program, Setup())
-    told = operations_without_cut(program, moves, {1: replace(FLAT, role="chamfer_mill")})
-    assert listed(moves, told.code) == [(4, 1, "engraving")]
+    tool = replace(FLAT, role="chamfer_mill")
+    found, _ = without_cut("T1 M6\nS1000 M3\n(ENGRAVE)\nG1 X10 F300\nM30\n", tool=tool)
+    assert found == [(4, 1, "engraving")]

@@ -30,6 +30,7 @@ from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
 from pipeline.schema.structure import structured
 from pipeline.stages.optimise import named
+from tests.report import optimise_documents
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL
 
@@ -150,26 +151,10 @@ def test_what_a_part_names_must_be_there(tmp_path: Path) -> None:
 
 
 def stored(**change: Any) -> OptimisedPart:
-    """A part without blocks, as small as one can be."""
-    column = {"total_mm": 1.0, "way_mm": [0.0], "load_N": [None], "line": [1]}
-    empty: dict[str, Any] = {
-        key: [] for key in (
-            "methods", "front", "groups", "binding", "held", "tools", "changes", "lines",
-        )
-    }  # fmt: skip
-    return structured(empty | {
-        "program": "O1.nc", "machine": "mill", "origin": "recorded", "control": "identified",
-        "objective": "time", "currency": "KRW", "stock": "box", "material": "A6061",
-        "tool_table": "mine", "limits": {}, "certainty": None, "before": {}, "after": {},
-        "gain": {}, "words": {"F_changed": 1, "F_added": 0, "S_changed": 0, "S_added": 0},
-        "proof": {"same": True, "sha256": "", "moves": 1, "before_sha256": "", "after_sha256": "",
-                  "first": None},
-        "trace": {"before": column, "after": column, "tools": []},
-        "verified": {"peak_load_N": None, "peak_line": None, "following_um": None,
-                     "full_evaluations": 1, "tightened": 0},
-        "interrupted": False, "not_known": [], "notes": ["Größe"], "path": None,
-        "setup": {"tools": [], "offsets": [], "blank_offset": "G54", "warnings": []},
-    } | change, OptimisedPart, "$")  # fmt: skip
+    """A part with few figures."""
+    few = {"limits": {}, "currency": "KRW", "notes": ["Größe"], "certainty": None, "before": {},
+           "after": {}}  # fmt: skip
+    return optimise_documents.part(optimise_documents.optimised() | few | change)
 
 
 def test_programs_are_written_byte_by_byte_and_figures_are_flat(tmp_path: Path) -> None:

@@ -6,34 +6,27 @@ thick a chip as their row means.  Nothing is given but the program, the tools an
 
 import re
 from dataclasses import dataclass, replace
-from functools import cache
 from math import pi
 
 import pytest
-import yaml
 
 from pipeline.app.optimise_lines import optimise_lines
-from pipeline.cutting.catalogue import CuttingCatalogue
-from pipeline.cutting.economics.material import Material
+from pipeline.app.tables import read_material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
-from pipeline.cutting.tool import Tool, ToolTable
+from pipeline.cutting.tool import Tool
 from pipeline.gcode.moves import Moves
-from pipeline.gcode.program import parse_program
-from pipeline.gcode.setup import Setup
 from pipeline.optimisation.document import optimised_part
 from pipeline.optimisation.full_twin import Result
-from pipeline.optimisation.job import JobRequest, MachineModels, Workshop, job_of
+from pipeline.optimisation.job import job_of
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.practice import immersion
-from pipeline.optimisation.settings import OptimisationSettings, Part, SearchSettings
-from pipeline.parameters import structure
+from pipeline.optimisation.settings import OptimisationSettings, SearchSettings
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.schema.part import OptimisedPart
-from pipeline.twin.cut.wear import ToolWear
 from tests.optimisation.adaptive import trochoid
 from tests.optimisation.direct_parts import control
-from tests.small_project import ROOT
+from tests.optimisation.several_tools import request_of
 
 SETTINGS = OptimisationSettings(
     search=SearchSettings(population=4, generations=1, paper_generations=1, baseline=0)
@@ -54,32 +47,16 @@ DRIVE = SpindleDrive(rated_power_kW=100.0, base_speed_rpm=800.0, top_speed_rpm=1
 C45, STAINLESS, TITANIUM = "steel_medium_carbon", "stainless_austenitic", "titanium_alloy"
 
 
-@cache
-def of_conf(path: str, wanted: type) -> object:
-    values = yaml.safe_load((ROOT / f"conf/{path}.yaml").read_text())
-    return structure({"it": values}, "it", wanted)
-
-
 def optimised(
     text: str, tool: Tool, material: str, *, group: int | None = None, long: int | None = None,
     limits: CutLimit | None = None, dynamics: TipDynamics | None = None,
 ) -> Result:  # fmt: skip
     """A program optimised with nothing given but what stands here."""
-    law = of_conf(f"material/{material}", Material)
-    catalogue = of_conf("catalogue/default", CuttingCatalogue)
-    assert isinstance(law, Material) and isinstance(catalogue, CuttingCatalogue)
-    law = replace(law, group=group or law.group)
-    part = Part(
-        program="P.nc", stock=f"box:0,{long or length(tool)},0,60,-30,0", tool_table="one",
-        material=material, resolution_mm=0.5, limits=limits or CutLimit(),
-    )  # fmt: skip
-    workshop = Workshop(
-        table=ToolTable(tools={1: tool}), material=law, rates=None, drive=DRIVE,
-        drive_source="", energy=None, dynamics=dynamics, catalogue=catalogue, wear=ToolWear(),
-    )  # fmt: skip
-    request = JobRequest(
-        program=parse_program(text.encode(), "P.nc"), part=part, setup=Setup(),
-        models=MachineModels(control=control()), settings=SETTINGS,
+    law = read_material(material)
+    request, workshop = request_of(
+        text, {1: tool}, stock=f"box:0,{long or length(tool)},0,60,-30,0", material=material,
+        settings=SETTINGS, control=control(), limits=limits, resolution=0.5, drive=DRIVE,
+        dynamics=dynamics, law=replace(law, group=group or law.group),
     )  # fmt: skip
     return optimise(job_of(request, workshop))
 

@@ -1,4 +1,4 @@
-"""What counts as inside all limits: a restatement, ranges, stability, changes of S, what binds."""
+"""What counts as inside all limits, what binds, and objectives that are those of one plan."""
 
 from dataclasses import replace
 
@@ -8,19 +8,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.cutting.tool import tip_deflection
+from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.machine.control.planner import plan
+from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.optimisation.problem.arrays import CONSTRAINTS, Groups
 from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.problem.spindle import COARSE, FINE, speed_nodes
 from pipeline.schema.limits import CutLimit, Margins
-from pipeline.twin.cut.blocks import cut_blocks
+from pipeline.twin.cut.blocks import cut_blocks, station_arcs
+from pipeline.twin.cut.cost import cost_of, electricity, tool_life
 from pipeline.twin.cut.document import document_of
 from pipeline.twin.cut.limits import cut_limits
 from pipeline.twin.cut.stability import stability, table_of
 from tests.optimisation.problem_parts import (
     DRIVE,
     DYNAMICS,
+    MATERIAL,
     NO_MARGINS,
+    RATES,
     ROOMY,
     TEN,
     TOOLS,
@@ -32,7 +37,7 @@ from tests.optimisation.problem_parts import (
     problem_on,
     waiting_control,
 )
-from tests.twin.cut_parts import CONTROL, SLOT
+from tests.twin.cut_parts import CONTROL, SLOT, pocket
 
 LIMITS = CutLimit(
     load_N=300.0, deflection_um=20.0, chip_um=(5.0, 90.0), torque_Nm=2.0, power_share=0.15,
@@ -353,3 +358,136 @@ def test_a_row_at_the_drives_power_or_torque():
         violation = problem.evaluate_rows(feeds[np.newaxis] * [[1.0], [1.001]],
                                           np.tile(speeds, (2, 1))).violation  # fmt: skip
         assert violation[0] == 0.0 < violation[1]
+
+
+PER_TURN = SLOT.replace("X70 F600", "G95 X30 F0.1\nX70 F0.05\nG94")
+S_CURVE = ControlParameters(
+    profile="s_curve",
+    axes={letter: replace(axis, jerk=50_000.0) for letter, axis in CONTROL.axes.items()},
+)
+PROGRAMS = {
+    "two tools, drilling, dwell, S in between": (TWO_TOOLS, CONTROL),
+    "pocket": (pocket(), CONTROL),
+    "feed for each turn": (PER_TURN, CONTROL),
+    "waits at the code": (TWO_TOOLS, waiting_control(speed_change_waits=True)),
+    "waits before cutting": (TWO_TOOLS, waiting_control(spindle_wait="before_cutting")),
+    "waits for the next line": (
+        TWO_TOOLS, waiting_control(spindle_wait="next_line", speed_change_waits=True),
+    ),
+    "jerk limited": (TWO_TOOLS, S_CURVE),
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=PROGRAMS)
+def planned(request):
+    text, control = PROGRAMS[request.param]
+    return cut_on(text, control=control)
+
+
+def stretches(planned, seed: int, many: int):
+    """F of rows as chance has it; S as the program changes it, by other amounts."""
+    moves, rng = planned.plan.path.moves, np.random.default_rng(seed)
+    feeds = moves.feed * rng.uniform(0.3, 3.0, (many, len(moves)))
+    of_row = np.cumsum(np.diff(moves.speed, prepend=0.0) != 0)
+    speeds = moves.speed * rng.uniform(0.7, 1.4, (many, of_row.max() + 1))[:, of_row]
+    return feeds, speeds
+
+
+def told(planned, basis):
+    """The four objectives of a planned's own plan, as its document sums them, unrounded."""
+    arcs = station_arcs(planned.engagement, planned.tools)
+    blocks = cut_blocks(planned, arcs)
+    life = tool_life(planned, blocks, arcs, basis.material)
+    used = electricity(planned, blocks, basis.energy, basis.drive)
+    cost = cost_of(planned, basis.rates, life.wear, used)
+    return planned.plan.total, cost.total, used.total, life.wear.sum()
+
+
+def test_a_population_costs_what_its_plans_cost(planned):
+    problem, basis = problem_on(planned), basis_of(planned)
+    feeds, speeds = stretches(planned, 1, 4)
+    found = problem.evaluate_rows(feeds, speeds).objectives
+    for objectives, feed, speed in zip(found, feeds, speeds, strict=True):
+        other = replace(planned, plan=plan(planned.plan.path, feeds=feed, speeds=speed))
+        np.testing.assert_allclose(objectives, told(other, basis), rtol=1e-9)
+
+
+def test_the_program_itself_costs_what_its_document_says(planned):
+    """Documents have six digits."""
+    feeds, speeds = own(problem := problem_on(planned))
+    objectives = problem.evaluate_rows(feeds[np.newaxis], speeds[np.newaxis]).objectives[0]
+    summary = document_of(planned, basis_of(planned)).summary
+    said = [summary.time_s, summary.cost.sum, summary.energy_kWh]
+    np.testing.assert_allclose(objectives, [*said, summary.tool_life_share], rtol=5e-6)
+
+
+def test_what_is_not_known_is_no_number():
+    planned = cut_on(SLOT)
+    feeds, speeds = (one[np.newaxis] for one in own(problem_on(planned)))
+    known = problem_on(planned).evaluate_rows(feeds, speeds).objectives[0]
+
+    def found(**basis):
+        return problem_on(planned, **basis).evaluate_rows(feeds, speeds).objectives[0]
+
+    no_drive = found(drive=None)
+    assert np.isnan(no_drive[2]) and np.isfinite(no_drive[[0, 1, 3]]).all()
+    assert no_drive[1] == pytest.approx(known[1] - known[2] * RATES.energy_per_kWh)
+    np.testing.assert_array_equal(found(energy=None), no_drive)
+    assert np.isnan(found(rates=None)).tolist() == [False, True, False, False]
+    no_life = found(material=replace(MATERIAL, taylor={}))
+    assert np.isnan(no_life).tolist() == [False, True, False, True]
+
+
+def test_rows_alone_add_up_to_the_program_where_axes_need_no_time_to_speed_up():
+    axis = AxisParameters(
+        rapid_speed=20000, cutting_speed=10000, rapid_acceleration=1e12, cutting_acceleration=1e12,
+        arc_acceleration=1e12, corner_jump=1e6,
+    )  # fmt: skip
+    planned = cut_on(TWO_TOOLS, control=ControlParameters(axes=dict.fromkeys("XYZ", axis)))
+    problem = problem_on(planned)
+    feeds, speeds = stretches(planned, 2, 3)
+    rows = BlockModel.alone(problem, "time").demands(feeds, speeds)
+    assert rows.shape == (4, 3, len(problem))
+    # the dwell counts seconds, and the spindle takes none: what stands still is the same for all
+    sums = rows.sum(axis=-1).T
+    np.testing.assert_allclose(sums, problem.evaluate_rows(feeds, speeds).objectives, rtol=1e-6)
+
+
+def test_rows_alone_are_never_slower_than_in_the_program():
+    planned = cut_on(pocket())
+    problem = problem_on(planned)
+    feeds, speeds = stretches(planned, 3, 5)
+    alone = BlockModel.alone(problem, "time").values(feeds, speeds).sum(axis=1)
+    assert (alone < problem.evaluate_rows(feeds, speeds).objectives[:, 0]).all()
+
+
+def test_taylor_between_two_speeds():
+    """V T^n = C: in blocks at one feed for each tooth wear goes with V^(1/n - 1)."""
+    planned = cut_on(SLOT)
+    problem = problem_on(planned, material=replace(MATERIAL, taylor={
+        "carbide": replace(MATERIAL.taylor["carbide"], f_z_exponent=0.0, f_z_ref_mm=None)
+    }))  # fmt: skip
+    feeds, speeds = own(problem)
+    row = problem.blocks.row[-1]
+    alone = BlockModel.alone(problem, "wear")
+    slow, fast = (alone.values(k * feeds[None], k * speeds[None])[0, row] for k in (1.0, 1.5))
+    assert fast / slow == pytest.approx(1.5**3, rel=1e-12)
+
+
+def test_many_at_once_are_as_many_alone():
+    """Parts of a population are worked on one after the other."""
+    from pipeline.optimisation.problem.problem import AT_ONCE
+
+    planned = cut_on(TWO_TOOLS)
+    problem = problem_on(planned, CutLimit(load_N=100.0, margins=NO_MARGINS))
+    many = 2 * AT_ONCE // len(problem) + 7
+    feeds, speeds = stretches(planned, 4, 3)
+    index = np.arange(many) % 3
+    found = problem.evaluate_rows(feeds[index], speeds[index])
+    few = problem.evaluate_rows(feeds, speeds)
+    np.testing.assert_array_equal(found.objectives, few.objectives[index])
+    np.testing.assert_array_equal(found.violation, few.violation[index])
+    assert problem_on(planned, ROOMY).evaluate_rows(feeds[:0], speeds[:0]).objectives.shape == (
+        0,
+        4,
+    )

@@ -123,76 +123,57 @@ M30
 """
 
 
-def warned(folder: Path, *changes: tuple[str, str]) -> list[str]:
-    """What is said of the ranges of the tools."""
-    (folder / "tools.yaml").write_text(TOOLS)
-    (folder / "before.nc").write_text(CUTTING)
-    after = CUTTING
-    for old, new in changes:
-        assert old in after
-        after = after.replace(old, new, 1)
-    done = check(folder, after.encode(), "--tool-table", str(folder / "tools.yaml"))
+STEEL = ("--material", "steel_medium_carbon")
+
+
+def ranges_checked(
+    folder: Path, before: str, change: tuple[str, str], tools: str, *words: str
+) -> tuple[list[str], list[str]]:
+    """Warnings of the ranges of tools in a changed program, and what is not judged."""
+    (folder / "tools.yaml").write_text(tools)
+    (folder / "before.nc").write_text(before)
+    assert change[0] in before
+    after = before.replace(*change, 1)
+    done = check(folder, after.encode(), "--tool-table", str(folder / "tools.yaml"), *words)
     assert done.exit_code == 0, done.output
-    lines = done.stdout.splitlines()
-    assert "not judged: T2 has no range in the tool table" in lines
-    assert "not judged: T3 is not in the tool table" in lines
-    return [
-        line.removeprefix("warning: ")
-        for line in lines
-        if line.startswith("warning") and "became" not in line
-    ]
+    lines = [line.partition(": ")[::2] for line in done.stdout.splitlines()]
+    warnings = [said for kind, said in lines if kind == "warning" and "became" not in said]
+    return warnings, [said for kind, said in lines if kind == "not judged"]
 
 
 def test_feeds_and_speeds_that_leave_the_range_of_the_tool_are_warned_of(folder: Path) -> None:
     """0.05 mm/tooth of two at 3000 rev/min is F300, 120 m/min of 10 mm is 3820 rev/min."""
-    assert warned(folder, ("F120", "F300")) == []
-    assert warned(folder, ("F120", "F360")) == [
+
+    def warned(*change: str, tools: str = TOOLS) -> list[str]:
+        return ranges_checked(folder, CUTTING, change, tools)[0]
+
+    assert warned("F120", "F300") == []
+    assert warned("F120", "F360") == [
         "line 3, T1: F360 at S3000 is 0.06 mm/tooth, outside of 0.01 to 0.05 of the tool table",
         "line 4, T1: F360 at S3000 is 0.06 mm/tooth, outside of 0.01 to 0.05 of the tool table",
     ]
-    assert warned(folder, ("Y5", "Y5 F30"))[0].startswith("line 4, T1: F30 at S3000 is 0.005 mm")
-    assert warned(folder, ("F0.05", "F0.2"))[0].startswith("line 5, T1: F0.2 at S3000 is 0.1 mm")
-
-
-def test_what_was_outside_before_is_not_warned_of_again(folder: Path) -> None:
-    (folder / "tools.yaml").write_text(TOOLS.replace("0.05]", "0.015]"))
-    (folder / "before.nc").write_text(CUTTING)
-    done = check(
-        folder, CUTTING.replace("Y5", "Y5 F130").encode(), "--tool-table",
-        str(folder / "tools.yaml"),
-    )  # fmt: skip
-    warnings = [
-        line
-        for line in done.stdout.splitlines()
-        if line.startswith("warning") and "became" not in line
-    ]
-    assert len(warnings) == 1 and "line 4, T1: F130" in warnings[0]
+    assert warned("Y5", "Y5 F30")[0].startswith("line 4, T1: F30 at S3000 is 0.005 mm")
+    assert warned("F0.05", "F0.2")[0].startswith("line 5, T1: F0.2 at S3000 is 0.1 mm")
+    # what was outside before is not warned of again
+    (alone,) = warned("Y5", "Y5 F130", tools=TOOLS.replace("0.05]", "0.015]"))
+    assert "line 4, T1: F130" in alone
+    _, silent = ranges_checked(folder, CUTTING, ("F120", "F300"), TOOLS)
+    assert silent == ["T2 has no range in the tool table", "T3 is not in the tool table"]
 
 
 def test_points_put_in_shift_no_warning(folder: Path) -> None:
     """F360 and F380 are outside before and, a line lower, after: the new F370 alone is said."""
-    (folder / "tools.yaml").write_text(TOOLS)
     before = "G0 X0 Y0 Z0\nT1 M6\nS3000 M3\nG1 X10 F360\nX20 F380\nM30\n"
-    (folder / "before.nc").write_text(before)
-    words = ("--splits", "--tool-table", str(folder / "tools.yaml"))
-    split = before.replace("G1 X10 F360", "G1 X4.5 F370\nG1 X10 F360")
-    done = check(folder, split.encode(), *words)
-    assert "1 points put in" in done.stdout
-    warnings = [line for line in done.stdout.splitlines() if line.startswith("warning: ")]
-    assert len(warnings) == 1 and "line 4, T1: F370" in warnings[0]
+    change = "G1 X10 F360", "G1 X4.5 F370\nG1 X10 F360"
+    ((said,), _) = ranges_checked(folder, before, change, TOOLS, "--splits")
+    assert "line 4, T1: F370" in said
 
 
 def test_a_speed_that_leaves_the_range_of_the_tool(folder: Path) -> None:
-    before = b"T1 M6\nS3000 M3\nG1 X10 F120\nM30\n"
-    (folder / "tools.yaml").write_text(TOOLS)
-    (folder / "before.nc").write_bytes(before)
-    after = before.replace(b"S3000", b"S4000")
-    done = check(folder, after, "--tool-table", str(folder / "tools.yaml"))
-    assert done.exit_code == 0
-    assert done.stdout.splitlines()[-1] == (
-        "warning: line 3, T1: S4000 is 126 m/min, outside of 50 to 120 of the tool table"
-    )
-    done = check(folder, before, "--tool-table", str(folder / "none.yaml"))
+    before = "T1 M6\nS3000 M3\nG1 X10 F120\nM30\n"
+    warnings, _ = ranges_checked(folder, before, ("S3000", "S4000"), TOOLS)
+    assert warnings == ["line 3, T1: S4000 is 126 m/min, outside of 50 to 120 of the tool table"]
+    done = check(folder, before.encode(), "--tool-table", str(folder / "none.yaml"))
     assert done.exit_code == 2 and "none.yaml" in done.stderr and done.stderr.count("\n") == 1
 
 
@@ -233,35 +214,6 @@ tools:
 """
 
 
-def warned_in_steel(folder: Path, *changes: tuple[str, str]) -> list[str]:
-    """What is said of tools without ranges in steel of medium carbon."""
-    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
-    (folder / "before.nc").write_text(OPERATIONS)
-    after = OPERATIONS
-    for old, new in changes:
-        assert after.count(old) == 1
-        after = after.replace(old, new)
-    done = check(
-        folder, after.encode(), "--tool-table", str(folder / "tools.yaml"), "--material",
-        "steel_medium_carbon",
-    )  # fmt: skip
-    assert done.exit_code == 0, done.output
-    lines = done.stdout.splitlines()
-    silent = [line for line in lines if line.startswith("not judged")]
-    where = "ISO P, group 2 of VDI 3323"
-    assert silent == [
-        "not judged: T4 has no range in the tool table, and the catalogue has no row for a "
-        f"carbide chamfer mill of 10 mm in {where}, chamfering",
-        "not judged: T6 has no range in the tool table, and the catalogue has no row for a "
-        f"high-speed steel end mill of 40 mm in {where}, roughing: the catalogue has 6.35 to 32 mm",
-    ]
-    return [
-        line.removeprefix("warning: ")
-        for line in lines
-        if line.startswith("warning") and "became" not in line
-    ]
-
-
 @pytest.mark.parametrize(
     ("change", "said", "whose"),
     [
@@ -288,36 +240,37 @@ def warned_in_steel(folder: Path, *changes: tuple[str, str]) -> list[str]:
 def test_without_a_range_in_the_table_that_of_the_catalogue_counts(
     folder: Path, change: tuple[str, str], said: str, whose: str
 ) -> None:
-    warnings = warned_in_steel(folder, change)
+    warnings, silent = ranges_checked(folder, OPERATIONS, change, PLAIN_TOOLS, *STEEL)
     assert bool(warnings) == bool(said), warnings
     if said:
         line = next(line for line in warnings if line.startswith(said))
         assert ("of the catalogue (" in line) == ("tool table" not in said)
         assert whose in line
+    where = "ISO P, group 2 of VDI 3323"
+    assert silent == [
+        "T4 has no range in the tool table, and the catalogue has no row for a carbide chamfer "
+        f"mill of 10 mm in {where}, chamfering",
+        "T6 has no range in the tool table, and the catalogue has no row for a high-speed steel "
+        f"end mill of 40 mm in {where}, roughing: the catalogue has 6.35 to 32 mm",
+    ]
 
 
-def test_a_comment_tells_finishing_where_there_is_no_cut(folder: Path) -> None:
+@pytest.mark.parametrize(("comment", "outside"), [("(WALL)", False), ("(FINISH WALL)", True)])
+def test_a_comment_tells_finishing_where_there_is_no_cut(
+    folder: Path, comment: str, outside: bool
+) -> None:
     """0.065 mm is inside of what slots have, and below finishing and what leads to it."""
-    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
-    words = ("--tool-table", str(folder / "tools.yaml"), "--material", "steel_medium_carbon")
-    for comment, outside in (("(WALL)", False), ("(FINISH WALL)", True)):
-        before = f"T1 M6\nS5000 M3\n{comment}\nG1 X10 F1600\nM30\n"
-        (folder / "before.nc").write_text(before)
-        done = check(folder, before.replace("F1600", "F1300").encode(), *words)
-        assert ("F1300 at S5000 is 0.065 mm/tooth" in done.stdout) == outside, done.stdout
+    before = f"T1 M6\nS5000 M3\n{comment}\nG1 X10 F1600\nM30\n"
+    warnings, _ = ranges_checked(folder, before, ("F1600", "F1300"), PLAIN_TOOLS, *STEEL)
+    assert any("F1300 at S5000 is 0.065 mm/tooth" in one for one in warnings) == outside
 
 
 def test_a_speed_that_stays_is_not_warned_of(folder: Path) -> None:
     """16 m/min is below all milling, in the program already."""
-    (folder / "tools.yaml").write_text(PLAIN_TOOLS)
     before = "T1 M6\nS500 M3\nG1 X10 F100\nM30\n"
-    (folder / "before.nc").write_text(before)
-    words = ("--tool-table", str(folder / "tools.yaml"), "--material", "steel_medium_carbon")
-    assert "warning" not in check(folder, before.replace("F100", "F120").encode(), *words).stdout
-    assert (
-        "S450 is 14.1 m/min"
-        in check(folder, before.replace("S500", "S450").encode(), *words).stdout
-    )
+    assert ranges_checked(folder, before, ("F100", "F120"), PLAIN_TOOLS, *STEEL)[0] == []
+    (said,), _ = ranges_checked(folder, before, ("S500", "S450"), PLAIN_TOOLS, *STEEL)
+    assert "S450 is 14.1 m/min" in said
 
 
 def test_a_material_without_a_table_or_a_file_is_refused(folder: Path) -> None:

@@ -5,17 +5,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline.app.tables import read_tools
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, Moves
 from pipeline.gcode.program import Program
 from pipeline.gcode.setup import Setup
-from pipeline.optimisation.job import Job, JobRequest, MachineModels, job_of
+from pipeline.optimisation.job import Job, job_of
 from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.proof.prove import Proof, prove
 from pipeline.optimisation.settings import (
     Grouping,
     OptimisationSettings,
-    Part,
     ReliabilitySettings,
     SearchSettings,
 )
@@ -26,7 +26,7 @@ from pipeline.schema.limits import CutLimit
 from pipeline.twin.control import planned_program
 from pipeline.twin.cut.loads import CutJob, cut_program
 from tests.optimisation.modal_programs import any_answer, modal_program, seeds
-from tests.optimisation.test_part import workshop
+from tests.optimisation.several_tools import request_of
 from tests.twin.cut_parts import BLOCK, CONTROL, LAW, SIX
 
 SETUP = Setup()
@@ -170,15 +170,10 @@ def job_on(text: str, *, split: bool, **limits: float) -> Job:
     settings = OptimisationSettings(
         certainty=ReliabilitySettings(epsilon=0.5, draws=16), grouping=grouping, search=search
     )
-    part = Part(
-        program="P.nc", stock="box:-4,104,-4,64,-20,0", tool_table="mine",
-        material="steel_medium_carbon", limits=CutLimit(**limits), resolution_mm=1.0,
-    )  # fmt: skip
-    request = JobRequest(
-        program=read(text)[0], part=part, models=MachineModels(control=CONTROL), setup=SETUP,
-        settings=settings,
-    )  # fmt: skip
-    return job_of(request, workshop("tool/shop", "material/steel_medium_carbon", drive=None))
+    return job_of(*request_of(
+        text, read_tools("shop").tools, stock="box:-4,104,-4,64,-20,0", settings=settings,
+        limits=CutLimit(**limits),
+    ))  # fmt: skip
 
 
 def rows_at(depth: int, length: int, tool: int = 5) -> str:

@@ -1,4 +1,8 @@
-"""The genetic algorithm as a whole: determinism, counts, bounds, and how it ends."""
+"""The genetic algorithm as a whole: determinism, counts, bounds, how it ends, pymoo beside it.
+
+The costs after 50 generations of 64 are compared over 21 seeds by the test of Mann and Whitney: the
+median must not be above pymoo's significantly, at 5 % over all landscapes together (Holm 1979).
+"""
 
 from dataclasses import replace
 
@@ -6,24 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.stats import mannwhitneyu
 
 from pipeline.search.genetic import CHOICES, GeneticSettings, offspring
 from pipeline.search.result import minimise
-from tests.search.landscapes import LANDSCAPES, rastrigin, sphere
+from tests.search.landscapes import LANDSCAPES, Counting, Landscape, sphere
 
 SMALL = GeneticSettings(population=20, generations=15, seed=3)
 LOW, HIGH = np.full(3, -2.0), np.full(3, 3.0)
-
-
-class Counting:
-    """A cost that keeps what it was asked."""
-
-    def __init__(self, cost=sphere) -> None:
-        self.cost, self.asked = cost, []
-
-    def __call__(self, x: np.ndarray) -> np.ndarray:
-        self.asked.append(x.copy())
-        return self.cost(x)
 
 
 def some_settings() -> st.SearchStrategy[GeneticSettings]:
@@ -64,13 +58,6 @@ def test_bounds_counts_and_history_hold_whatever_the_settings(
     np.testing.assert_array_equal(found.history, best)
     np.testing.assert_array_equal(found.x, asked[np.argmin(sphere(asked))])
     np.testing.assert_array_equal(found.costs, np.sort(sphere(found.population)))
-
-
-@pytest.mark.parametrize("selection", CHOICES["selection"])
-def test_the_same_seed_gives_the_same_bytes(selection: str) -> None:
-    some = replace(SMALL, selection=selection, adaptive=True)
-    one, two = (minimise(rastrigin, LOW, HIGH, some) for _ in range(2))
-    assert one.population.tobytes() == two.population.tobytes()
 
 
 def test_a_narrow_breadth_breeds_from_the_best_and_a_wide_one_from_all() -> None:
@@ -209,3 +196,55 @@ def test_it_finds_the_least_cost(name: str) -> None:
     tried = np.random.default_rng(0).uniform(low, high, (found.evaluations, 2))
     assert found.cost < 5e-3
     assert landscape.cost(tried).min() > 5 * found.cost
+
+
+POPULATION, GENERATIONS, SEEDS = 64, 50, 21
+
+
+def theirs(landscape: Landscape, dimensions: int, seed: int) -> float:
+    from pymoo.algorithms.soo.nonconvex.ga import GA
+    from pymoo.core.problem import Problem
+    from pymoo.optimize import minimize
+
+    low, high = landscape.bounds(dimensions)
+
+    class Wrapped(Problem):
+        def __init__(self) -> None:
+            super().__init__(n_var=dimensions, n_obj=1, xl=low, xu=high)
+
+        def _evaluate(self, x, out, *args, **kwargs) -> None:
+            out["F"] = landscape.cost(x)
+
+    found = minimize(Wrapped(), GA(pop_size=POPULATION), ("n_gen", GENERATIONS), seed=seed)
+    assert found.algorithm.evaluator.n_eval == POPULATION * GENERATIONS
+    return float(found.F[0])
+
+
+def ours(landscape: Landscape, dimensions: int, seed: int) -> float:
+    # the elite's place costs an evaluation a generation: pymoo has no fewer than we have
+    settings = GeneticSettings(population=POPULATION, generations=GENERATIONS, seed=seed)
+    found = minimise(landscape.cost, *landscape.bounds(dimensions), settings)
+    assert found.evaluations <= POPULATION * GENERATIONS
+    return found.cost
+
+
+def compared(name: str, dimensions: int, seeds: int) -> tuple[float, float, float]:
+    landscape = LANDSCAPES[name]
+    mine = [ours(landscape, dimensions, seed) for seed in range(seeds)]
+    other = [theirs(landscape, dimensions, seed) for seed in range(seeds)]
+    worse = mannwhitneyu(mine, other, alternative="greater").pvalue
+    return float(np.median(mine)), float(np.median(other)), float(worse)
+
+
+@pytest.mark.proof
+def test_it_is_nowhere_worse_than_pymoo() -> None:
+    cases = [(name, d) for name in LANDSCAPES for d in (2, 5, 10)]
+    found = {case: compared(*case, SEEDS) for case in cases}
+    for place, case in enumerate(sorted(cases, key=lambda case: found[case][2])):
+        mine, other, worse = found[case]
+        assert worse > 0.05 / (len(cases) - place), f"{case}: {mine:.3g} against {other:.3g}"
+
+
+def test_on_one_landscape_it_is_not_worse() -> None:
+    mine, other, worse = compared("ackley", 5, 5)
+    assert worse > 0.05, f"{mine:.3g} against {other:.3g}"

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.charts.judged import scores_table
-from pipeline.optimisation.reliability.judged import judged_errors
+from pipeline.optimisation.reliability.uncertainty import judged_errors
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.outside import outside_conditions, widening

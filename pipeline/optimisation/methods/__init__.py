@@ -3,4 +3,4 @@
 Times in [s], S in [rev/min], F in the units of ``Moves``.
 """
 
-__all__ = ["blockwise", "feed_groups", "genes", "genetic", "pareto", "speed_pieces", "speeds"]
+__all__ = ["blockwise", "feed_groups", "genes", "genetic", "speeds"]

@@ -13,8 +13,9 @@ import numpy as np
 from pipeline.machine.control.path import where
 from pipeline.optimisation.methods.feed_groups import feed_groups
 from pipeline.optimisation.methods.feeds import BlockModel, block_feeds, column
-from pipeline.optimisation.methods.speed_pieces import SPEEDS, Pieces
 from pipeline.optimisation.methods.speeds import (
+    SPEEDS,
+    Pieces,
     Stretches,
     best_speeds,
     change_price,
@@ -49,11 +50,11 @@ def blockwise_optimum(problem: Problem, objective: Objective, grouping: Grouping
     kept: list[tuple[float, Decision]] = []
     passed: list[tuple[float, Decision]] = []
     for decision in _rounds(problem, objective, grouping, whole):
-        evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-        if evaluated.violation[0] > 0.0:
-            passed.append((float(evaluated.violation[0]), decision))
+        objectives, violation = problem.decided(decision)
+        if violation > 0.0:
+            passed.append((violation, decision))
             continue
-        value = float(evaluated.objectives[0, which])
+        value = float(objectives[which])
         best = min((found for found, _ in kept), default=np.inf)
         kept.append((value, decision))
         if value > best * (1 - WORTH):
@@ -204,8 +205,7 @@ def _widths(problem: Problem, stretches: Stretches) -> Floats:
     np.maximum.at(high, stretches.stretch[rows], problem.ranges.speed_high[rows])
     low = np.maximum(np.minimum(low, stretches.speeds), 0.01 * stretches.speeds)
     high = np.minimum(np.maximum(high, stretches.speeds), 100 * stretches.speeds)
-    widths: Floats = (high / low) ** (1 / (SPEEDS - 1)) - 1
-    return widths
+    return (high / low) ** (1 / (SPEEDS - 1)) - 1
 
 
 def _values(

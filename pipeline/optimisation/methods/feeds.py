@@ -100,8 +100,7 @@ def _scale(problem: Problem, spindle_speed: Floats) -> Floats:
 
 
 def _per_turn(problem: Problem) -> NDArray[np.bool_]:
-    per_turn: NDArray[np.bool_] = problem.cut.plan.path.motion == Motion.PER_TURN
-    return per_turn
+    return problem.cut.plan.path.motion == Motion.PER_TURN
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -154,8 +153,7 @@ class BlockModel:
 
     def values(self, feeds: Floats, speeds: Floats) -> Floats:
         """Objective of each row, (P, M), at F and S of that shape in the units of ``Moves``."""
-        objective: Floats = self.demands(feeds, speeds)[self.column]
-        return objective
+        return self.demands(feeds, speeds)[self.column]
 
     def demands(self, feeds: Floats, speeds: Floats) -> Floats:
         """All objectives of each row; shape (4, P, M)."""

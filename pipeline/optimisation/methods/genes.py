@@ -171,11 +171,9 @@ class Method:
 
 def method_of(problem: Problem, name: str, decision: Decision, evaluations: int) -> Method:
     """Objectives and violation of a decision."""
-    evaluated = problem.evaluate(decision.groups, decision.feeds[None], decision.speeds[None])
-    return Method(
-        name=name, decision=decision, objectives=evaluated.objectives[0],
-        violation=float(evaluated.violation[0]), evaluations=evaluations,
-    )  # fmt: skip
+    objectives, violation = problem.decided(decision)
+    return Method(name=name, decision=decision, objectives=objectives, violation=violation,
+                  evaluations=evaluations)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -189,7 +187,7 @@ class Front:
     no_worse: NDArray[np.bool_] = field(repr=False)
     """Members that are in nothing that counts worse than the program as it is; shape (F,)."""
     knee: int
-    """The member that gives most for what it takes (:func:`pipeline.search.dominance.knee`), of
+    """The member that gives most for what it takes (:func:`pipeline.search.nsga2.knee`), of
     those that are no worse than the program; of all where there is none."""
     evaluations: int
     """Number of evaluations."""

@@ -60,8 +60,7 @@ class Bounds:
     @cached_property
     def high(self) -> Floats:
         """Greatest that all of them allow; infinite in air.  Shape (M,)."""
-        lowest: Floats = self.most.min(axis=0)
-        return lowest
+        return self.most.min(axis=0)
 
     @cached_property
     def binds(self) -> Rows:
@@ -207,16 +206,14 @@ class Groups:
 def feeds_per_minute(cut: Cut, feeds: Floats, spindle_speed: Floats) -> Floats:
     """F in [mm/min] of feeds in the units of ``Moves``; shape of ``feeds``."""
     by_turn = np.where(cut.plan.path.motion == Motion.PER_TURN, spindle_speed, 1.0)
-    per_minute: Floats = feeds * by_turn * feed_units(cut)
-    return per_minute
+    return feeds * by_turn * feed_units(cut)
 
 
 def feed_units(cut: Cut) -> Floats:
     """Feed in [mm/min] of one unit of F, of 1 mm/rev at 1 rev/min; shape (M,)."""
     path = cut.plan.path
     inverse = path.moves.feed_mode == FeedMode.INVERSE_TIME
-    units: Floats = np.where(inverse, path.factor / METRE_PER_SECOND, 1.0)
-    return units
+    return np.where(inverse, path.factor / METRE_PER_SECOND, 1.0)
 
 
 def first_rows(group: Rows) -> Rows:
@@ -347,12 +344,9 @@ class RowGroups:
 
     def spread(self, values: Floats, other: Floats) -> Floats:
         """Shape (P, M) of (P, U); ``other`` in rows of no group."""
-        if not len(self._first):
-            return np.repeat(other[None], len(values), axis=0)
-        return np.where(self.group >= 0, values[:, self.group], other)
+        return spread(values, self.group, other)
 
     def _reduced(self, operation: np.ufunc, values: Floats) -> Floats:
         if not len(self._first):
             return np.zeros((len(values), 0))
-        reduced: Floats = operation.reduceat(values[:, self._order], self._first, axis=1)
-        return reduced
+        return operation.reduceat(values[:, self._order], self._first, axis=1)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,15 +18,14 @@ from pipeline.optimisation.problem.arrays import (
     Practice,
     feeds_per_minute,
 )
-from pipeline.optimisation.problem.demand import demand_of
 from pipeline.optimisation.problem.limits import (
     at_hardest_station,
     bounds_of,
     ranges_of,
     row_limits,
 )
-from pipeline.optimisation.problem.problem import Problem
-from pipeline.optimisation.problem.spindle import Lobes, allowed_power
+from pipeline.optimisation.problem.problem import Problem, demand_of
+from pipeline.optimisation.problem.spindle import allowed_power, chatter_of
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut.blocks import cut_blocks, station_arcs
@@ -124,8 +124,7 @@ def _outside(value: Floats, low: Floats, high: Floats) -> Floats:
 def _over(value: Floats | float, limit: Floats) -> Floats:
     shape = np.broadcast_shapes(np.shape(value), limit.shape)
     above = np.where(np.broadcast_to(value, shape) > 0, np.inf, 0.0)
-    divided: Floats = np.divide(value, limit, out=above, where=limit > 0)
-    return divided
+    return np.divide(value, limit, out=above, where=limit > 0)
 
 
 def check_known(cut: Cut, limits: CutLimit, drive: SpindleDrive | None) -> None:
@@ -169,7 +168,17 @@ def problem_of(
         bounds=bounds,
         ranges=ranges,
         demand=demand_of(cut, blocks, life, basis, limits, bounds=bounds, ranges=ranges),
-        lobes=Lobes(cut, blocks, basis.dynamics, ranges, editable.speed, limits.margins.stability),
+        lobes=cache(
+            partial(
+                chatter_of,
+                cut,
+                blocks,
+                basis.dynamics,
+                ranges,
+                editable.speed,
+                limits.margins.stability,
+            )
+        ),
         practice=practice,
     )
     if practice is not None:  # what keeps its S is cut as it is
@@ -357,8 +366,7 @@ def _corners(problem: Problem) -> tuple[Floats, Floats]:
 def _in_units(problem: Problem, per_minute: Floats, spindle_speed: Floats) -> Floats:
     """F in the units of ``Moves`` of feeds in [mm/min]; shape (M,)."""
     ones = feeds_per_minute(problem.cut, np.ones(len(problem)), spindle_speed)
-    units: Floats = np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
-    return units
+    return np.divide(per_minute, ones, out=np.zeros(len(ones)), where=ones > 0)
 
 
 def _check_kept(problem: Problem) -> None:

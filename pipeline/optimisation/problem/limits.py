@@ -109,23 +109,26 @@ def _least_of_blocks(block: Rows, values: Floats) -> Floats:
 
 
 def inverse(cut: Cut, values: Floats, limit: Floats | float) -> Floats:
+    """Greatest f_z up to which a load of rows stays within a limit [m], as :func:`crossings`."""
+    return crossings(values, cut.table.scale, cut.table.exponent, limit)
+
+
+def crossings(values: Floats, scale: Floats, exponent: Floats, limit: Floats | float) -> Floats:
     """Greatest f_z up to which a load stays within a limit [m].
 
-    ``values`` (M, K + 1): the load at its nodes; ``limit`` (..., M): in its unit.  Shape (..., M):
-    0 where any feed passes the limit, infinite where none does.
+    ``values`` (M, K + 1): the load at the nodes of a load table with ``scale`` and ``exponent``
+    (M,); ``limit`` (..., M): in its unit.  Shape (..., M): 0 where any feed passes the limit,
+    infinite where none does.
     """
     from pipeline.optimisation.problem.kernels import first_crossings
 
-    table = cut.table
-    shape = np.broadcast_shapes(np.shape(limit), table.scale.shape)
+    shape = np.broadcast_shapes(np.shape(limit), scale.shape)
     limits = np.ascontiguousarray(np.broadcast_to(limit, shape), dtype=np.float64)
     out = np.empty(shape)
     if out.size:
         many = (-1, shape[-1])
-        first_crossings(
-            limits.reshape(many), np.ascontiguousarray(values), table.scale, table.exponent,
-            out.reshape(many),
-        )  # fmt: skip
+        nodes = np.ascontiguousarray(values)
+        first_crossings(limits.reshape(many), nodes, scale, exponent, out.reshape(many))
     return out
 
 
@@ -302,8 +305,7 @@ def _descends_in_air(cut: Cut) -> Bools:
     """
     moves = cut.plan.path.moves
     fall = moves.start[:, 2] - moves.end[:, 2]
-    descends: Bools = (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)
-    return descends
+    return (fall > 0) & (fall >= STEEP * moves.length) & (cut.tool < 0)
 
 
 def _feeds(

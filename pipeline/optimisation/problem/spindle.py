@@ -1,7 +1,6 @@
 """Limits that a spindle sets: power and torque of its drive, changes of speed, chatter."""
 
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -42,8 +41,7 @@ def allowed_power(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) 
     margins = limits.margins
     margin = np.where(n < drive.base_speed, margins.torque, margins.power)
     power = np.nan_to_num(available_power(n, drive), nan=0.0)
-    allowed: Floats = limits.power_share * (1 - margin) * power
-    return allowed
+    return limits.power_share * (1 - margin) * power
 
 
 def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit) -> Floats:
@@ -52,10 +50,9 @@ def allowed_torque(spindle_speed: Floats, drive: SpindleDrive, limits: CutLimit)
     cutting = allowed_power(spindle_speed, drive, limits) * drive.efficiency - no_load_power(
         n, drive
     )
-    torque: Floats = np.divide(
+    return np.divide(
         cutting, 2 * np.pi * n, out=np.full(n.shape, -np.inf), where=n > 0
     )  # fmt: skip
-    return torque
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -115,8 +112,7 @@ class SpeedChanges:
     def _change(self, old: Floats, new: Floats) -> Floats:
         up, base = self.waiting.spindle_acceleration, self.waiting.spindle_base_speed
         rates = np.where(new < old, self.waiting.spindle_deceleration or up, up)
-        change: Floats = np.abs(run_up_time(new, rates, base) - run_up_time(old, rates, base))
-        return change
+        return np.abs(run_up_time(new, rates, base) - run_up_time(old, rates, base))
 
     def violation(self, spindle_speed: Floats, least: float) -> Floats:
         """Violation by changes of S, (P,) of speeds (P, M) [rev/min].
@@ -136,8 +132,7 @@ class SpeedChanges:
         needed = self.ramp(spindle_speed[:, pairs[:, 0]], spindle_speed[:, pairs[:, 1]])
         late = needed > lead * (1 + NEAR) + NEAR
         share = np.divide(lead, needed, out=np.ones(needed.shape), where=late)
-        total: Floats = (1.0 - share).sum(axis=1)
-        return total
+        return (1.0 - share).sum(axis=1)
 
     def _too_small(self, spindle_speed: Floats, least: float) -> Floats:
         if not least > 0:
@@ -145,8 +140,7 @@ class SpeedChanges:
         step = np.abs(spindle_speed[:, self.pairs[:, 1]] - spindle_speed[:, self.pairs[:, 0]])
         small = (step > NEAR * least) & (step < (1 - NEAR) * least)
         share = np.divide(step, least, out=np.ones(step.shape), where=small)
-        total: Floats = (1.0 - share).sum(axis=1)
-        return total
+        return (1.0 - share).sum(axis=1)
 
 
 def speed_changes(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> SpeedChanges:
@@ -179,8 +173,7 @@ def _pauses(path: Path) -> Floats:
     """Standstill of the last row that moves before each row, all of it where none does; (M,)."""
     moving = np.append(-1, np.flatnonzero(path.moving))
     last = moving[np.searchsorted(moving, np.arange(len(path))) - 1]
-    pauses: Floats = np.where(last >= 0, path.pause[last], np.inf)
-    return pauses
+    return np.where(last >= 0, path.pause[last], np.inf)
 
 
 def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:
@@ -188,8 +181,7 @@ def leads(plan: Plan, editable: Editable, cuts: NDArray[np.bool_]) -> Floats:
     passed = np.concatenate([[0.0], np.cumsum(np.where(editable.block < 0, plan.time, 0.0))])
     next_cut = np.append(np.flatnonzero(cuts), len(cuts))
     row = np.arange(len(cuts))
-    lead: Floats = passed[next_cut[np.searchsorted(next_cut[:-1], row)]] - passed[row]
-    return lead
+    return passed[next_cut[np.searchsorted(next_cut[:-1], row)]] - passed[row]
 
 
 def _waiting(path: Path, rows: Rows) -> Rows:
@@ -203,8 +195,7 @@ def _waiting(path: Path, rows: Rows) -> Rows:
     else:
         return rows
     index = np.searchsorted(candidates, rows, side=side)  # type: ignore[call-overload]
-    first: Rows = np.append(candidates, len(moves))[index]
-    return first
+    return np.append(candidates, len(moves))[index]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -220,31 +211,12 @@ class Chatter:
     def violation(self, spindle_speed: Floats, least: Floats) -> Floats:
         """Sum over rows of (1 + least) / (1 + margin) - 1 where above 0; (P,) of (P, M) S."""
         over = (1.0 + least) / np.maximum(1.0 + self.margins(spindle_speed), NEAR) - 1.0
-        total: Floats = np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
-        return total
-
-
-class Lobes:
-    """Stability lobes, computed where they are first read and then kept: they take time."""
-
-    def __init__(
-        self, cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
-        free: NDArray[np.bool_], least: float,
-    ) -> None:  # fmt: skip
-        self._of = cut, blocks, dynamics, ranges, free, least
-
-    @cached_property
-    def chatter(self) -> Chatter | None:
-        """None where nothing that is milled has known dynamics."""
-        cut, blocks, dynamics, ranges, free, least = self._of
-        if dynamics is None:
-            return None
-        return chatter_of(cut, blocks, dynamics, ranges, free, least)
+        return np.where(over > NEAR, over, 0.0).sum(axis=1)  # NaN: no dynamics
 
 
 def chatter_of(
-    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics, ranges: Ranges, free: NDArray[np.bool_],
-    least: float,
+    cut: Cut, blocks: CutBlocks, dynamics: TipDynamics | None, ranges: Ranges,
+    free: NDArray[np.bool_], least: float,
 ) -> Chatter | None:  # fmt: skip
     """Stability over the speeds that rows may have, those of the program where S is kept.
 
@@ -255,7 +227,7 @@ def chatter_of(
     own, mine = cut.plan.spindle_speed[row], free[row]
     low = float(np.where(mine, ranges.speed_low[row], own).min(initial=np.inf))
     high = float(np.where(mine, ranges.speed_high[row], own).max(initial=0.0))
-    if not high > 0.0:
+    if dynamics is None or not high > 0.0:
         return None
     nodes = speed_nodes(max(low, SLOWEST * high), high)
     nodes = np.unique(np.concatenate([nodes, own[own > 0.0]]))
@@ -276,8 +248,7 @@ def speed_nodes(low: float, high: float) -> Floats:
             first = np.ceil(max(begin, low, step / coarse) / step)
             last = np.floor(min(end, next_step / coarse) / step)
             parts.append(step * np.arange(first, last + 1))
-    nodes: Floats = np.unique(np.concatenate(parts))
-    return nodes
+    return np.unique(np.concatenate(parts))
 
 
 def _deepest(table: StabilityTable) -> StabilityTable:

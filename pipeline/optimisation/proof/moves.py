@@ -83,8 +83,7 @@ def _same_bits(one: NDArray[np.generic], other: NDArray[np.generic]) -> Bools:
         return np.ones(0, dtype=np.bool_)
     width = one.dtype.itemsize * (one.shape[1] if one.ndim > 1 else 1)
     views = [np.ascontiguousarray(a).view(np.uint8).reshape(len(a), width) for a in (one, other)]
-    same: Bools = (views[0] == views[1]).all(axis=1)
-    return same
+    return (views[0] == views[1]).all(axis=1)
 
 
 def _bound_difference(before: Moves, after: Moves, rows: Rows, others: Rows) -> tuple[int, str]:
@@ -103,8 +102,7 @@ def _bound_difference(before: Moves, after: Moves, rows: Rows, others: Rows) -> 
 
 
 def _stops(value: NDArray[np.float64], other: NDArray[np.float64]) -> Bools:
-    stops: Bools = ((value > 0) != (other > 0)) | ~np.isfinite(other)
-    return stops
+    return ((value > 0) != (other > 0)) | ~np.isfinite(other)
 
 
 def _turns_back(moves: Moves) -> Bools:
@@ -114,8 +112,7 @@ def _turns_back(moves: Moves) -> Bools:
     new[1:] = (place[:, 1:] != place[:, :-1]).any(axis=0)
     run = np.cumsum(new) - 1
     both = [np.bincount(run, weights=moves.direction == sense) > 0 for sense in (1, -1)]
-    back: Bools = (both[0] & both[1])[run]
-    return back
+    return (both[0] & both[1])[run]
 
 
 def _same_frames(before: Moves, after: Moves) -> bool:

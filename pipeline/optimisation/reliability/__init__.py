@@ -3,4 +3,4 @@
 Loads in [N], feeds for each tooth in [m], probabilities in [1].
 """
 
-__all__ = ["chance_constraint", "force_intervals", "judged", "part_loads", "uncertainty"]
+__all__ = ["chance_constraint", "part_loads", "uncertainty"]

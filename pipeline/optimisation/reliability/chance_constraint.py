@@ -21,12 +21,11 @@ from pipeline.optimisation.reliability.part_loads import (
     NODES,
     Critical,
     Draws,
-    PartLoads,
+    Responses,
     critical,
     draws_of,
     nodes_between,
     responses,
-    row_feeds,
 )
 from pipeline.optimisation.reliability.uncertainty import Uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
@@ -60,6 +59,50 @@ Z_95 = 1.6448536269514722
 """Standard deviations below which 95 % of a normal distribution lies."""
 TAIL_ALONE = 1.6
 """Error of a level of the tail alone over that of the whole [1]: 1.4 to 2 for Sobol draws."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PartLoads:
+    """Candidates of a part, their limit, and their loads in each draw."""
+
+    candidates: Critical
+    """Q candidates in C classes."""
+    limit: float
+    """Limit of the load across the tool's axis [N]."""
+    most: Floats
+    """Greatest feed of each [m]; shape (Q,)."""
+    responses: Responses
+    """Responses of the classes."""
+
+    def feeds(self, loads: Floats) -> Floats:
+        """Feeds up to which each stays within where classes have these loads, (C, K); (Q,)."""
+        from pipeline.optimisation.problem.kernels import feeds_within
+
+        of, out = self.candidates, np.empty(len(self.candidates))
+        feeds_within(
+            self.limit, self.most, of.curve, of.scale, of.exponent, of.weight, of.group,
+            self.responses.f_z, loads - self.responses.expected, out,
+        )  # fmt: skip
+        return out
+
+    def peaks(self, feeds: Floats, draws: slice) -> Floats:
+        """The part's greatest load in each of some draws [N]; shape (D,)."""
+        from pipeline.optimisation.problem.kernels import peak_loads
+
+        of, peaks = self.candidates, np.zeros(draws.stop - draws.start)
+        drawn = self.responses
+        peak_loads(
+            feeds, of.curve, of.scale, of.exponent, of.weight, of.group, drawn.f_z,
+            drawn.expected, drawn.values, draws.start, peaks,
+        )  # fmt: skip
+        return peaks
+
+
+def row_feeds(candidates: Critical, feeds: Floats) -> Floats:
+    """Least feed of each row's candidates; inf without one.  Shape (M,)."""
+    out = np.full(candidates.rows, np.inf)
+    np.minimum.at(out, candidates.row, feeds)
+    return out
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -253,8 +296,7 @@ def quantiles(ordered: Floats, level: float) -> Floats:
     before = normal_level(body)
     low, high = _at(ordered, body), _at(ordered, 1.0 - beyond)
     growth = np.divide(high, low, out=np.ones_like(high), where=low > 0)
-    tail: Floats = high * growth ** ((level - settled) / (settled - before))
-    return tail
+    return high * growth ** ((level - settled) / (settled - before))
 
 
 def _at(ordered: Floats, share: float) -> Floats:
@@ -262,8 +304,7 @@ def _at(ordered: Floats, share: float) -> Floats:
     many = ordered.shape[-1]
     place = min(max(share * (many + 1) - 1, 0.0), many - 1.0)
     k = min(int(place), many - 2)
-    value: Floats = ordered[..., k] + (place - k) * (ordered[..., k + 1] - ordered[..., k])
-    return value
+    return ordered[..., k] + (place - k) * (ordered[..., k + 1] - ordered[..., k])
 
 
 def share_above(ordered: Floats, limit: float) -> float:

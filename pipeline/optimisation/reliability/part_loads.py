@@ -1,4 +1,4 @@
-"""Loads of a whole part in draws of its uncertain quantities.
+"""Loads of a part in draws of its uncertain quantities, and 90 % intervals of its forces.
 
 The load of a station in a draw is its own nominal load, of the load table, and by how much the load
 of its class' representative R changes in that draw:
@@ -13,8 +13,12 @@ those whose load comes near to its greatest, for in a draw another one may be th
 Draws come from a scrambled Sobol sequence, which fills its cube more evenly than chance, so that
 far quantiles settle with fewer draws (Owen 1998).  The load of each class' representative is
 computed in each draw, over the feed for each tooth; candidates of the part follow their class.
+
+The force intervals of a tool are those of the station with the greatest peak, and of that with the
+greatest mean: quantiles of the draws, the load between them their median.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from math import ceil, log2
@@ -26,12 +30,17 @@ from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import Engagement, engaged_arc
 from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
-from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
+from pipeline.optimisation.problem.limits import crossings
+from pipeline.optimisation.reliability.uncertainty import CutRange, ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.cache import keep, kept
+from pipeline.schema.cutting import CuttingModel
+from pipeline.schema.program_cut import ForceInterval
 from pipeline.twin.cut.blocks import STEEP
+from pipeline.twin.cut.coefficients import ToolCoefficients
 from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import figure
 
 ALIKE_RAD = np.pi / 36
 """Angle by which engaged arcs of one class may differ at their ends [rad]."""
@@ -95,38 +104,17 @@ class Critical:
     @property
     def last_feeds(self) -> Floats:
         """f_z of the last node of each candidate's table [m]; shape (Q,)."""
-        last: Floats = ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
-        return last
+        return ((self.curve.shape[1] - 2.0) ** 2 / self.scale) ** (1.0 / self.exponent)
 
     def over(self, limits_N: Floats) -> "Critical":
         """The same with loads over the limit of their tool, (T,) [N], in place of newtons."""
         limit = limits_N[self.tool][self.group]
         return replace(self, curve=self.curve / limit[:, None])
 
-    def loads(self, f_z: Floats) -> Floats:
-        """Nominal peak of each candidate [N] at one feed for each, shape (Q,)."""
-        from pipeline.cutting.force.profile_kernel import look_up
-
-        out = np.empty((1, len(self)))
-        if len(self):
-            look_up(f_z[np.newaxis], self.curve, self.scale, self.exponent, out)
-        return out[0]
-
     def feeds(self, limit: float) -> Floats:
         """Greatest f_z up to which each stays within a load [m]; inf where none reaches it."""
-        squares = np.arange(self.curve.shape[1]) ** 2.0
-        beyond = self.curve > limit
-        beyond[:, -1] = True  # the last two go on
-        node = np.argmax(beyond, axis=1)
-        after = np.maximum(node, 1)
-        low, high = (np.take_along_axis(self.curve, k[:, None], axis=1)[:, 0]
-                     for k in (after - 1, after))  # fmt: skip
-        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            share = (limit - low) / (high - low)
-            u = squares[after - 1] + share * (squares[after] - squares[after - 1])
-            f_z = (u / self.scale) ** (1.0 / self.exponent)
-        f_z = np.where((high > low) & (f_z < ENDLESS), f_z, np.inf)
-        return np.where(node == 0, 0.0, f_z)
+        f_z = crossings(self.curve, self.scale, self.exponent, limit)
+        return np.where(f_z < ENDLESS, f_z, np.inf)
 
 
 def critical(cut: Cut, rows: Rows | None = None) -> Critical:
@@ -377,45 +365,90 @@ def deeper(lower: Floats, upper: Floats, depth: float, slope: float = 0.0) -> tu
     return np.minimum(low, raised), raised
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class PartLoads:
-    """Candidates of a part, their limit, and their loads in each draw."""
+DRAWS = 256
+"""Draws of each tool: a 5 % quantile errs by a tenth of the half width."""
+LEVELS = (0.05, 0.5, 0.95)
+"""Ends of a 90 % interval and its median [1]."""
+HEAVY = 0.5
+"""Share of a tool's greatest peak load from which a cut counts as heavy [1]."""
+DIGITS = 6
+"""Decimals of a load [N]: forces of teeth that balance leave less."""
 
-    candidates: Critical
-    """Q candidates in C classes."""
-    limit: float
-    """Limit of the load across the tool's axis [N]."""
-    most: Floats
-    """Greatest feed of each [m]; shape (Q,)."""
-    responses: Responses
-    """Responses of the classes."""
 
-    def feeds(self, loads: Floats) -> Floats:
-        """Feeds up to which each stays within where classes have these loads, (C, K); (Q,)."""
-        from pipeline.optimisation.reliability.kernels import feeds_within
+def cut_ranges(cut: Cut) -> dict[int, CutRange]:
+    """Feeds, speeds and depths of each tool's heavier cuts, by its number."""
+    engagement, found = cut.engagement, {}
+    peak = cut.station_loads.peak
+    speed = cut.plan.spindle_speed[engagement.block] / 60
+    f_z = cut.feed_per_tooth[engagement.block]
+    for index, number in enumerate(cut.numbers):
+        mine = engagement.feed & (engagement.tool == index) & (f_z > 0) & (speed > 0)
+        mine &= engagement.axial_depth > 0
+        mine &= peak >= HEAVY * peak[mine].max(initial=0.0)
+        if mine.any() and cut.tools[index].load_known:
+            found[number] = CutRange(
+                feeds_m=_ends(f_z[mine]), speeds=_ends(speed[mine]),
+                depths_m=_ends(engagement.axial_depth[mine]),
+            )  # fmt: skip
+    return found
 
-        of, out = self.candidates, np.empty(len(self.candidates))
-        feeds_within(
-            self.limit, self.most, of.curve, of.scale, of.exponent, of.weight, of.group,
-            self.responses.f_z, loads - self.responses.expected, out,
+
+def _ends(values: Floats) -> tuple[float, float]:
+    return float(values.min()), float(values.max())
+
+
+def force_intervals(
+    cut: Cut, uncertain: Uncertainty, coefficients: Mapping[int, ToolCoefficients],
+    model: CuttingModel | None, seed: int,
+) -> tuple[ForceInterval, ...]:  # fmt: skip
+    """Peak and mean load in the plane of each tool that cuts: medians and 90 % intervals."""
+    draws, ranges = draws_of(uncertain, DRAWS, seed), cut_ranges(cut)
+    rows = []
+    for number in dict.fromkeys(cut.numbers[k] for k in cut.tool[cut.tool >= 0].tolist()):
+        if number not in ranges or number not in draws.tools:
+            continue
+        peak_at, mean_at = _stations(cut, cut.numbers.index(number))
+        drawn, given = draws.tools[number], coefficients[number]
+        (low, peak, high), (mean_low, mean, mean_high) = (
+            np.quantile(one * draws.model, LEVELS).round(DIGITS) for one in (
+                station_loads(cut, peak_at, drawn), station_loads(cut, mean_at, drawn, mean=True)
+            )
         )  # fmt: skip
-        return out
-
-    def peaks(self, feeds: Floats, draws: slice) -> Floats:
-        """The part's greatest load in each of some draws [N]; shape (D,)."""
-        from pipeline.optimisation.reliability.kernels import peak_loads
-
-        of, peaks = self.candidates, np.zeros(draws.stop - draws.start)
-        drawn = self.responses
-        peak_loads(
-            feeds, of.curve, of.scale, of.exponent, of.weight, of.group, drawn.f_z,
-            drawn.expected, drawn.values, draws.start, peaks,
-        )  # fmt: skip
-        return peaks
+        rows.append(ForceInterval(
+            tool=number, name=cut.tools[cut.numbers.index(number)].name, source=given.source,
+            peak_load_N=figure(peak), peak_load_low_N=figure(low), peak_load_high_N=figure(high),
+            mean_load_N=figure(mean), mean_load_low_N=figure(mean_low),
+            mean_load_high_N=figure(mean_high),
+            runout=uncertain.tools[number].runout_words,
+            outside=not_learnt(ranges[number], model) if given.kind == "identified" else (),
+        ))  # fmt: skip
+    return tuple(rows)
 
 
-def row_feeds(candidates: Critical, feeds: Floats) -> Floats:
-    """Least feed of each row's candidates; inf without one.  Shape (M,)."""
-    out = np.full(candidates.rows, np.inf)
-    np.minimum.at(out, candidates.row, feeds)
-    return out
+def _stations(cut: Cut, index: int) -> tuple[int, int]:
+    engagement = cut.engagement
+    mine = np.flatnonzero(engagement.feed & (engagement.tool == index))
+    loads = cut.station_loads
+    return int(mine[np.argmax(loads.peak[mine])]), int(mine[np.argmax(loads.mean[mine])])
+
+
+ALIKE = 0.01
+"""Relative difference up to which conditions count as learnt [1]."""
+
+
+def not_learnt(used: CutRange, model: CuttingModel | None) -> tuple[str, ...]:
+    """Conditions of a tool outside of those that an identified law was learnt at, in words."""
+    spread = None if model is None or model.prediction is None else model.prediction.spread
+    if spread is None:
+        return ()
+    every = (
+        ("feed per tooth", used.feeds_m, spread.feeds_m, 1e3, "mm"),
+        ("spindle speed", used.speeds, spread.speeds, 60.0, "rev/min"),
+        ("axial depth of cut", used.depths_m, spread.depths_m, 1e3, "mm"),
+    )
+    return tuple(
+        f"{name} {low * unit:.4g} to {high * unit:.4g} {of}, learnt {least * unit:.4g} to "
+        f"{most * unit:.4g}"
+        for name, (low, high), (least, most), unit, of in every
+        if low < least * (1 - ALIKE) or high > most * (1 + ALIKE)
+    )

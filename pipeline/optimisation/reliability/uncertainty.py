@@ -1,4 +1,12 @@
-"""Uncertainty of a part's loads: coefficients, runout, axial depth, and the model itself.
+"""Uncertainty of a part's loads: verdicts, coefficients, runout, axial depth, the model itself.
+
+Control, drives and cut are judged apart, on recordings that their fits did not see.  Times rest on
+the control, following errors on the drives, loads on the cut.  The standard deviation of what rests
+on one that
+
+- passed is the root mean square of its errors on those recordings;
+- failed is the greatest of them, at least ``certainty.failed``;
+- was not judged is at least ``certainty.not_judged``.
 
 A coefficient of a tool is
 
@@ -27,19 +35,117 @@ import numpy as np
 
 from pipeline.cutting.force.force_law import N_MM, ForceLaw, laws_lines, outside_share
 from pipeline.cutting.tool import Tool
-from pipeline.optimisation.reliability.judged import judged_errors, judged_spread
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.schema.arrays import Floats
-from pipeline.schema.cutting import CutConditions, CuttingModel
+from pipeline.schema.cutting import MAGNITUDE, CutConditions, CuttingModel
+from pipeline.schema.drive import FOLLOWING
 from pipeline.schema.part import UncertainQuantity
 from pipeline.schema.si import UM
-from pipeline.schema.verdict import UsedStatus, Verdict
+from pipeline.schema.verdict import UsedModel, UsedStatus, Verdict
 from pipeline.twin.cut.coefficients import (
     COEFFICIENTS,
     SCALES,
     ToolCoefficients,
     fitted_coefficients,
 )
+
+FIGURES = {"control": "times", "drive": "following errors", "cutting": "peak loads"}
+"""Sub-models that programs are simulated and optimised with, and the figures that rest on each."""
+UNIDENTIFIED = {
+    "control": "its values are those of conf/machine",
+    "drive": "no following error is known",
+    "cutting": "coefficients are others', with the spread of their source",
+}
+"""Substitutes for a sub-model that was not identified."""
+GRAVITY: tuple[UsedStatus, ...] = (
+    "failed", "not decided", "not judged", "not identified", "passed",
+)  # fmt: skip
+"""Statuses in the order in which a person has to read them."""
+QUANTITY = {"control": "", "drive": FOLLOWING, "cutting": MAGNITUDE}
+"""Beginning of the quantity whose errors count; of a control all that has limits."""
+
+
+def used_models(
+    verdicts: Mapping[str, Verdict | None], settings: ReliabilitySettings
+) -> tuple[UsedModel, ...]:
+    """Sub-models with their verdicts and spreads, the gravest first."""
+    models = (
+        _used(name, verdicts[name], settings) if name in verdicts else _without(name, settings)
+        for name in FIGURES
+    )
+    return tuple(sorted(models, key=lambda model: GRAVITY.index(model.status)))
+
+
+def _used(name: str, verdict: Verdict | None, settings: ReliabilitySettings) -> UsedModel:
+    held_out = held_out_errors(name, verdict)
+    errors = [error for _, error in held_out]
+    status: UsedStatus = "not judged"
+    missed: tuple[str, ...]
+    if verdict is None:
+        missed = ("no verdict.json stands beside its model: run dvc repro to its end",)
+    else:
+        status = verdict.status
+        missed = verdict.set_aside if status == "passed" else verdict.missed
+    least = settings.model if name == "cutting" else 0.0
+    return UsedModel(
+        submodel=name, figures=FIGURES[name], status=status,
+        reason=missed[0] if missed else "", missed=len(missed),
+        recordings=len({group for group, _ in held_out}),
+        error_percent=float(f"{100 * rms(errors):.4g}") if errors else None,
+        spread_percent=float(f"{100 * judged_spread(status, errors, least, settings)[0]:.4g}"),
+    )  # fmt: skip
+
+
+def _without(name: str, settings: ReliabilitySettings) -> UsedModel:
+    """A sub-model that was not identified; times of an assumed control count as not judged."""
+    return UsedModel(
+        submodel=name, figures=FIGURES[name], status="not identified", reason=UNIDENTIFIED[name],
+        spread_percent=float(f"{100 * settings.not_judged:.4g}") if name == "control" else None,
+    )  # fmt: skip
+
+
+def held_out_errors(name: str, verdict: Verdict | None) -> list[tuple[str, float]]:
+    """Held-out recordings and the relative error [1] of each axis or channel judged in them.
+
+    The error is that of peak loads, or else the RMSE over the RMS.
+    """
+    figure = "peak_percent" if name == "cutting" else "relative_percent"
+    errors = [
+        (score.group, getattr(score, figure))
+        for score in (() if verdict is None else verdict.scores)
+        if score.quantity.startswith(QUANTITY[name]) and score.group != "all"
+        and score.role != "training" and not score.alone
+        and (not score.regime if name == "cutting" else score.limits)
+    ]  # fmt: skip
+    return [(group, round(one, 2) / 100) for group, one in errors if one is not None]
+
+
+def judged_spread(
+    status: UsedStatus, errors: Sequence[float], least: float, settings: ReliabilitySettings
+) -> tuple[float, str]:
+    """Standard deviation that a verdict leaves [1], and its source.
+
+    It is never less than ``least``, nor than the root mean square of ``errors``.
+    """
+    many = f"{len(errors)} recordings"
+    known = [
+        (least, "certainty.model"),
+        (rms(errors), f"{many} that the coefficients were not found from"),
+    ]
+    if status == "failed":
+        known += [
+            (settings.failed, "certainty.failed: its verdict failed"),
+            (max(map(abs, errors), default=0.0), f"its verdict failed: greatest error of {many}"),
+        ]
+    elif status != "passed":
+        known.append((settings.not_judged, "certainty.not_judged: it was not judged"))
+    return max(known, key=lambda one: one[0])
+
+
+def rms(errors: Sequence[float]) -> float:
+    """Root mean square; 0 without values."""
+    return float(np.sqrt(np.mean(np.square(errors)))) if len(errors) else 0.0
+
 
 NORMAL = 1.959963984540054
 """Standard deviations of half a 95 % interval."""
@@ -227,9 +333,7 @@ def law_root(
     deepest = used.depths_m[1]  # chips of shallower cuts are as thick, and the tool ends in some
     share = max(outside_share(spread, speed, deepest) for speed in used.speeds)
     square += share**2 * np.outer(mean, mean)
-    values, vectors = np.linalg.eigh(square)
-    root_of: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
-    return root_of
+    return root(square)
 
 
 def _fitted_root(
@@ -242,7 +346,9 @@ def _fitted_root(
             max(abs(mean[k]), BESIDE * beside) if half is None else half / NORMAL * SCALES[k]
         )
     determined = [name for k, name in enumerate(COEFFICIENTS) if halves[k] is not None]
-    return np.asarray(spread[:, None] * root(correlation(model, determined)))
+    rows = root(correlation(model, determined))
+    length = np.sqrt((rows**2).sum(axis=1, keepdims=True))
+    return spread[:, None] * rows / np.where(length > 0, length, 1.0)
 
 
 def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertainty:
@@ -260,8 +366,7 @@ def _with_wear(drawn: ToolUncertainty, given: ToolCoefficients) -> ToolUncertain
             what=f"{name} of {land.wear_um:g} um of wear", value=f"{added / N_MM:.4g} N/mm more",
             spread=f"{spread[k] / N_MM:.3g} N/mm", source=land.source,
         ))  # fmt: skip
-    values, vectors = np.linalg.eigh(drawn.own @ drawn.own.T + np.diag(spread**2))
-    own = vectors * np.sqrt(np.maximum(values, 0.0))
+    own = root(drawn.own @ drawn.own.T + np.diag(spread**2))
     return replace(drawn, mean=mean, own=own, described=(*drawn.described, *described))
 
 
@@ -327,11 +432,9 @@ def correlation(model: CuttingModel | None, determined: Sequence[str]) -> Floats
 
 
 def root(matrix: Floats) -> Floats:
-    """R with R R^T a correlation, which rounding may have made slightly indefinite."""
+    """R with R R^T a covariance, which rounding may have made slightly indefinite."""
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
-    factor: Floats = vectors * np.sqrt(np.maximum(values, 0.0))
-    length = np.sqrt((factor**2).sum(axis=1, keepdims=True))
-    return factor / np.where(length > 0, length, 1.0)
+    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def model_spread(
@@ -339,10 +442,9 @@ def model_spread(
 ) -> tuple[float, str]:
     """Standard deviation of the model's peak loads [1], and its source.
 
-    Coefficients of this machine (``own``) count by
-    :func:`~pipeline.optimisation.reliability.judged.judged_spread`; others' have a spread of their
-    own.
+    Coefficients of this machine (``own``) count by :func:`judged_spread`; others' have a spread of
+    their own.
     """
     status: UsedStatus = "not judged" if verdict is None else verdict.status
-    errors = judged_errors("cutting", verdict)
+    errors = [error for _, error in held_out_errors("cutting", verdict)]
     return judged_spread(status if own else "passed", errors, settings.model, settings)

@@ -1,3 +1,3 @@
 """Text of a program with its editable F and S; every other byte stays."""
 
-__all__ = ["editable_blocks", "modal_words", "rewrite", "split", "words"]
+__all__ = ["editable_blocks", "rewrite", "split", "words"]

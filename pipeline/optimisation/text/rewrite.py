@@ -12,8 +12,13 @@ from pipeline.gcode.program import Program, number_text
 from pipeline.gcode.setup import Setup
 from pipeline.optimisation.problem.arrays import Editable
 from pipeline.optimisation.proof.text import WordChange
-from pipeline.optimisation.text.editable_blocks import places_of
-from pipeline.optimisation.text.modal_words import LineRuns, ModalWords, at_speed, reads_feed
+from pipeline.optimisation.text.editable_blocks import (
+    LineRuns,
+    ModalWords,
+    at_speed,
+    places_of,
+    reads_feed,
+)
 from pipeline.optimisation.text.words import (
     FeedText,
     ProgramWords,

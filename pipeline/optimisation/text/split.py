@@ -10,7 +10,7 @@ from pipeline.cutting.engagement.engagement import Engagement
 from pipeline.gcode.moves import METRE, FeedMode, Kind, Moves
 from pipeline.gcode.program import Line, Program, Word
 from pipeline.optimisation.settings import Grouping
-from pipeline.optimisation.text.modal_words import LineRuns, cuts_at_feed
+from pipeline.optimisation.text.editable_blocks import LineRuns, cuts_at_feed
 from pipeline.optimisation.text.words import FeedText, ProgramWords, digits
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.twin.cut.loads import Cut

@@ -203,8 +203,7 @@ def stepped(values: ArrayLike, step: ArrayLike, to: Callable[[Floats], Floats] =
         smaller = np.minimum(np.floor(np.log10(given / (10 * unit)) + SLACK), 0.0)
     steps = unit * 10.0 ** np.where(np.isfinite(smaller), smaller, 0.0)
     slack = 1 + SLACK if to is np.floor else 1 - SLACK if to is np.ceil else 1.0
-    rounded: Floats = np.round(to(given * slack / steps) * steps, MOST_DECIMALS)
-    return rounded
+    return np.round(to(given * slack / steps) * steps, MOST_DECIMALS)
 
 
 @dataclass(frozen=True, kw_only=True)
