@@ -15,7 +15,7 @@ from pipeline.schema.days import day_of_text, is_day
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
 from pipeline.schema.verdict import Fact, Role
-from pipeline.signals.parts import selection, share_rows
+from pipeline.signals.conditions import selection, share_rows
 
 ENDS = ("first", "last")
 """Times of a raw file in the ingest's manifest: of its first and its last record."""

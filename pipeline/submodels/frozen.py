@@ -7,7 +7,7 @@ from pipeline.schema.days import day_of_text, is_day
 from pipeline.schema.golden import FrozenSet, GoldenSets
 from pipeline.schema.model import Model
 from pipeline.schema.verdict import GoldenUsed
-from pipeline.signals.parts import selection
+from pipeline.signals.conditions import selection
 from pipeline.submodels.cases import Case, learnt_from
 
 

@@ -13,7 +13,7 @@ from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
 from tests.shop.recorded_cut import record_axes
 from tests.twin.cut_parts import SLOT, cut_of

@@ -15,7 +15,7 @@ from pipeline.optimisation.proof.prove import prove
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.twin.cut.document import assessed, document_of
 from tests.optimisation.paper_part import paper_job
 

@@ -28,7 +28,7 @@ from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.stages.optimise import named
 from tests.submodels.cutting import cutting_files
 from tests.twin.cut_parts import CONTROL

@@ -21,7 +21,7 @@ from pipeline.optimisation.problem.arrays import Decision
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.report.optimised.changes import feeds_table, loads_table
 from pipeline.schema.part import OptimisedPart
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.twin.cut.document import assessed
 from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job

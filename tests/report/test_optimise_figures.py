@@ -21,7 +21,7 @@ from pipeline.report.optimised.figures import (
 )
 from pipeline.report.optimised.verdict import verdict
 from pipeline.schema.part import LoadTrace, WordCounts
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 
 COLUMN = re.compile(r"M(-?\d+) (-?\d+)h10v(-?\d+)h-10z")
 

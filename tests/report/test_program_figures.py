@@ -19,7 +19,7 @@ from pipeline.report.programs.times import (
     timeline_figure,
     tool_and_type_bars,
 )
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 LARGEST = 250_000  # bytes of a figure
 

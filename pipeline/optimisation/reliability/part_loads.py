@@ -29,7 +29,7 @@ from pipeline.cutting.force.drawn_loads import drawn_loads, edge_turn
 from pipeline.optimisation.reliability.uncertainty import ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
-from pipeline.schema.cache import keep, kept
+from pipeline.schema.files import keep, kept
 from pipeline.twin.cut.blocks import STEEP
 from pipeline.twin.cut.loads import Cut
 

@@ -11,7 +11,7 @@ from pipeline.charts import svg
 from pipeline.charts.numbers import counted, duration, percent
 from pipeline.report.programs.moves import ProgramMoves
 from pipeline.report.programs.panels import Classes, Panel, clock, tool_spans
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 BINS = 240  # columns over the program's time
 TOP, FEED, SHARE, STRIP, GAP = 18, 150, 64, 14, 28  # px: head, heights of the bands, between them

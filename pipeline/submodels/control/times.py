@@ -17,7 +17,7 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.spindle import CUTTING
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
-from pipeline.schema.interval import Band, Bands
+from pipeline.schema.model import Band, Bands
 from pipeline.schema.verdict import Fact
 from pipeline.submodels.conformal import Residuals, bands, half_widths, splits
 from pipeline.submodels.contract import Prediction

@@ -18,7 +18,7 @@ from pipeline.schema.drive import (
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.drive.comparison import compared_force, constant_level
 from pipeline.submodels.drive.mechanics.estimates import AxisFit
 from pipeline.submodels.drive.mechanics.feed_drive import FeedDriveFit, identify_feed_drive

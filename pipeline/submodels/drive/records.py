@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.signals.parts import samples_sha256
+from pipeline.signals.conditions import samples_sha256
 
 BLOCK = " (block "
 """Stands in the name of a block of a recording's own time."""

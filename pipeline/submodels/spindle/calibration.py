@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
-from pipeline.schema.interval import AdaptiveSettings
+from pipeline.schema.model import AdaptiveSettings
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits

@@ -11,8 +11,7 @@ from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import LeftOut, SourceFile
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.wear_lives import read_lives
-from pipeline.signals.wear_records import WearRecords
-from pipeline.signals.wear_windows import ToolLife, WearWindows
+from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Roles, role_of
 from pipeline.submodels.wear.model import WearModel
 

@@ -23,7 +23,7 @@ import numpy as np
 from pipeline.nets.sequence_settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.interval import Bands
+from pipeline.schema.model import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
 from pipeline.submodels.statistics import LEVEL, auc, gains

@@ -16,8 +16,7 @@ from pipeline.schema.ranges import Positive, Ranged, Share
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact
 from pipeline.signals.units import conversion
-from pipeline.signals.wear_records import WearRecords
-from pipeline.signals.wear_windows import WearWindows
+from pipeline.signals.wear_windows import WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target

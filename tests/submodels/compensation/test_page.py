@@ -16,8 +16,7 @@ from pipeline.nets.sequence_settings import CnnLstmAttentionSettings, WindowTrai
 from pipeline.nets.stored import Scaling
 from pipeline.nets.window_model import TrainedSequence
 from pipeline.nets.windows import WindowInput
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Condition
+from pipeline.schema.model import Band, Condition
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
 from pipeline.submodels.compensation.attention import attention_shown, to_and_fro
 from pipeline.submodels.compensation.model import (

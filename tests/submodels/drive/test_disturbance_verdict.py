@@ -9,7 +9,7 @@ from dataclasses import asdict, replace
 import pytest
 
 from pipeline.schema.drive import DriveModel, FeedDrive, Servo
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.drive.submodel import SUBMODEL
 from tests.submodels.drive.shown_drives import shown
 from tests.submodels.drive.test_disturbance import EMPS, identified, recorded
