@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 
 import yaml
 
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 
 T = TypeVar("T")
 

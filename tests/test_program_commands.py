@@ -13,8 +13,7 @@ import pytest
 from pipeline.app.programs import simulate_program
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Correlation
+from pipeline.schema.model import Band, Correlation
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.control import WHOLE, ControlFitFacts, ControlModelFile

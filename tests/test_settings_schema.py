@@ -17,7 +17,7 @@ from pipeline.app.machine import write_machine
 from pipeline.app.own_machine import app
 from pipeline.app.settings_fields import classes_below, settings
 from pipeline.app.settings_page import page
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from tests.test_own_machine import DEVICE
 
 ROOT = Path(__file__).parents[1]

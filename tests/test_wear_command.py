@@ -13,8 +13,7 @@ from typer.testing import CliRunner
 
 from pipeline.app import commands
 from pipeline.app.kerf import app
-from pipeline.schema.store import read_json, write_json
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import read_json, unstructured, write_json
 from pipeline.schema.verdict import Verdict
 from tests.signals.wear_files import SOURCES, cut_table, wear_at, wear_records
 from tests.small_project import ROOT

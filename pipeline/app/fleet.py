@@ -20,9 +20,8 @@ import yaml
 from pipeline.app.lines import many
 from pipeline.fleet import Fleet
 from pipeline.parameters import ParametersError, read_params, read_yaml, structure
-from pipeline.schema.cache import content_key, keep, kept
 from pipeline.schema.days import UTC, day_of_text
-from pipeline.schema.files import replacing
+from pipeline.schema.files import content_key, keep, kept, replacing
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets, read_golden, write_golden
 from pipeline.schema.identity import MachineIdentity
 
@@ -300,7 +299,7 @@ def freeze_set(
     if not manifest.exists():
         raise ValueError(f"{manifest} does not exist: run `dvc repro ingest@{machine}` first")
     known = _document(manifest)["files"]
-    from pipeline.signals.parts import share_rows
+    from pipeline.signals.conditions import share_rows
     from pipeline.submodels.cases import files_of_days, sources
 
     there = _days_there(machine, known, zone)
@@ -347,7 +346,7 @@ def freeze_set(
 
 def _fitting(machine: str, known: dict[str, Any], pattern: str) -> set[str]:
     """Raw files that fit a pattern, or the parts of tables that it names by their columns."""
-    from pipeline.signals.parts import parts_of, selection
+    from pipeline.signals.conditions import parts_of, selection
 
     file, values = selection(pattern)
     fitting = {name for name in known if fnmatchcase(name, file)}

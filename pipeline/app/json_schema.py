@@ -25,8 +25,7 @@ from pipeline.cutting.economics.material import Material
 from pipeline.cutting.tool import ToolTable
 from pipeline.fleet import Fleet
 from pipeline.schema.ranges import Range
-from pipeline.schema.store import write_text
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import unstructured, write_text
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.columns import COLUMNS
 from pipeline.stages.sections import section_types

@@ -25,8 +25,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.formats import RecordSource, UnreadableFile, format_of
 from pipeline.signals.ingest import OBSERVING, ingest
-from pipeline.signals.mtconnect.devices import chosen, read_devices
-from pipeline.signals.mtconnect.model import DeviceModel
+from pipeline.signals.mtconnect.devices import DeviceModel, chosen, read_devices
 
 SPINDLE = ("spindle_speed", "spindle_load", "spindle_temperature")
 """Signals without which the spindle's temperature cannot be modelled."""

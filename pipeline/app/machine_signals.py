@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.app.records import ItemSeries
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.signals.mtconnect.model import DataItem
+from pipeline.signals.mtconnect.devices import DataItem
 
 GRID = 20_000
 """Points of time at which series are compared, as many reports of the log apart."""

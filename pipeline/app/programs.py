@@ -19,8 +19,7 @@ from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import read_json
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import read_json, unstructured
 from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight
 

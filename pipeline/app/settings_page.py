@@ -22,7 +22,7 @@ from pipeline.app.settings_fields import (
 )
 from pipeline.parameters import read_yaml
 from pipeline.schema.ranges import Range
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import unstructured
 from pipeline.signals.columns import COLUMNS, Column
 from pipeline.stages.sections import section_types
 

@@ -117,8 +117,8 @@ def planned_times(plan: "Plan", name: str) -> "Program":
 
     from pipeline.report.programs.moves import program_moves
     from pipeline.report.programs.simulated import Program
-    from pipeline.schema.program import SimulatedProgram
-    from pipeline.schema.structure import structured
+    from pipeline.schema.program_cut import SimulatedProgram
+    from pipeline.schema.store import structured
     from pipeline.twin.simulation import block_table, summary
 
     times = structured(summary(plan, name), SimulatedProgram, name)

@@ -16,8 +16,7 @@ from pipeline.app.programs import CHAMPION, VERDICT_WORDS, passed_status, stored
 from pipeline.parameters import structure
 from pipeline.signals.conditions import Condition
 from pipeline.signals.wear_lives import ConditionRows, read_lives
-from pipeline.signals.wear_records import WearRecords
-from pipeline.signals.wear_windows import WearWindows
+from pipeline.signals.wear_windows import WearRecords, WearWindows
 from pipeline.submodels.wear.model import NAMES, Wear, WearModel, load_wear
 from pipeline.submodels.wear.submodel import SUBMODEL
 

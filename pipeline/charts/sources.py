@@ -14,8 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema.predictions import read_predictions
-from pipeline.schema.store import StoreError, parsed
-from pipeline.schema.structure import structured
+from pipeline.schema.store import StoreError, parsed, structured
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 from pipeline.charts import svg
 from pipeline.charts.numbers import number
 from pipeline.schema.bundle import PREDICTIONS, VERDICT
-from pipeline.schema.plots import first_judged, shown_predictions
-from pipeline.schema.predictions import read_predictions
+from pipeline.schema.predictions import first_judged, read_predictions, shown_predictions
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
 
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Correlation, Model
+from pipeline.schema.model import Band, Correlation, Model
 
 MOTOR = "motor"
 """Group of the motor's parameters, beside the letters of the axes."""

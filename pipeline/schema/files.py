@@ -1,17 +1,18 @@
 """Files that are written whole: beside their place, and moved into it when nothing went wrong.
 
 A full disk, a signal or a second run at the same time leaves the old file or the new one, never a
-part of either.
+part of either.  The cache holds what is worked out once and may be deleted at any time.
 """
 
 import atexit
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from errno import ELOOP
+from hashlib import sha256
 from itertools import count
 from pathlib import Path
 from stat import S_IMODE
@@ -196,3 +197,42 @@ def _sentence(path: Path, error: OSError) -> str:
         f"{path} cannot be written ({said}) and is left as it was: make room for it, or name a "
         "file in another folder"
     )
+
+
+KEPT = 64
+"""Entries that stay in a folder, the latest used."""
+
+
+def content_key(files: Iterable[Path], *words: str) -> str:
+    """Hash of the names and bytes of files, and of further words."""
+    digest = sha256()
+    for part in words:
+        digest.update(part.encode() + b"\0")
+    for path in files:
+        content = path.read_bytes()
+        digest.update(f"{path.as_posix()}\0{len(content)}\0".encode() + content)
+    return digest.hexdigest()
+
+
+def kept(folder: str, key: str) -> bytes | None:
+    """Content that was kept under a key, None where there is none."""
+    path = cache_folder() / folder / key
+    try:
+        content = path.read_bytes()
+        path.touch()
+    except OSError:
+        return None
+    return content
+
+
+def keep(folder: str, key: str, content: bytes) -> None:
+    """Keep bytes under a key, where the cache can be written."""
+    place = cache_folder() / folder
+    try:
+        with replacing(place / key) as part:
+            part.write_bytes(content)
+        entries = sorted(place.iterdir(), key=lambda path: path.stat().st_mtime)
+        for old in entries[:-KEPT]:
+            old.unlink(missing_ok=True)
+    except OSError:
+        return

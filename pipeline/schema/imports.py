@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
-from pipeline.schema import cache
-from pipeline.schema.cache import code_hash, content_key, keep, kept
+from pipeline.schema import files
+from pipeline.schema.files import content_key, keep, kept
 
 SHOWN = {"page", "serve", "example", "curves"}
 """Methods of a sub-model that the report and the registry call, no identification or judgement."""
@@ -78,7 +78,7 @@ def modules(package: Path) -> dict[str, Module]:
 
 def _place() -> str:
     """Name of what is kept: it ages with the code that made it and with the syntax of Python."""
-    own = (Path(file).read_text() for file in (__file__, cache.__file__))
+    own = (Path(file).read_text() for file in (__file__, files.__file__))
     return content_key((), sys.version, *own)
 
 
@@ -109,6 +109,23 @@ def _module(tree: ast.Module) -> Module:
         imports=frozenset(elsewhere | inside),
         shown=frozenset(inside - elsewhere),
     )
+
+
+def code_hash(source: ast.Module) -> str:
+    """Hash of a module's syntax tree, without docstrings and texts below constants.
+
+    >>> plain, explained = ast.parse("x = 1"), ast.parse("x = 1; 'Radius of a circle [m].'")
+    >>> code_hash(plain) == code_hash(explained)
+    True
+    """
+    for node in ast.walk(source):
+        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+            node.body = [one for one in node.body if not _is_text(one)]
+    return sha256(ast.dump(source).encode()).hexdigest()
+
+
+def _is_text(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
 
 
 def _imports(node: ast.AST, function: str) -> Iterator[tuple[str, str]]:

@@ -20,8 +20,7 @@ from pipeline.schema.part_sheet import (
     ToolUse,
 )
 from pipeline.schema.program_cut import CutWarning, NotKnown, ToolEdge
-from pipeline.schema.store import write_json
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import unstructured, write_json
 from pipeline.schema.verdict import UsedModel
 
 Objective = Literal["time", "cost", "energy", "wear", "pareto"]

@@ -105,11 +105,8 @@ _DOWNSTREAM = (
     "cleaning",
     "conditions",
     "contracts",
-    "parts",
     "recordings",
-    "sampling",
     "wear_lives",
-    "wear_records",
     "wear_windows",
     "windows",
 )
@@ -132,8 +129,8 @@ READERS = {
     "mtconnect_json": "mtconnect.json_document:read",
     "csv": "tables.csv_table:read",
     "parquet": "tables.columnar:read_parquet",
-    "matlab": "tables.matlab:read",
-    "hdf5": "tables.columnar:read_hdf5",
+    "matlab": "tables.arrays:read_mat",
+    "hdf5": "tables.arrays:read_hdf5",
     "tdms": "tables.columnar:read_tdms",
     "wav": "tables.columnar:read_wav",
 }

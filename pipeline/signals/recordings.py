@@ -18,11 +18,11 @@ import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Range, Ranged
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.signals.conditions import Condition, ConditionSources, conditions_in_runs, unit_of
 from pipeline.signals.recorder_faults import RecorderFault, without_faults
-from pipeline.signals.sampling import UniformSegment, uniform_segments
 from pipeline.signals.units import conversion
+from pipeline.signals.windows import UniformSegment, uniform_segments
 
 QUANTITIES: Mapping[str, str] = {
     "position": "m", "displacement": "m", "velocity": "m/s", "acceleration": "m/s^2",

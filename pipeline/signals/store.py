@@ -205,8 +205,7 @@ def write_data_items(
     raw: Path, sources: Sequence[RecordSource], out: Path
 ) -> dict[str, dict[str, Any]]:
     """Write the data items of every Devices document that a source names; report by document."""
-    from pipeline.signals.mtconnect.devices import read_devices
-    from pipeline.signals.mtconnect.model import data_items_table
+    from pipeline.signals.mtconnect.devices import data_items_table, read_devices
 
     tables, found = [], {}
     for name, device in sorted({(s.devices, s.device) for s in sources if s.devices}, key=str):

@@ -19,13 +19,28 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.signals.conditions import Condition, ConditionSources, unit_of
-from pipeline.signals.parts import as_words, parts_of, samples_sha256
+from pipeline.signals.conditions import (
+    Condition,
+    ConditionSources,
+    as_words,
+    parts_of,
+    samples_sha256,
+    unit_of,
+)
 from pipeline.signals.recordings import WORDS, Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment
 from pipeline.signals.units import conversion
-from pipeline.signals.wear_records import WEAR_UNIT, ConditionTable, InCut, WearRecords
-from pipeline.signals.wear_windows import LifeFile, Lives, ToolLife, WearWindows, Words
+from pipeline.signals.wear_windows import (
+    WEAR_UNIT,
+    ConditionTable,
+    InCut,
+    LifeFile,
+    Lives,
+    ToolLife,
+    WearRecords,
+    WearWindows,
+    Words,
+)
+from pipeline.signals.windows import UniformSegment
 
 SLOWER = 0.05
 """Share by which a recording may be slower than the windows' rate [1]: it is interpolated."""

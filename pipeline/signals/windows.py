@@ -1,4 +1,4 @@
-"""Contiguous segments of the state table in which every input is known."""
+"""Contiguous segments of state tables (every input known) and of recordings (uniform grid)."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+
+from pipeline.schema.arrays import Bools, Floats, Ints
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,3 +92,104 @@ def state_segments(
                 step=step,
                 bridged=int((~known[begin:end]).sum()),
             )
+
+
+LONGEST_BRIDGE = 3
+"""Greatest number of consecutive missing rows [1] that straight lines bridge."""
+ROUNDING_JITTER = 0.1
+"""Standard deviation of time stamps about the grid [periods] up to which it counts as rounding."""
+COARSE_CLOCK = 0.1
+"""Share of repeated time stamps [1] above which the clock ticks slower than rows are recorded."""
+SHORTEST_SEGMENT = 32
+"""Smallest number of rows [1] of a segment; shorter ones are left out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class UniformSegment:
+    """Contiguous segment of a recording on a uniform grid of T samples."""
+
+    start: float
+    """Time of the first sample [s]."""
+    period: float
+    """Sampling period [s]."""
+    rows: Ints
+    """Rows of the recording that lie in it; shape (R,)."""
+    places: Floats
+    """Position of each row on the grid [periods]; whole numbers where stamps are only rounded;
+    shape (R,)."""
+
+    @property
+    def samples(self) -> int:
+        """T, the number of samples on the grid [1]."""
+        return int(np.floor(self.places[-1] + 1e-9)) + 1
+
+    @property
+    def filled(self) -> Bools:
+        """Samples without a row within half a period; shape (T,)."""
+        recorded = np.zeros(self.samples, bool)
+        near = np.rint(self.places).astype(np.int64)
+        recorded[np.clip(near, 0, self.samples - 1)] = True
+        return ~recorded
+
+    def on_grid(self, values: Floats) -> Floats:
+        """Values of all rows of the recording, interpolated on the grid; shape (T,)."""
+        resampled: Floats = np.interp(np.arange(self.samples), self.places, values[self.rows])
+        return resampled
+
+
+def sampling_period(t: Floats) -> float:
+    """Sampling period [s] from two time stamps or more."""
+    steps = np.diff(t)
+    forward = steps[steps > 0]
+    if not len(forward):
+        raise ValueError("its time never goes forward")
+    if np.mean(steps == 0) > COARSE_CLOCK:  # several rows share each tick of the clock
+        return float(forward.sum() / np.count_nonzero(steps >= 0))
+    return float(np.median(forward))
+
+
+def uniform_segments(t: Floats) -> list[UniformSegment]:
+    """Segments of a recording on uniform grids, from the time stamps [s] of its N rows.
+
+    A repeated stamp belongs in the gap behind it, if there is one, and is a copy otherwise.  Up to
+    ``LONGEST_BRIDGE`` missing rows are interpolated and marked as filled; a longer gap, or a clock
+    that jumps back, ends the segment.  Stamps within ``ROUNDING_JITTER`` of the grid are rounded;
+    samples farther off are interpolated.  Fewer than ``SHORTEST_SEGMENT`` rows, or stamps without a
+    period, are a ValueError.
+    """
+    if len(t) < SHORTEST_SEGMENT:
+        raise ValueError(f"it has {len(t)} rows, {SHORTEST_SEGMENT} are the least that can be used")
+    period = sampling_period(t)
+    if np.mean(np.diff(t) == 0) > COARSE_CLOCK:
+        t = t[0] + period * np.arange(len(t))  # evenly spaced below the clock's tick
+    steps = np.rint(np.diff(t) / period).astype(np.int64)
+    cuts = np.flatnonzero((steps < 0) | (steps > LONGEST_BRIDGE + 1)) + 1
+    segments = [
+        _segment(t, rows, period) for rows in np.split(np.arange(len(t)), cuts) if len(rows) > 1
+    ]
+    return [segment for segment in segments if len(segment.rows) >= SHORTEST_SEGMENT]
+
+
+def _segment(t: Floats, rows: Ints, period: float) -> UniformSegment:
+    """Rows between two gaps on their grid, of the period that fits their stamps."""
+    steps = np.rint(np.diff(t[rows]) / period).astype(np.int64)
+    late = np.flatnonzero((steps[:-1] == 0) & (steps[1:] > 1))
+    steps[late] += 1  # its stamp repeats, the gap behind it is its own
+    steps[late + 1] -= 1
+    kept = np.r_[True, steps > 0]
+    places = np.r_[0, np.cumsum(steps)][kept].astype(np.float64)
+    stamps = t[rows[kept]]
+    if len(places) < 2:
+        return UniformSegment(
+            start=float(t[rows[0]]), period=period, rows=rows[kept], places=places
+        )
+    slope, start = np.polyfit(places, stamps, 1)
+    deviation = (stamps - start - slope * places) / slope
+    if np.std(deviation) > ROUNDING_JITTER:
+        even = (stamps - stamps[0]) / slope
+        forward = np.r_[True, np.diff(even) > 0]
+        return UniformSegment(
+            start=float(stamps[0]), period=float(slope), rows=rows[kept][forward],
+            places=even[forward],
+        )  # fmt: skip
+    return UniformSegment(start=float(start), period=float(slope), rows=rows[kept], places=places)

@@ -6,8 +6,7 @@ from typing import Any
 
 from pipeline.schema.bundle import SERVED, served
 from pipeline.schema.golden import GoldenSets, read_golden
-from pipeline.schema.plots import write_plots
-from pipeline.schema.predictions import write_predictions
+from pipeline.schema.predictions import write_plots, write_predictions
 from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Records, held_back
 from pipeline.submodels.contract import SubModel

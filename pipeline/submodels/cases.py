@@ -17,6 +17,9 @@ from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, Model, SourceFile, Training
 from pipeline.schema.verdict import Fact, GoldenUsed, Role
 from pipeline.signals.parts import selection, share_rows
+from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
+from pipeline.schema.verdict import Fact, Role
+from pipeline.signals.conditions import selection, share_rows
 
 ENDS = ("first", "last")
 """Times of a raw file in the ingest's manifest: of its first and its last record."""

@@ -30,9 +30,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.schema.interval import AdaptiveSettings as AdaptiveSettings
-from pipeline.schema.interval import Band as Band
-from pipeline.schema.interval import Bands as Bands
+from pipeline.schema.model import AdaptiveSettings as AdaptiveSettings
+from pipeline.schema.model import Band as Band
+from pipeline.schema.model import Bands as Bands
 
 LEVEL = 0.9
 """Share of samples that an interval shall hold [1]."""

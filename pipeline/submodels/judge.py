@@ -13,7 +13,6 @@ import pandas as pd
 
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.model import Model
-from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.verdict import (
     Figures,
     JudgedCase,
@@ -22,7 +21,9 @@ from pipeline.schema.verdict import (
     Score,
     Status,
     Verdict,
+    outside_conditions,
     sized,
+    widening,
 )
 from pipeline.submodels.cases import Case, Cases, golden_used, leak_reasons, set_reasons
 from pipeline.submodels.contract import Predictor, Target

@@ -16,11 +16,9 @@ from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan, limited_path, plan
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
-from pipeline.schema.interval import Bands
-from pipeline.schema.model import Condition, Correlation, Model
-from pipeline.schema.outside import widest
+from pipeline.schema.model import Bands, Condition, Correlation, Model
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Fact
+from pipeline.schema.verdict import Fact, widest
 
 WHOLE = "whole run"
 """Regime of the time of a whole run, beside those of its types of rows."""

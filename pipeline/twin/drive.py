@@ -22,8 +22,7 @@ from pipeline.machine.axis.drive_parameters import (
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel
 from pipeline.schema.model import Condition
-from pipeline.schema.store import StoreError, read_json
-from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.store import StoreError, read_json, structured, unstructured
 from pipeline.schema.verdict import Fact
 
 

@@ -17,7 +17,7 @@ from pipeline.machine.control.interpolate import Trace, trace, traces
 from pipeline.machine.control.parameters import LINEAR
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.arrays import Floats
-from pipeline.schema.outside import widest
+from pipeline.schema.verdict import widest
 from pipeline.twin.drive import IdentifiedDrive, speed_of
 from pipeline.twin.preflight import extents
 

@@ -22,11 +22,9 @@ from pipeline.machine.control.planner import Plan
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Floats
 from pipeline.schema.files import replacing
-from pipeline.schema.interval import Bands
-from pipeline.schema.model import Condition
-from pipeline.schema.program import SimulatedProgram
-from pipeline.schema.store import write_json
-from pipeline.schema.structure import structured
+from pipeline.schema.model import Bands, Condition
+from pipeline.schema.program_cut import SimulatedProgram
+from pipeline.schema.store import structured, write_json
 from pipeline.twin.control import planned_program, program_moves, time_interval
 from pipeline.twin.preflight import limits_of, preflight, violation_lines
 

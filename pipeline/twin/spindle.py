@@ -12,8 +12,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.schema.interval import AdaptiveSettings, Bands
-from pipeline.schema.model import Correlation, Model
+from pipeline.schema.model import AdaptiveSettings, Bands, Correlation, Model
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
 from pipeline.schema.store import read_json
 from pipeline.signals.columns import column

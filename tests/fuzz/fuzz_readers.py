@@ -27,9 +27,7 @@ READERS = {
 """Readers, with the corpus that each starts from."""
 
 COMPILED = {
-    "pipeline.signals": ("literals",),
     "pipeline.signals.shdr": ("scan",),
-    "pipeline.signals.tables": ("matlab",),
 }
 """Modules of compiled functions, which cannot be instrumented; what calls them is."""
 

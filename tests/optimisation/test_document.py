@@ -30,6 +30,9 @@ from pipeline.twin.cut.document import assessed
 from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job
 from tests.optimisation.several_tools import document as part_of
+from pipeline.schema.store import structured
+from pipeline.twin.cut.document import assessed, document_of
+from tests.optimisation.paper_part import paper_job
 
 QUICK = OptimisationSettings(
     certainty=ReliabilitySettings(draws=64),

@@ -28,7 +28,7 @@ from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.model import Parameter
 from pipeline.schema.part import OptimisedPart
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.stages.optimise import named
 from tests.report import optimise_documents
 from tests.submodels.cutting import cutting_files

@@ -11,7 +11,7 @@ from report_folders import parameter, write_table
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
 from pipeline.report.folders import MachineFolders
 from pipeline.schema.model import Correlation, LeftOut, SourceFile, Training
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Fact, JudgedCase, Score, Verdict
 from pipeline.twin.control import ControlFitFacts, ControlModelFile

@@ -4,7 +4,7 @@ import math
 from typing import Any
 
 from pipeline.schema.part import BlockGroup, OptimisedPart
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 
 HASHES = ("a1" * 32, "b2" * 32, "c3" * 32)
 BINDS = ("load limit", "spindle torque", "greatest chip", None)

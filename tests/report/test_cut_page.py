@@ -32,8 +32,7 @@ from pipeline.schema.program_cut import (
     ToolTotals,
     WorstBlock,
 )
-from pipeline.schema.store import json_text
-from pipeline.schema.structure import structured
+from pipeline.schema.store import json_text, structured
 from tests.report.page_reader import outline, words
 
 NAME = 'MILL <script>"&'

@@ -1,22 +1,14 @@
 """What the tests of logs share: a small Devices document, a log made of text, all that was read."""
 
 import json
-from collections.abc import Iterator
+from functools import partial
+from math import inf
 from pathlib import Path
 
 import pyarrow as pa
 
-from pipeline.signals.formats import (
-    Batch,
-    RecordSource,
-    Rejection,
-    UnreadableFile,
-    observations_of,
-)
-from pipeline.signals.shdr.lines import CHUNK, LogBytes, Segment, segments
-from pipeline.signals.shdr.log import _recognised
-from pipeline.signals.shdr.record_forms import Items
-from pipeline.signals.shdr.reference import LineReader, Row, read_segment
+from pipeline.signals.formats import Batch, RecordSource, Rejection, UnreadableFile
+from pipeline.signals.shdr.log import read
 
 SOURCE = RecordSource(format="shdr", files="*.txt")
 TIME = "2019-05-20T10:46:17.123456Z"
@@ -48,37 +40,9 @@ UNITS = RecordSource(format="shdr", files="*.txt", devices="Devices.xml")
 NATIVE = RecordSource(format="shdr", files="*.txt", devices="Devices.xml", values="native")
 
 
-def line_by_line(
-    path: Path, source: RecordSource, root: Path, chunk: int = CHUNK
-) -> Iterator[Batch]:
-    """A log without the scanner: the meaning that it has to equal."""
-    reader = LineReader(Items(source, root))
-    yield from _recognised(path, _batches(segments(LogBytes(path, chunk)), reader), reader)
-
-
-def _batches(parts: Iterator[Segment], reader: LineReader) -> Iterator[Batch]:
-    records = 0
-    for segment in parts:
-        rows: list[Row] = []
-        rejected: list[Rejection] = []
-        before = records
-        for part in _single_lines(segment):
-            result = read_segment(reader, part, records + 1)
-            rows += result.rows
-            rejected += result.rejected
-            records += result.records
-        columns = dict(zip(Row._fields, zip(*rows, strict=True), strict=False))
-        n = records - before
-        table = observations_of(columns, len(rows))
-        yield Batch(observations=table, read=n, kept=n - len(rejected), rejected=rejected)
-
-
-def _single_lines(segment: Segment) -> Iterator[Segment]:
-    if segment.kind != "lines":
-        yield segment
-        return
-    for number, raw in enumerate(segment.data.removesuffix(b"\n").split(b"\n"), segment.line):
-        yield Segment("lines", raw, number)
+line_by_line = partial(read, small=inf)
+"""A log without the scanner: the meaning that it has to equal."""
+scanned = partial(read, small=0)
 
 
 def rows_of(batches: list[Batch]) -> list[tuple[object, ...]]:

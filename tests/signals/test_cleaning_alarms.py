@@ -5,8 +5,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.cleaning.alarms import Said, alarms
 from pipeline.signals.cleaning.clean import clean
+from pipeline.signals.cleaning.recorded import Said, alarms
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.columns import OBSERVATIONS
 from pipeline.signals.contracts import check

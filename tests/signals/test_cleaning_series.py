@@ -6,6 +6,7 @@ from cleaning_records import NS, series
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.signals.cleaning.day import position_control
 from pipeline.signals.cleaning.gaps import (
     Gap,
     ReportingInterval,
@@ -18,9 +19,15 @@ from pipeline.signals.cleaning.gaps import (
     silences,
     unavailable,
 )
-from pipeline.signals.cleaning.glitches import without_glitches
-from pipeline.signals.cleaning.position_control import position_control
-from pipeline.signals.cleaning.series import grid, held, linear, on_spans, removed_holes, resampled
+from pipeline.signals.cleaning.series import (
+    grid,
+    held,
+    linear,
+    on_spans,
+    removed_holes,
+    resampled,
+    without_glitches,
+)
 from pipeline.signals.cleaning.settings import CleanSettings
 from pipeline.signals.columns import column
 

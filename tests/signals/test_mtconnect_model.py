@@ -9,8 +9,13 @@ import pytest
 
 from pipeline.signals.formats import Batch, RecordSource, UnreadableFile
 from pipeline.signals.mtconnect import json_document, xml_document
-from pipeline.signals.mtconnect.devices import read_devices
-from pipeline.signals.mtconnect.model import NAME_TYPES, data_items_table, element_name, is_name
+from pipeline.signals.mtconnect.devices import (
+    NAME_TYPES,
+    data_items_table,
+    element_name,
+    is_name,
+    read_devices,
+)
 from pipeline.signals.shdr import log
 
 ITEMS = """

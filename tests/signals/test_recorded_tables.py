@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout, Trace
-from pipeline.signals.tables import columnar, csv_table, matlab
+from pipeline.signals.tables import arrays, columnar, csv_table
 
 RECORDINGS = os.environ.get("KERF_RECORDINGS")
 pytestmark = pytest.mark.skipif(
@@ -56,7 +56,9 @@ def test_emps() -> None:
         time="t",
     )
     (path,) = recordings("emps", "*.mat")
-    result = matlab.read(path, RecordSource(format="matlab", files="*", table=form), path.parent)
+    result = arrays.read_mat(
+        path, RecordSource(format="matlab", files="*", table=form), path.parent
+    )
     assert result.kept == 24841
     assert np.median(np.diff(values(result, "t"))) == pytest.approx(1e-3, rel=1e-4)  # 1 kHz
     assert max(values(result, "x_position")) == pytest.approx(230, abs=30)  # its stroke is 0.25 m

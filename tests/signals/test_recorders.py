@@ -23,7 +23,7 @@ from pipeline.signals.formats import (
     UnreadableFile,
     format_of,
 )
-from pipeline.signals.tables import columnar, matlab
+from pipeline.signals.tables import arrays, columnar
 from pipeline.signals.units import conversion
 
 T = np.arange(50) / 1000
@@ -64,8 +64,8 @@ def write_tdms(path: Path) -> None:
 
 
 FORMATS = [
-    (matlab.read, write_mat, "x.mat", FORCE),
-    (columnar.read_hdf5, write_h5, "x.h5", FORCE),
+    (arrays.read_mat, write_mat, "x.mat", FORCE),
+    (arrays.read_hdf5, write_h5, "x.h5", FORCE),
     (columnar.read_tdms, write_tdms, "x.tdms", source({"force_x": ("F", "N")}, group="g")),
 ]
 formats = pytest.mark.parametrize(("read", "write", "name", "form"), FORMATS)
@@ -124,7 +124,7 @@ def test_damage_is_never_another_exception(
 
 def test_constants_of_a_mat_file_are_noted(tmp_path: Path) -> None:
     write_mat(tmp_path / "x.mat")
-    notes = matlab.read(tmp_path / "x.mat", FORCE, tmp_path).table.schema.metadata[b"notes"]
+    notes = arrays.read_mat(tmp_path / "x.mat", FORCE, tmp_path).table.schema.metadata[b"notes"]
     assert json.loads(notes)["constants"] == {"gain": 35.0}
 
 
@@ -137,7 +137,7 @@ def test_mat_struct_matrix_and_cells(tmp_path: Path) -> None:
         group="run.axes",
         text=("state",),
     )
-    result = matlab.read(tmp_path / "x.mat", form, tmp_path)
+    result = arrays.read_mat(tmp_path / "x.mat", form, tmp_path)
     check(result)
     assert result.table.column("force_y").to_pylist() == (2 * F).tolist()
     assert result.table.column("state").to_pylist() == ["a", "b"] * 25
@@ -151,7 +151,7 @@ def test_mat_73_is_read_with_its_512_bytes_of_header(tmp_path: Path) -> None:
         file["#refs#/a"] = T
     with path.open("r+b") as raw:
         raw.write(b"MATLAB 7.3 MAT-file".ljust(128))
-    check(matlab.read(path, source({"force_x": ("F", "N")}, group="run"), tmp_path))
+    check(arrays.read_mat(path, source({"force_x": ("F", "N")}, group="run"), tmp_path))
 
 
 def test_hdf5_compound_and_own_units(tmp_path: Path) -> None:
@@ -163,10 +163,10 @@ def test_hdf5_compound_and_own_units(tmp_path: Path) -> None:
         file["kilo"].attrs["unit"] = "kN"
         file["t"] = T
     form = source({"force_x": ("F", "N"), "tag": ("tag", None)}, group="log/rows", text=("tag",))
-    result = columnar.read_hdf5(tmp_path / "x.h5", form, tmp_path)
+    result = arrays.read_hdf5(tmp_path / "x.h5", form, tmp_path)
     check(result)
     assert set(result.table.column("tag").to_pylist()) == {"mill"}
-    kilo = columnar.read_hdf5(tmp_path / "x.h5", source({"force_x": ("kilo", None)}), tmp_path)
+    kilo = arrays.read_hdf5(tmp_path / "x.h5", source({"force_x": ("kilo", None)}), tmp_path)
     assert kilo.table.column("force_x").to_pylist() == (F * 1000).tolist()
 
 
@@ -174,7 +174,7 @@ def test_channels_of_two_rates_are_refused(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "x.h5", "w") as file:
         file["t"], file["F"] = T, F[:40]
     with pytest.raises(UnreadableFile, match="'t' has 50 samples and 'F' has 40"):
-        columnar.read_hdf5(tmp_path / "x.h5", FORCE, tmp_path)
+        arrays.read_hdf5(tmp_path / "x.h5", FORCE, tmp_path)
 
 
 def test_tdms_states_its_own_rate_start_and_unit(tmp_path: Path) -> None:
@@ -288,7 +288,7 @@ def test_mat5_reads_what_scipy_reads(tmp_path: Path, packed: bool) -> None:
     saved["cube"] = np.arange(24.0).reshape(2, 3, 4)
     path = tmp_path / "x.mat"
     scipy.io.savemat(path, saved, do_compression=packed)
-    found = dict(matlab.level_5_arrays(path.read_bytes()))
+    found = dict(arrays.level_5_arrays(path.read_bytes()))
     expected = scipy.io.loadmat(path)
     assert set(found) == set(saved)
     for name in saved:
@@ -298,4 +298,4 @@ def test_mat5_reads_what_scipy_reads(tmp_path: Path, packed: bool) -> None:
 
 def test_mat_level_4(tmp_path: Path) -> None:
     scipy.io.savemat(tmp_path / "x.mat", {"t": T, "F": F}, format="4")
-    check(matlab.read(tmp_path / "x.mat", FORCE, tmp_path))
+    check(arrays.read_mat(tmp_path / "x.mat", FORCE, tmp_path))

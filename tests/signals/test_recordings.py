@@ -25,8 +25,8 @@ from pipeline.signals.recordings import (
     Channel,
     read_recordings,
 )
-from pipeline.signals.sampling import sampling_period, uniform_segments
 from pipeline.signals.units import conversion
+from pipeline.signals.windows import sampling_period, uniform_segments
 
 CONF = Path(__file__).parents[2] / "conf" / "machine"
 DATA = Path(os.environ.get("KERF_RECORDINGS", "/nowhere"))

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.signals.sampling import (
+from pipeline.signals.windows import (
     LONGEST_BRIDGE,
     SHORTEST_SEGMENT,
     sampling_period,

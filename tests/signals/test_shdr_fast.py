@@ -8,16 +8,26 @@ import pyarrow as pa
 import pytest
 from hypothesis import strategies as st
 from proof_sizes import few_and_many
-from shdr_log import DEVICES, NAMES, NATIVE, SOURCE, TIME, UNITS, line_by_line, outcome, rows_of
+from shdr_log import (
+    DEVICES,
+    NAMES,
+    NATIVE,
+    SOURCE,
+    TIME,
+    UNITS,
+    line_by_line,
+    outcome,
+    rows_of,
+    scanned,
+)
 
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.shdr.log import read
 
 
 def _as_python_reads_it(tmp_path: Path, text: str) -> None:
     path = tmp_path / "log.txt"
     path.write_text(f"{TIME}|a|{text}\n")
-    (row,) = rows_of(list(read(path, SOURCE, tmp_path)))
+    (row,) = rows_of(list(scanned(path, SOURCE, tmp_path)))
     try:
         expected = float(text)
     except ValueError:
@@ -149,7 +159,7 @@ def _alike(
     path = folder / "log.txt"
     path.write_bytes(f"{TIME}|a|1\n".encode() + b"".join(lines))
     plain = outcome(line_by_line, path, source, chunk)
-    assert outcome(read, path, source, chunk) == plain
+    assert outcome(scanned, path, source, chunk) == plain
     assert outcome(line_by_line, path, source, 1 << 20) == plain
 
 
@@ -163,7 +173,7 @@ test_the_fast_path_equals_the_reference, test_both_paths_are_equal_on_many_logs 
 def _refused_alike(tmp_path_factory: pytest.TempPathFactory, data: bytes, packed: bool) -> None:
     path = tmp_path_factory.getbasetemp() / "bytes.txt"
     path.write_bytes(b"\x1f\x8b" + data if packed else data)
-    assert outcome(read, path, SOURCE, 64) == outcome(line_by_line, path, SOURCE, 64)
+    assert outcome(scanned, path, SOURCE, 64) == outcome(line_by_line, path, SOURCE, 64)
 
 
 test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = few_and_many(
@@ -174,11 +184,11 @@ test_any_bytes_are_read_or_refused_with_a_reason, test_many_bytes_are_refused = 
 def _equal_with_many_words(path: Path, names: int) -> None:
     lines = [f"{TIME}|k{i}|v{i}\n" for i in range(names)]  # more than the scanner takes in
     path.write_text("".join(lines * 2))
-    assert outcome(read, path, SOURCE, 1 << 20) == outcome(line_by_line, path, SOURCE, 1 << 20)
+    assert outcome(scanned, path, SOURCE, 1 << 20) == outcome(line_by_line, path, SOURCE, 1 << 20)
 
 
 def test_many_names_and_many_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pipeline.signals.shdr.fast.KEYS", 1 << 10)
+    monkeypatch.setattr("pipeline.signals.shdr.log.KEYS", 1 << 10)
     _equal_with_many_words(tmp_path / "log.txt", 1_100)
 
 
@@ -197,7 +207,9 @@ def _recordings() -> Path:
 def _equal_days(paths: list[Path], root: Path) -> None:
     source = RecordSource(format="shdr", files="*", devices="Devices.xml", device="Mazak01")
     for path in paths:
-        for batches in zip(read(path, source, root), line_by_line(path, source, root), strict=True):
+        for batches in zip(
+            scanned(path, source, root), line_by_line(path, source, root), strict=True
+        ):
             fast, plain = batches
             assert fast.read == plain.read and fast.rejected == plain.rejected == []
             for name in NAMES:
@@ -229,7 +241,7 @@ def _every_text_is_read_or_refused(compared: int) -> None:
     assert len(logs) > 60
     readable = set()
     for path in logs:
-        found = outcome(read, path, SOURCE, 1 << 20)
+        found = outcome(scanned, path, SOURCE, 1 << 20)
         if path.stat().st_size <= compared:
             assert found == outcome(line_by_line, path, SOURCE, 1 << 20)
         if len(found) == 3:

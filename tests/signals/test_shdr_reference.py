@@ -5,15 +5,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
-from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, line_by_line, said
+from shdr_log import NATIVE, NS, SOURCE, TIME, UNITS, Log, line_by_line, said, scanned
 
 from pipeline.signals.formats import UnreadableFile
 from pipeline.signals.mtconnect.observations import iso_ns
-from pipeline.signals.shdr.lines import LONGEST, entries_of, fields_of
-from pipeline.signals.shdr.log import read
+from pipeline.signals.shdr.lines import LONGEST, fields_of
+from pipeline.signals.shdr.record_forms import entries_of
 
 
-@pytest.fixture(params=[pytest.param(line_by_line, marks=pytest.mark.proof), read])
+@pytest.fixture(params=[pytest.param(line_by_line, marks=pytest.mark.proof), scanned])
 def log(request: pytest.FixtureRequest, tmp_path: Path) -> Log:
     return Log(request.param, tmp_path)
 

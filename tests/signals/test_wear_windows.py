@@ -13,8 +13,15 @@ from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import Channel
 from pipeline.signals.wear_lives import read_lives
-from pipeline.signals.wear_records import ConditionTable, InCut, WearRecords, WearSource
-from pipeline.signals.wear_windows import ChannelScaling, Lives, WearWindows
+from pipeline.signals.wear_windows import (
+    ChannelScaling,
+    ConditionTable,
+    InCut,
+    Lives,
+    WearRecords,
+    WearSource,
+    WearWindows,
+)
 from tests.signals.wear_files import IDENTITY, raw_lives, signals_of, wear_at, wear_records
 
 

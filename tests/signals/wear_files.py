@@ -18,7 +18,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.signals.formats import ColumnSource, RecordSource, TableLayout
 from pipeline.signals.ingest import ingest
 from pipeline.signals.recordings import Channel
-from pipeline.signals.wear_records import ConditionTable, WearRecords, WearSource
+from pipeline.signals.wear_windows import ConditionTable, WearRecords, WearSource
 
 RATE = 1000.0
 """Of the made cuts [Hz]."""

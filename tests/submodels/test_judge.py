@@ -16,10 +16,16 @@ from pipeline.charts.judged import scores_table
 from pipeline.optimisation.reliability.uncertainty import judged_errors
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
-from pipeline.schema.outside import outside_conditions, widening
 from pipeline.schema.predictions import read_predictions, write_predictions
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.verdict import Fact, OutsideConditions, UsedModel, Verdict
+from pipeline.schema.verdict import (
+    Fact,
+    OutsideConditions,
+    UsedModel,
+    Verdict,
+    outside_conditions,
+    widening,
+)
 from pipeline.submodels.cases import Case, Cases, Roles, conditions_of, held_back, role_of
 from pipeline.submodels.contract import Prediction, Target, submodel
 from pipeline.submodels.judge import judge, metrics, seen_reasons

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.cutting.force.waveform import profile_waveform
 from pipeline.machine.control.interpolate import trace
-from pipeline.schema.structure import unstructured
+from pipeline.schema.store import unstructured
 from pipeline.twin.cut.axes import axes_in_cut, cut_force, follow_cut
 from tests.twin.cut_parts import DEPTH, K_E, K_T, SLOT, cut_of
 from tests.twin.test_program_axes import drive

@@ -37,6 +37,7 @@ from pipeline.schema.arrays import Floats, Rows
 from pipeline.schema.cache import keep, kept
 from pipeline.schema.cutting import CuttingModel
 from pipeline.schema.program_cut import ForceInterval
+from pipeline.schema.files import keep, kept
 from pipeline.twin.cut.blocks import STEEP
 from pipeline.twin.cut.coefficients import ToolCoefficients
 from pipeline.twin.cut.loads import Cut

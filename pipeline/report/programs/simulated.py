@@ -25,7 +25,7 @@ from pipeline.report.programs.moves import (
     program_moves,
 )
 from pipeline.report.standalone_page import StandalonePage
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 WORTH_SAYING = 0.05
 """Share of a program's time from which a bound is named [1]."""

@@ -5,4 +5,4 @@ are nanoseconds since 1970 in UTC, values stand in the units of the document.
 Source: ANSI/MTC1.4, MTConnect 2.x parts 2 and 3.
 """
 
-__all__ = ["devices", "json_document", "model", "xml_document", "xml_events"]
+__all__ = ["devices", "json_document", "xml_document", "xml_events"]

@@ -15,12 +15,12 @@ from pipeline.signals.mtconnect.devices import (
     bodies,
     device_model,
     devices_of,
+    element_name,
     items_of,
     named,
     part,
     word,
 )
-from pipeline.signals.mtconnect.model import element_name
 from pipeline.signals.mtconnect.observations import (
     BLANK,
     SECTIONS,
@@ -30,9 +30,10 @@ from pipeline.signals.mtconnect.observations import (
     asset_time,
     shape_of,
 )
-from pipeline.signals.mtconnect.rows import RECORDS, Rows
 from pipeline.signals.mtconnect.xml_events import content
 from pipeline.signals.mtconnect.xml_observations import (
+    RECORDS,
+    Rows,
     Selection,
     device_name,
     foreign_reason,

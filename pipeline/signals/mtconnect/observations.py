@@ -11,7 +11,7 @@ from datetime import date
 from functools import lru_cache
 from typing import Any, Literal
 
-from pipeline.signals.mtconnect.model import DataItem, DeviceModel, is_name, number_of
+from pipeline.signals.mtconnect.devices import DataItem, DeviceModel, is_name, number_of
 
 BLANK = " \t\r\n"
 """White space of XML."""

@@ -24,12 +24,209 @@ Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, version
 """
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from pipeline.signals.formats import Batch, RecordSource, UnreadableFile, looks_like
-from pipeline.signals.shdr.lines import CHUNK, LogBytes, segments
-from pipeline.signals.shdr.record_forms import Items
-from pipeline.signals.shdr.reference import LineReader
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from pipeline.signals.columns import KINDS, OBSERVATIONS, TIME
+from pipeline.signals.formats import (
+    Batch,
+    RecordSource,
+    Rejection,
+    UnreadableFile,
+    encoded,
+    looks_like,
+)
+from pipeline.signals.shdr import scan
+from pipeline.signals.shdr.lines import (
+    CHUNK,
+    LONGEST,
+    LineReader,
+    LogBytes,
+    Row,
+    Segment,
+    read_segment,
+    segments,
+    single_lines,
+)
+from pipeline.signals.shdr.record_forms import ItemPlan, Items
+from pipeline.signals.shdr.scan import scan as scan_lines
+
+ROWS = 1 << 20
+SLOW_LINES = 1 << 16
+KEYS, KEY_BYTES = 1 << 16, 1 << 22
+TEXT_BYTES = 1 << 24
+HARD_BYTES = 1 << 24
+ENOUGH = 1 << 18
+"""Rows after which a batch is handed over."""
+
+_FORM_CODES = {"any": scan.ANY, "sample": scan.SAMPLE, "event": scan.EVENT, "word": scan.WORD}
+
+
+class Scanner:
+    """Reads segments one after the other and hands over what has come together."""
+
+    def __init__(self, items: Items, *, plain: bool) -> None:
+        self.reader = LineReader(items)
+        self._plain = plain  # no line is scanned
+        self.records = 0  # of the batches that were handed over
+        self._state = np.zeros(10, np.int64)
+        self._rows = tuple(np.empty(ROWS, t) for t in ("i8", "i4", "f8", "i4", "u1"))
+        self._slow = np.empty((SLOW_LINES, 4), np.int64)
+        self._keys = _words(KEYS, KEY_BYTES)
+        self._plans = (np.zeros(KEYS, "u1"), np.ones(KEYS), np.zeros(KEYS))
+        self._known: list[ItemPlan] = []
+        self._texts = _words(ROWS, TEXT_BYTES)
+        self._hard = (np.empty(ROWS, "i4"), np.zeros(ROWS + 1, "i4"), np.empty(HARD_BYTES, "u1"))
+        self._odd: list[tuple[int, Segment]] = []  # with the rows before each
+
+    def batches(self, segments: Iterator[Segment]) -> Iterator[Batch]:
+        """Batches of the whole log."""
+        for segment in segments:
+            if segment.kind == "lines" and not self._plain:
+                yield from self._lines(segment)
+            else:
+                self._odd += [(int(self._state[scan.ROWS]), one) for one in single_lines(segment)]
+            if self._state[scan.ROWS] + len(self._odd) >= ENOUGH:
+                yield self._batch()
+        if self._state[scan.ROWS] or self._odd:
+            yield self._batch()
+
+    def _lines(self, segment: Segment) -> Iterator[Batch]:
+        buffer = np.frombuffer(segment.data, np.uint8)
+        self._state[scan.POSITION], self._state[scan.LINE] = 0, segment.line
+        why = scan.FULL
+        while why != scan.LINES:
+            why = scan_lines(buffer, self._closed, LONGEST, self._state, self._rows,
+                             self._slow, self._keys, self._plans, self._texts,
+                             self._hard)  # fmt: skip
+            self._take_slow(segment.data)
+            if why == scan.NEW_KEY:
+                self._learn(buffer)
+            elif why == scan.FULL:
+                yield self._batch()
+
+    def _take_slow(self, data: bytes) -> None:
+        for before, line, start, end in self._slow[: self._state[scan.SLOW]].tolist():
+            self._odd.append((before, Segment("lines", data[start:end], line)))
+        self._state[scan.SLOW] = 0
+
+    @property
+    def _closed(self) -> bool:
+        n = len(self._known)
+        return n == KEYS or int(self._keys[1][n]) > KEY_BYTES - scan.LONGEST_KEY
+
+    def _learn(self, buffer: Any) -> None:
+        """Take in the name at which the scanner stopped."""
+        start, end = int(self._state[scan.KEY_START]), int(self._state[scan.KEY_END])
+        plan = self.reader.items.plan(buffer[start:end].tobytes().decode("ascii"))
+        code = len(self._known)
+        _, slot = scan.find(buffer, start, end, *self._keys)
+        scan.add(buffer, start, end, code, slot, *self._keys)
+        shapes, factors, offsets = self._plans
+        shapes[code] = _FORM_CODES.get(plan.shape, scan.OTHER)
+        factors[code], offsets[code] = plan.factor, plan.offset
+        self._known.append(plan)
+
+    def _batch(self) -> Batch:
+        n = int(self._state[scan.ROWS])
+        rows: list[Row] = []
+        before: list[int] = []
+        rejected: list[Rejection] = []
+        odd_records = np.zeros(n + 1, np.int64)
+        last = done = 0
+        for place, segment in self._odd:
+            if place > last:
+                self.reader.previous = int(self._rows[0][place - 1])
+            read = read_segment(self.reader, segment, self.records + place + done + 1)
+            rows += read.rows
+            before += [place] * len(read.rows)
+            rejected += read.rejected
+            odd_records[place] += read.records
+            done += read.records
+            last = place
+        if n > last:
+            self.reader.previous = int(self._rows[0][n - 1])
+        self.reader.formed |= n > 0
+        sequence = self.records + 1 + np.arange(n) + np.cumsum(odd_records)[:n]
+        table = self._table(n, sequence, rows, before)
+        self.records += n + done
+        self._forget()
+        kept = n + done - len(rejected)
+        return Batch(observations=table, read=n + done, kept=kept, rejected=rejected)
+
+    def _table(self, n: int, sequence: Any, odd: list[Row], before: list[int]) -> pa.Table:
+        """Rows of the scanner, each of ``odd`` after as many of them as ``before`` says."""
+        time, item, number, text, holds = (column[:n] for column in self._rows)
+        self._convert_hard(number, item)
+        names: dict[str, int] = {}
+        name_of = np.array([_code(names, p.name) for p in self._known] or [0], np.int32)
+        kind_of = np.array([KINDS.index(p.kind) for p in self._known] or [0], np.int32)
+        texts = _strings(int(self._state[scan.TEXTS]), *self._texts[1:])
+        keys: dict[str, int] = {}
+        columns = [time.copy(), name_of[item], number.copy(), holds == scan.NUMBER, text.copy(),
+                   sequence, kind_of[item], np.full(n, -1)]  # fmt: skip
+        attributes = pa.nulls(n + len(odd), pa.string())
+        if odd:
+            words = {word: code for code, word in enumerate(texts.to_pylist())}
+            rows = [
+                (r.time, _code(names, r.data_item), 0.0 if r.number is None else r.number,
+                 r.number is not None, _code(words, r.text), r.sequence, KINDS.index(r.kind),
+                 _code(keys, r.key))
+                for r in odd
+            ]  # fmt: skip
+            columns = [
+                np.insert(column, before, values)
+                for column, values in zip(columns, zip(*rows, strict=True), strict=True)
+            ]
+            texts = pa.array(words, pa.string())
+            which = np.insert(np.full(n, -1), before, range(len(odd)))
+            indices = pa.array(which, mask=which < 0)
+            attributes = pa.array([r.attributes for r in odd], pa.string()).take(indices)
+        time, item, number, known, text, sequence, kind, key = columns
+        arrays = [
+            pa.array(time).cast(TIME), encoded(item, list(names)), pa.array(number, mask=~known),
+            encoded(text, texts), pa.array(sequence.astype(np.uint64)), encoded(kind, KINDS),
+            encoded(key, list(keys)), attributes, pa.nulls(len(time), pa.uint64()),
+        ]  # fmt: skip
+        return pa.Table.from_arrays(arrays, schema=OBSERVATIONS)
+
+    def _convert_hard(self, number: Any, item: Any) -> None:
+        """Convert the numbers that the scanner copied out; Arrow rounds as Python does."""
+        n = int(self._state[scan.HARD])
+        if n:
+            of_row, offsets, copies = self._hard
+            values = pc.cast(_strings(n, offsets, copies), pa.float64()).to_numpy()
+            at = of_row[:n]
+            factor, offset = self._plans[1][item[at]], self._plans[2][item[at]]
+            changed = (factor != 1.0) | (offset != 0.0)
+            number[at] = np.where(changed, values * factor + offset, values)
+
+    def _forget(self) -> None:
+        self._odd = []
+        self._texts[0][:] = 0
+        self._state[scan.ROWS : scan.KEY_START] = 0
+
+
+def _code(codes: dict[str, int], word: str | None) -> int:
+    """The number of a word in the order in which they come, -1 for None."""
+    return -1 if word is None else codes.setdefault(word, len(codes))
+
+
+def _words(most: int, most_bytes: int) -> tuple[Any, Any, Any]:
+    return np.zeros(2 * most, "i4"), np.zeros(most + 1, "i4"), np.empty(most_bytes, "u1")
+
+
+def _strings(n: int, offsets: Any, data: Any) -> pa.Array:
+    used = data[: offsets[n]].tobytes()
+    return pa.StringArray.from_buffers(
+        n, pa.py_buffer(offsets[: n + 1].tobytes()), pa.py_buffer(used)
+    )
+
 
 HEAD = 1 << 13
 """Bytes by which a file that is no log is recognised."""
@@ -38,16 +235,20 @@ PATIENCE = 100_000
 """Records that may be rejected before the first that has the form of a log."""
 
 
-def read(path: Path, source: RecordSource, root: Path, chunk: int = CHUNK) -> Iterator[Batch]:
+SMALL = 1 << 20
+"""Bytes of a log below which its lines are read in plain Python: compilation takes far longer."""
+
+
+def read(
+    path: Path, source: RecordSource, root: Path, chunk: int = CHUNK, small: float = SMALL
+) -> Iterator[Batch]:
     """Read a log, plain or gzip, in batches of about a quarter of a million records.
 
     ``devices``, ``device`` and ``values`` of ``source`` declare its items.  A file that is empty,
     or no line of which has the form of a log, is an :class:`UnreadableFile`.
     """
-    # Compiled code is slow to load, and most who import this module only ask what it reads.
-    from pipeline.signals.shdr.fast import Scanner
-
-    scanner = Scanner(Items(source, root))
+    begins = map(len, islice(LogBytes(path, SMALL), 2))
+    scanner = Scanner(Items(source, root), plain=sum(begins) < small)
     yield from _recognised(path, scanner.batches(segments(LogBytes(path, chunk))), scanner.reader)
 
 

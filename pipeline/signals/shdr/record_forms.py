@@ -13,16 +13,16 @@ Without a Devices document the form of a record follows from what it looks like
 Source: MTConnect agent, adapter protocol (README of mtconnect/cppagent, versions 1.x to 2.x).
 """
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from pipeline.signals.formats import RecordSource
-from pipeline.signals.mtconnect.model import is_name, number_of
-from pipeline.signals.shdr.lines import entries_of
+from pipeline.signals.mtconnect.devices import is_name, number_of
 
 if TYPE_CHECKING:
-    from pipeline.signals.mtconnect.model import DataItem, DeviceModel
+    from pipeline.signals.mtconnect.devices import DataItem, DeviceModel
 
 MOST_CACHED = 1 << 16
 """Names kept; a log of noise has more and does not fill the memory."""
@@ -351,6 +351,58 @@ def _entries(text: str, attributes: dict[str, object], *, table: bool) -> list[V
             else:
                 values.append(scalar(content, whole, attributes))
     return values
+
+
+_BRACE = re.compile(r"\\.|[{}]", re.S)
+_KEY = re.compile(r"[^\s={}]+")
+
+
+def entries_of(text: str) -> list[tuple[str, str | None]]:
+    """Entries ``key=value`` of a data set, value None where the entry is removed.
+
+    A value with blanks stands in braces or quotes; one that is not closed, or has no key, is a
+    ValueError.
+    """
+    entries: list[tuple[str, str | None]] = []
+    at = 0
+    while True:
+        while at < len(text) and text[at].isspace():
+            at += 1
+        if at == len(text):
+            return entries
+        key = _KEY.match(text, at)
+        if not key:
+            raise ValueError(f"the data set has no key at character {at + 1}")
+        at = key.end()
+        value = None
+        if text[at : at + 1] == "=":
+            value, at = _entry_value(text, at + 1)
+        entries.append((key[0], value or None))
+
+
+def _entry_value(text: str, at: int) -> tuple[str, int]:
+    opening = text[at : at + 1]
+    if opening == "{":
+        end = _closing_brace(text, at)
+        return text[at + 1 : end], end + 1
+    if opening and opening in "\"'":
+        found = re.compile(rf"{opening}((?:[^{opening}\\]|\\.)*+){opening}", re.S).match(text, at)
+        if not found:
+            raise ValueError(f"the quote at character {at + 1} of the data set is not closed")
+        return re.sub(r"\\(.)", r"\1", found[1], flags=re.S), found.end()
+    end = at
+    while end < len(text) and not text[end].isspace():
+        end += 1
+    return text[at:end], end
+
+
+def _closing_brace(text: str, at: int) -> int:
+    depth = 0
+    for mark in _BRACE.finditer(text, at):
+        depth += {"{": 1, "}": -1}.get(mark[0], 0)
+        if depth == 0:
+            return mark.start()
+    raise ValueError(f"the brace at character {at + 1} of the data set is not closed")
 
 
 def unconvertible(plan: ItemPlan, rest: list[str]) -> RecordForm:

@@ -5,4 +5,4 @@ table of signals, and the rows that were rejected with line and reason.  Sources
 format of The MathWorks; HDF5; TDMS of NI.
 """
 
-__all__ = ["columnar", "csv_table", "matlab"]
+__all__ = ["arrays", "columnar", "csv_table"]

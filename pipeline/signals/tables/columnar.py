@@ -1,14 +1,11 @@
-"""Recordings in columnar files: Parquet; HDF5; TDMS, the format of NI's data loggers; WAV.
+"""Recordings in columnar files: Parquet; WAV; TDMS, the format of NI's data loggers.
 
-HDF5 gives datasets of a group, columns of a matrix or fields of a compound dataset.  TDMS needs the
-extra ``tdms``.
+TDMS needs the extra ``tdms``.
 """
 
 import struct
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +16,6 @@ from pipeline.signals.formats import RecordSource, Rejection, TableLayout, Trace
 from pipeline.signals.tables.arrays import (
     Array,
     ArrayCollector,
-    NamedArray,
     in_group,
     raw_table,
 )
@@ -66,71 +62,6 @@ def read_parquet(path: Path, source: RecordSource, root: Path) -> Trace:
 
 def _first(error: Exception) -> str:
     return (str(error).splitlines() or [""])[0][:200]
-
-
-def read_hdf5(path: Path, source: RecordSource, root: Path) -> Trace:
-    """Trace of an HDF5 file; a row's line is its number, from 1.
-
-    The layout's ``group`` is a group or a compound dataset, columns are paths below it.
-    """
-    import h5py
-
-    layout = layout_of(source)
-    try:
-        with h5py.File(path, "r") as file:
-            raw = raw_table(named_arrays(file, layout.group, "/"), layout)
-    except (OSError, KeyError, RuntimeError) as error:
-        raise UnreadableFile(f"the file is no whole HDF5 file: {str(error)[:200]}") from error
-    return assemble(raw, layout)
-
-
-def named_arrays(file: Any, group: str | None, separator: str) -> list[NamedArray]:
-    """All arrays of an open HDF5 file, their names joined with a separator."""
-    collector = ArrayCollector(group=group, separator=separator)
-    try:
-        for name, data in _datasets(file):
-            _add(collector, name.replace("/", separator), data)
-    except (ValueError, TypeError) as error:  # a damaged type or shape
-        raise UnreadableFile(f"the file is damaged: {str(error)[:200]}") from error
-    return collector.named_arrays()
-
-
-def _add(collector: ArrayCollector, label: str, data: Any) -> None:
-    if data.dtype.names:
-        for part in data.dtype.names:
-            load = partial(_dataset_values, data, part)
-            collector.add(f"{label}{collector.separator}{part}", data.shape, data.dtype[part], load)
-    elif data.shape is not None:
-        collector.add(
-            label, data.shape, data.dtype, partial(_dataset_values, data, ()), _unit(data)
-        )
-
-
-def _datasets(file: Any) -> Iterator[tuple[str, Any]]:
-    import h5py
-
-    names: list[str] = []
-    file.visit(names.append)
-    for name in names:
-        item = file[name]
-        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
-            yield name, item
-
-
-def _unit(data: Any) -> str | None:
-    for key in ("unit", "units", "Unit", "Units"):
-        if key in data.attrs:
-            value = data.attrs[key]
-            return value.decode("utf-8", "replace") if isinstance(value, bytes) else str(value)
-    return None
-
-
-def _dataset_values(data: Any, part: Any) -> Array:
-    """A dataset's values, or those of one field."""
-    try:
-        return data[part]
-    except (ValueError, TypeError) as error:
-        raise UnreadableFile(f"{data.name!r} is damaged: {str(error)[:200]}") from error
 
 
 def read_wav(path: Path, source: RecordSource, root: Path) -> Trace:

@@ -28,8 +28,7 @@ from pipeline.nets.windows import Recording, WindowInput, Windows, windows_of
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.bundle import model_hash
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Model
+from pipeline.schema.model import Band, Model
 from pipeline.schema.ranges import Count, NotNegative, Positive, Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict

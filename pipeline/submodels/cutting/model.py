@@ -22,7 +22,7 @@ from pipeline.schema.cutting import (
     StoredResidual,
     ToolGeometry,
 )
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.cutting.waveform import (
     STRAIGHT,
     ChipShape,

@@ -22,7 +22,7 @@ from pipeline.nets.settings import (
 )
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.si import UM
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.deformation.features import Inputs
 from pipeline.submodels.deformation.records import RAD_S
 from pipeline.thermal.deformation import (

@@ -29,12 +29,10 @@ from pipeline.schema.drive import (
 )
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.interval import Band
-from pipeline.schema.model import LeftOut, SourceFile
-from pipeline.schema.outside import widest
+from pipeline.schema.model import Band, LeftOut, SourceFile
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Fact, Role
+from pipeline.schema.verdict import Fact, Role, widest
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.drive import comparison

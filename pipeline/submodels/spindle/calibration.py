@@ -14,6 +14,7 @@ from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.interval import AdaptiveSettings
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
+from pipeline.schema.model import AdaptiveSettings
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits

@@ -12,7 +12,7 @@ from pipeline.charts.parameters import fit_words, listed
 from pipeline.charts.submodel_page import Counting, Drawn, PageContent, made_from
 from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.schema.days import day_start
-from pipeline.schema.interval import Band
+from pipeline.schema.model import Band
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.spindle.days import FREE_RUN, WINDOWS
 from pipeline.thermal.network import SpindleThermalParameters

@@ -12,9 +12,8 @@ from pipeline.schema.days import zone_of
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Correlation, Parameter
-from pipeline.schema.outside import widest
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Fact
+from pipeline.schema.verdict import Fact, widest
 from pipeline.signals.windows import StateSegment, absent_items, read_state, state_days
 from pipeline.submodels.cases import (
     Case,

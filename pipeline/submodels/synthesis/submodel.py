@@ -16,8 +16,7 @@ from pipeline.schema.model import Condition, LeftOut, SourceFile
 from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role, significant
 from pipeline.signals.wear_lives import read_lives
-from pipeline.signals.wear_records import WearRecords
-from pipeline.signals.wear_windows import ToolLife, WearWindows
+from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, conditions_of, role_of
 from pipeline.submodels.contract import Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.synthesis.fit import Trained, curves, looks, trained

@@ -9,12 +9,10 @@ import numpy as np
 
 from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.schema.interval import Bands
-from pipeline.schema.model import Model
+from pipeline.schema.model import Bands, Model
 from pipeline.schema.ranges import Count, Range, Ranged
 from pipeline.schema.store import read_json
-from pipeline.signals.wear_records import CLASS_UNIT
-from pipeline.signals.wear_windows import ChannelScaling, WearWindows
+from pipeline.signals.wear_windows import CLASS_UNIT, ChannelScaling, WearWindows
 from pipeline.submodels.conformal import ALL_REGIMES
 from pipeline.submodels.statistics import DRAWN
 from pipeline.submodels.wear.due import Lasting

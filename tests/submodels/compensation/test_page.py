@@ -16,8 +16,7 @@ from pipeline.nets.settings import CnnLstmAttentionSettings, WindowTraining
 from pipeline.nets.stored import Scaling
 from pipeline.nets.window_training import TrainedSequence
 from pipeline.nets.windows import WindowInput
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Condition
+from pipeline.schema.model import Band, Condition
 from pipeline.schema.verdict import Fact, Figures, JudgedCase, Score, Verdict
 from pipeline.submodels.compensation.model import (
     ESTIMATION,

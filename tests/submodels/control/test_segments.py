@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.gcode.moves import Kind
-from pipeline.schema.interval import Band
+from pipeline.schema.model import Band
 from pipeline.submodels.control.fit import planned
 from pipeline.submodels.control.programs import Match
 from pipeline.submodels.control.runs import Run, Series

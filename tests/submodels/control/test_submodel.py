@@ -9,8 +9,7 @@ import pytest
 
 from pipeline.gcode.moves import Kind
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.interval import Band
-from pipeline.schema.model import Condition
+from pipeline.schema.model import Band, Condition
 from pipeline.schema.store import StoreError, parsed, write_json
 from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.submodels.cases import Records, Roles

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.schema.interval import AdaptiveSettings, Band
+from pipeline.schema.model import AdaptiveSettings, Band
 from pipeline.submodels.cases import Case
 from pipeline.submodels.spindle.calibration import ForestSettings, Recipe, calibrated, days_left_out
 from pipeline.submodels.spindle.days import (

@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from pipeline.schema.store import read_json, write_json
-from pipeline.signals.wear_records import WearSource
+from pipeline.signals.wear_windows import WearSource
 from pipeline.submodels.cases import Roles
 from pipeline.submodels.synthesis import judging
 from pipeline.submodels.synthesis.fit import curve_of, thinned

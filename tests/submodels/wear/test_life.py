@@ -200,7 +200,7 @@ def test_what_is_not_described_is_named() -> None:
 def test_the_stored_law_says_the_same() -> None:
     import json
 
-    from pipeline.schema.structure import structured, unstructured
+    from pipeline.schema.store import structured, unstructured
 
     law = fit_life(many(6, -3.0), SETTINGS)
     again = structured(json.loads(json.dumps(unstructured(law))), LifeLaw, "$")

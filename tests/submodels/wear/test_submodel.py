@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.schema.predictions import AGAIN
 from pipeline.schema.store import read_json
-from pipeline.signals.wear_records import WearSource
+from pipeline.signals.wear_windows import WearSource
 from pipeline.submodels.cases import Case, Records, Roles
 from pipeline.submodels.contract import Prediction
 from pipeline.submodels.judge import judge

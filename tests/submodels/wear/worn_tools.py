@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.nets.settings import ResNetSettings, WindowTraining
 from pipeline.schema.store import write_json
-from pipeline.signals.wear_records import WearRecords
+from pipeline.signals.wear_windows import WearRecords
 from pipeline.submodels.cases import Cases, Records, Roles
 from pipeline.submodels.judge import Judged, judge
 from pipeline.submodels.wear.life import WearLifeSettings
