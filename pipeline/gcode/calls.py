@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 
-from pipeline.gcode.dialects.siemens_flow import Structure, structures
-from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
-from pipeline.gcode.dialects.siemens_memory import ModalMemory
+from pipeline.gcode.dialects.siemens_tokens import Structure, structures
+from pipeline.gcode.dialects.siemens_tokens import labels as siemens_labels
+from pipeline.gcode.dialects.siemens_words import ModalMemory
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC

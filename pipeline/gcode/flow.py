@@ -3,9 +3,8 @@
 from functools import partial
 
 from pipeline.gcode.calls import CallStack
-from pipeline.gcode.dialects.siemens_flow import JUMPS, Structure
-from pipeline.gcode.dialects.siemens_flow import KIND as SIEMENS
-from pipeline.gcode.dialects.siemens_tokens import OMITTED
+from pipeline.gcode.dialects.siemens_tokens import JUMPS, OMITTED, Structure
+from pipeline.gcode.dialects.siemens_tokens import KIND as SIEMENS
 from pipeline.gcode.dialects.variables import SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.statements import (

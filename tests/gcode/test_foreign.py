@@ -4,8 +4,7 @@ import gzip
 
 import pytest
 
-from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.foreign import refuse_foreign
+from pipeline.gcode.errors import GcodeError, refuse_foreign
 from pipeline.gcode.program import parse_program
 
 LATHES = [

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.gcode.modal import Offsets
 from pipeline.gcode.moves import Kind
-from pipeline.gcode.offsets import Offsets
 from pipeline.gcode.setup import Tool
 from tests.gcode.following import follow, points, refusal
 

@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.gcode.dialects.siemens import SiemensReader
-from pipeline.gcode.dialects.siemens_memory import UNROTATED, rotated, rotation, tilt
 from pipeline.gcode.dialects.siemens_tokens import VARIABLE
-from pipeline.gcode.dialects.siemens_words import WITHOUT_MOTION
+from pipeline.gcode.dialects.siemens_words import UNROTATED, WITHOUT_MOTION, rotated, rotation, tilt
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import Kind, PathMode

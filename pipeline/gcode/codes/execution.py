@@ -5,7 +5,6 @@ from operator import itemgetter
 
 from pipeline.gcode.codes import motion, tools, work_offsets
 from pipeline.gcode.codes.cycles import drill
-from pipeline.gcode.corner import begin_corner, finish_corner
 from pipeline.gcode.modal import (
     CANCELLED,
     FANUC,
@@ -21,7 +20,7 @@ from pipeline.gcode.modal import (
     step_of,
 )
 from pipeline.gcode.moves import INCH, INCREMENT, FeedMode, Kind, PathMode
-from pipeline.gcode.run import AXES, Block, Run
+from pipeline.gcode.run import AXES, Block, Run, begin_corner, finish_corner
 from pipeline.gcode.statements import (
     ExpressionError,
     Number,

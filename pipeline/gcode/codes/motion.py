@@ -17,9 +17,8 @@ from pipeline.gcode.geometry import (
     radii_agree,
     sweep,
 )
-from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
+from pipeline.gcode.modal import FANUC, IN_PLANE, LINUXCNC, g_code
 from pipeline.gcode.moves import FeedMode, Kind
-from pipeline.gcode.offsets import IN_PLANE
 from pipeline.gcode.run import AXES, Block, Run
 from pipeline.gcode.statements import WordItem
 

@@ -1,6 +1,6 @@
 """Path of a program's tools through its stock: straight pieces in work coordinates.
 
-A frame of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/offsets.py); its tool
+A frame of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/modal.py); its tool
 length follows from the offsets in force before the program, and holds until the next G43.
 
 Arcs, helices and spirals become chords.  A chord over the angle d of p(phi) leaves it by at most
