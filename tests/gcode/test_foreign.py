@@ -5,7 +5,6 @@ import gzip
 import pytest
 
 from pipeline.gcode.errors import GcodeError, refuse_foreign
-from pipeline.gcode.program import parse_program
 
 LATHES = [
     ("fanuc", "G21 G99\nT0101\nG97 S800 M3\nG0 X50 Z2\nG1 Z-30 F.3\nM30"),
@@ -46,7 +45,7 @@ MILLS = [
 def named(text: bytes, dialect: str = "fanuc") -> str:
     """What is said of a file; empty where it may be a mill's program."""
     try:
-        refuse_foreign(parse_program(text, "P"), dialect)
+        refuse_foreign(text, "P", dialect)
     except GcodeError as error:
         return str(error)
     return ""

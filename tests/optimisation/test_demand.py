@@ -10,8 +10,8 @@ from pipeline.machine.control.planner import plan
 from pipeline.optimisation.methods.feeds import BlockModel
 from pipeline.schema.limits import CutLimit
 from pipeline.twin.cut.blocks import cut_blocks, station_arcs
-from pipeline.twin.cut.cost import cost_of, electricity, tool_life
 from pipeline.twin.cut.document import document_of
+from pipeline.twin.cut.tables import cost_of, electricity, tool_life
 from tests.optimisation.problem_parts import (
     MATERIAL,
     NO_MARGINS,

@@ -13,8 +13,7 @@ from pipeline.machine.control.planner import plan
 from pipeline.optimisation.problem.arrays import CONSTRAINTS
 from pipeline.optimisation.problem.limits import at_hardest_station, feed_for_marks, inverse
 from pipeline.schema.limits import CutLimit, Margins
-from pipeline.twin.cut.blocks import cut_blocks
-from pipeline.twin.cut.limits import cut_limits
+from pipeline.twin.cut.blocks import cut_blocks, cut_limits
 from tests.optimisation.problem_parts import DRIVE, NO_MARGINS, TWO_TOOLS, cut_on, problem_on
 from tests.twin.cut_parts import DEPTH, K_E, K_T, LAW, SLOT, TEN, pocket
 

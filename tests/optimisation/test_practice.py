@@ -30,7 +30,7 @@ from pipeline.optimisation.settings import OptimisationSettings, Part, SearchSet
 from pipeline.parameters import structure
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.schema.part import OptimisedPart
-from pipeline.twin.cut.wear import ToolWear
+from pipeline.twin.cut.coefficients import ToolWear
 from tests.optimisation.adaptive import trochoid
 from tests.optimisation.direct_parts import control
 from tests.small_project import ROOT

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.twin.residual import SMOOTHING_S, feature_names, features, smoothed_inputs
+from pipeline.twin.spindle import SMOOTHING_S, feature_names, features, smoothed_inputs
 
 
 def test_a_missing_feature_is_refused_by_its_name() -> None:

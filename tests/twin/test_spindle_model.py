@@ -10,13 +10,15 @@ from pipeline.schema.model import Correlation
 from pipeline.schema.store import json_text, parsed, write_json
 from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest, ResidualForest, save_forest
 from pipeline.twin.spindle import (
     TARGET,
+    Forest,
+    ResidualForest,
     SpindleFitFacts,
     SpindleModel,
     SpindleModelFile,
     load_spindle_model,
+    save_forest,
     stretch_of,
 )
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, TWO, day_of, days_of, state_table

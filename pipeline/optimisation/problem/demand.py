@@ -6,7 +6,7 @@ f_z = L / (t n N) the mean feed for each tooth, a row takes
     wear    W t (n / n_0)^(1/T) (f_z / f_0)^(a/T)      (T Taylor's exponent, a that of f_z)
     energy  (t + w) (P_base + P_coolant + P_0(n) / eta) + t P_drives + t c 2 pi n M(f_z) / eta
 
-as :mod:`pipeline.twin.cut.cost` says it of one plan, whose wear gives W at n_0 and f_0; c is the
+as :mod:`pipeline.twin.cut.tables` says it of one plan, whose wear gives W at n_0 and f_0; c is the
 share of the row in the material, M the mean torque.
 """
 
@@ -25,9 +25,9 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.si import KW, KWH
 from pipeline.twin.cut.blocks import CutBlocks
-from pipeline.twin.cut.cost import Life, coolant_on
 from pipeline.twin.cut.document import CutBasis
 from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import Life, coolant_on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

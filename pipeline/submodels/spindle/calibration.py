@@ -21,8 +21,13 @@ from pipeline.submodels.spindle.intervals import IntervalSettings
 from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
 from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest, ResidualForest
-from pipeline.twin.spindle import SpindleIntervals, SpindleModel, SpindleRecords
+from pipeline.twin.spindle import (
+    Forest,
+    ResidualForest,
+    SpindleIntervals,
+    SpindleModel,
+    SpindleRecords,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

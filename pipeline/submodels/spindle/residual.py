@@ -10,8 +10,14 @@ from pipeline.schema.arrays import Floats
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.signals.windows import StateSegment
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import features, smoothed_inputs
-from pipeline.twin.spindle import TARGET, SpindleRecords, free_run, from_measured
+from pipeline.twin.spindle import (
+    TARGET,
+    SpindleRecords,
+    features,
+    free_run,
+    from_measured,
+    smoothed_inputs,
+)
 
 if TYPE_CHECKING:
     from pipeline.schema.forest import Trees

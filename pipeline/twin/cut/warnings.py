@@ -13,8 +13,7 @@ from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Rows
 from pipeline.schema.program_cut import CutWarning
-from pipeline.twin.cut.blocks import CutBlocks
-from pipeline.twin.cut.limits import CutLimits
+from pipeline.twin.cut.blocks import CutBlocks, CutLimits
 from pipeline.twin.cut.loads import Cut
 from pipeline.twin.preflight import contact_violations, preflight_warnings
 
