@@ -135,16 +135,13 @@ def test_cycles_turn_with_g68():
     assert path("G68 X0 Y0 R90\nG99 G81 X3 Z-5 R2")[-1] == [0, 3, 2]
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("G81 X1 Z-5", "begins without R"),
-        ("G81 X1 R5", "begins without Z"),
-        ("G83 X1 Z-5 R2", "add Q"),
-        ("G81 X1 Z5 R2", "exchange"),
-        ("G81 X1 Z-5 R2 K1.5", "whole number"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ("G81 X1 Z-5", "begins without R"),
+    ("G81 X1 R5", "begins without Z"),
+    ("G83 X1 Z-5 R2", "add Q"),
+    ("G81 X1 Z5 R2", "exchange"),
+    ("G81 X1 Z-5 R2 K1.5", "whole number"),
+])  # fmt: skip
 def test_what_is_missing_is_said(text, words):
     assert words in refusal(HEAD + text)
 

@@ -138,25 +138,22 @@ def test_percent_ends_a_file():
     assert xs("%\nO1\nG0 X1\n%\nG0 X9") == [1]
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("GOTO 7", "N7 is not in the program"),
-        ("WHILE [1 EQ 1] DO1\nG0 X1", "do not match"),
-        ("END1", "do not match"),
-        ("M98 P77", "O0077 is neither in this file nor"),
-        ("M98 P1\nM30\nO1\nG0 X1", "does not return"),
-        ("O1\nG0 X1\nO2\nG0 X2", "runs into the next"),
-        ("M98 P1\nM30\nO1\nM98 P1\nM99", "100 levels"),
-        ("G65 A1", "which macro"),
-        ("N1 GOTO 1", "more than 5001 blocks"),
-        ("G0 X[1/0]", "1 / 0"),
-        ("#1=SQRT[-1]", "SQRT of -1"),
-        ("#9999=1", "#9999 cannot be written"),
-        ("G0 X#3001", "only the machine knows"),
-        ("M98", "needs P"),
-    ],
-)
+@pytest.mark.parametrize(("text", "words"), [
+    ("GOTO 7", "N7 is not in the program"),
+    ("WHILE [1 EQ 1] DO1\nG0 X1", "do not match"),
+    ("END1", "do not match"),
+    ("M98 P77", "O0077 is neither in this file nor"),
+    ("M98 P1\nM30\nO1\nG0 X1", "does not return"),
+    ("O1\nG0 X1\nO2\nG0 X2", "runs into the next"),
+    ("M98 P1\nM30\nO1\nM98 P1\nM99", "100 levels"),
+    ("G65 A1", "which macro"),
+    ("N1 GOTO 1", "more than 5001 blocks"),
+    ("G0 X[1/0]", "1 / 0"),
+    ("#1=SQRT[-1]", "SQRT of -1"),
+    ("#9999=1", "#9999 cannot be written"),
+    ("G0 X#3001", "only the machine knows"),
+    ("M98", "needs P"),
+])  # fmt: skip
 def test_flow_that_leads_nowhere_is_said(text, words):
     said = refusal(text, block_limit=5000)
     assert words in said

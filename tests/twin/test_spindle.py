@@ -47,15 +47,12 @@ def test_sources_are_taken_before_they_are_averaged() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("records", "name"),
-    [
-        (RECORDS, "spindle_speed"),
-        (RECORDS, "spindle_load"),
-        (C_AXIS, "spindle_position_control"),
-        (replace(RECORDS, ambient=True), "ambient_temperature"),
-    ],
-)
+@pytest.mark.parametrize(("records", "name"), [
+    (RECORDS, "spindle_speed"),
+    (RECORDS, "spindle_load"),
+    (C_AXIS, "spindle_position_control"),
+    (replace(RECORDS, ambient=True), "ambient_temperature"),
+])  # fmt: skip
 def test_a_missing_column_is_named(records: SpindleRecords, name: str) -> None:
     have = [s for s in records.signals if s != name]
     with pytest.raises(ValueError, match=f"no column {name}"):
