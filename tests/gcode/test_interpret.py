@@ -250,11 +250,6 @@ def test_words_that_move_nothing_are_passed_over(words):
     assert points(follow(f"G0 X1\n{words}\nG0 X2")) == [[1, 0, 0], [2, 0, 0]]
 
 
-def test_g154_is_the_work_offset_of_g54_1():
-    choices = {"work_offsets": {"G54.1 P3": (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)}}
-    assert points(follow("G154 P3\nG0 X1", **choices)) == [[6, 0, 0]]
-
-
 @pytest.mark.parametrize(("text", "kind"), [
     ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
     ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
