@@ -20,8 +20,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.modal import IN_PLANE
-from pipeline.gcode.moves import NO_CENTRE, Kind, Rows
+from pipeline.gcode.moves import IN_PLANE, NO_CENTRE, Kind, Rows
 from pipeline.gcode.run import Run
 
 SAME_ANGLE = 1e-7

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.gcode.moves import FeedMode, Frame, PathMode
+from pipeline.gcode.moves import IN_PLANE, FeedMode, Frame, PathMode
 from pipeline.gcode.setup import ZERO
 
 FANUC, LINUXCNC, SIEMENS = range(3)
@@ -26,22 +26,11 @@ DIALECTS = ("fanuc", "linuxcnc", "siemens")
 CANCELLED = 800
 """Value of ``State.motion`` after G80 where no motion is in force (LinuxCNC)."""
 
-FLOATS = ("feed", "speed", "tolerance", "unit")
-"""Scalars behind the 6 of ``position`` and the 6 of ``translation`` in :meth:`State.to_arrays`."""
-INTS = (
-    "dialect", "motion", "plane", "absolute", "arc_absolute", "feed_mode", "path_mode",
-    "direction", "constant_surface_speed", "tool", "selected", "frame", "file", "wcs",
-    "compensation", "transformed",
-)  # fmt: skip
-"""Order of the integers of :meth:`State.to_arrays`."""
-
-POSITION, TRANSLATION, FEED, SPEED, TOLERANCE, UNIT = 0, 6, 12, 13, 14, 15
+INTS = ("dialect", "motion", "plane", "absolute", "arc_absolute")
+"""Fields that a compiled loop reads as integers, in the order of :meth:`State.to_arrays`."""
+POSITION, TRANSLATION, FEED, UNIT = 0, 6, 12, 13
 """Indices of the floats of :meth:`State.to_arrays`."""
-(
-    DIALECT, MOTION, PLANE, ABSOLUTE, ARC_ABSOLUTE, FEED_MODE, PATH_MODE,
-    DIRECTION, CONSTANT_SURFACE_SPEED, TOOL, SELECTED, FRAME, FILE, WCS,
-    COMPENSATION, TRANSFORMED,
-) = range(16)  # fmt: skip
+DIALECT, MOTION, PLANE, ABSOLUTE, ARC_ABSOLUTE = range(len(INTS))
 
 
 @dataclass(slots=True, kw_only=True)
@@ -93,8 +82,8 @@ class State:
     coordinates, diameter programming, or a modal macro call."""
 
     def to_arrays(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-        """Floats (16,) and integers (16,) for a compiled loop; ``FEED``, ``MOTION``… name them."""
-        floats = [*self.position, *self.translation, *(getattr(self, name) for name in FLOATS)]
+        """Floats (14,) and integers (5,) for a compiled loop; ``FEED``, ``MOTION``… name them."""
+        floats = [*self.position, *self.translation, self.feed, self.unit]
         integers = [int(getattr(self, name)) for name in INTS]
         return np.array(floats, dtype=np.float64), np.array(integers, dtype=np.int64)
 
@@ -102,8 +91,7 @@ class State:
         """Take back what :meth:`to_arrays` gave."""
         values = floats.tolist()
         self.position, self.translation = values[POSITION:TRANSLATION], values[TRANSLATION:FEED]
-        for name, value in zip(FLOATS, values[FEED:], strict=True):
-            setattr(self, name, value)
+        self.feed, self.unit = values[FEED:]
         for name, integer in zip(INTS, integers.tolist(), strict=True):
             setattr(self, name, integer)
 
@@ -251,8 +239,6 @@ AXIS_TAKERS = frozenset({100, 280, 300, 520, 920})
 
 Matrix = tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
-IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
-"""Plane -> indices of its first and second axis and of its normal."""
 
 
 @dataclass(slots=True, kw_only=True)

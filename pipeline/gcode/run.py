@@ -12,8 +12,16 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.modal import CANCELLED, DIALECTS, IN_PLANE, Offsets, State, Transform
-from pipeline.gcode.moves import INCH, NO_CENTRE, CutterRadius, Frame, Kind, PathMode, Rows
+from pipeline.gcode.modal import CANCELLED, DIALECTS, Offsets, State, Transform
+from pipeline.gcode.moves import (
+    IN_PLANE,
+    INCH,
+    NO_CENTRE,
+    CutterRadius,
+    Frame,
+    Kind,
+    Rows,
+)
 from pipeline.gcode.setup import Setup
 from pipeline.gcode.statements import WordItem
 
@@ -330,12 +338,7 @@ class Run:
             state.tolerance, code, value,
         ))  # fmt: skip
 
-    def exact_stop(self) -> None:
-        """G9: the last row ends standing still."""
-        self.rows.arrays["path_mode"][self.rows.count - 1] = PathMode.EXACT_STOP
 
-
-LETTERS = (",R", ",C")
 LEAST_TURN = 1e-9
 """Angle between directions that are one line [rad]."""
 SAME = 1e-9
@@ -344,7 +347,7 @@ SAME = 1e-9
 
 def begin_corner(run: Run, block: Block) -> None:
     """Remember the corner in which a block's last row ends, where it has ``,R`` or ``,C``."""
-    letter = next((one for one in LETTERS if one in block.words), None)
+    letter = next((word for word in (",R", ",C") if word in block.words), None)
     if letter is None:
         return
     item, value = block.items[letter], block.words.pop(letter)

@@ -313,7 +313,11 @@ def corrected_program(
             "the axes that move, or correct another program"
         )
     period = float(commanded.time[1] - commanded.time[0])
-    lead = max(_reach(drives[letter], period) for letter in letters)
+    slowest = min(
+        cutoff(one.servo, one.feed_drive, period)
+        for one in (drives[letter] for letter in letters) if one.servo is not None
+    )  # fmt: skip
+    lead = ceil(REACH / slowest / period)
     whole = rows = len(commanded) + 2 * lead
     if longest / period < len(commanded) - 1:
         rows = ceil(longest / period) + 1 + lead
@@ -356,20 +360,12 @@ def _since(cuts: Bools) -> Floats:
     return found
 
 
-def _reach(drive: IdentifiedDrive, period: float) -> int:
-    if drive.servo is None:
-        return 0
-    return ceil(REACH / cutoff(drive.servo, drive.feed_drive, period) / period)
-
-
 def _rows(axis: CorrectedAxis, rows: int, time: Floats) -> CorrectedAxis:
     """The first rows of an axis; at the end of what is cut off the correction is taken back."""
-    half_width = None if axis.half_width is None else axis.half_width[:rows]
-    return replace(
-        axis, time=time[:rows], reference=axis.reference[:rows], corrected=axis.corrected[:rows],
-        error_before=axis.error_before[:rows], error_after=axis.error_after[:rows],
-        half_width=half_width, limited=axis.limited[:rows],
-    )  # fmt: skip
+    arrays: dict[str, Any] = {
+        name: one[:rows] for name, one in vars(axis).items() if isinstance(one, np.ndarray)
+    }
+    return replace(axis, **(arrays | {"time": time[:rows]}))
 
 
 def axis_bounds(control: ControlParameters, letter: str) -> AxisBounds:
@@ -407,23 +403,21 @@ class CorrectedProgram:
         return [
             {
                 "axis": letter,
-                "rms_before_um": round(_rms(axis.error_before) * 1e6, 3),
+                "rms_before_um": _rms_um(axis.error_before),
                 "max_before_um": round(float(np.abs(axis.error_before).max()) * 1e6, 3),
-                "rms_after_um": round(_rms(axis.error_after) * 1e6, 3),
+                "rms_after_um": _rms_um(axis.error_after),
                 "max_after_um": round(float(np.abs(axis.error_after).max()) * 1e6, 3),
-                "cut_rms_before_um": round(_rms(axis.error_before[cut]) * 1e6, 3),
-                "cut_rms_after_um": round(_rms(axis.error_after[cut]) * 1e6, 3),
-                "half_width_90_um": None
-                if axis.half_width is None
-                else round(_rms(axis.half_width) * 1e6, 3),
+                "cut_rms_before_um": _rms_um(axis.error_before[cut]),
+                "cut_rms_after_um": _rms_um(axis.error_after[cut]),
+                "half_width_90_um": None if (w := axis.half_width) is None else _rms_um(w),
                 "limited_percent": round(100.0 * float(axis.limited.mean()), 2),
             }
             for letter, axis in self.axes.items()
         ]
 
 
-def _rms(values: Floats) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+def _rms_um(values: Floats) -> float:
+    return round(float(np.sqrt(np.mean(values**2))) * 1e6, 3)
 
 
 def correction_table(figures: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -113,13 +113,9 @@ def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> p
 
 
 def features(
-    inputs: pd.DataFrame,
-    physics: Floats,
-    start: float | Floats,
-    at: Floats,
-    sources: Sequence[str],
-    extra: Sequence[str],
-) -> Floats:
+    inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats,
+    sources: Sequence[str], extra: Sequence[str],
+) -> Floats:  # fmt: skip
     """Feature matrix, shape (T, features), in the order of :func:`feature_names`.
 
     ``inputs``: rows of :func:`smoothed_inputs`; ``physics`` (T,): the network's temperature;
@@ -179,14 +175,12 @@ class SpindleRecords:
     @property
     def signals(self) -> list[str]:
         """Columns of the state table that the model needs to be served."""
-        names = ["spindle_speed", "spindle_load"]
-        if self.position_control:
-            names.append("spindle_position_control")
-        if self.ambient:
-            names.append("ambient_temperature")
-        if self.coolant:
-            names.append("coolant_temperature")
-        return names
+        listed = {
+            "spindle_speed": True, "spindle_load": True,
+            "spindle_position_control": self.position_control,
+            "ambient_temperature": self.ambient, "coolant_temperature": self.coolant,
+        }  # fmt: skip
+        return [name for name, recorded in listed.items() if recorded]
 
     @property
     def inputs(self) -> list[str]:
@@ -222,24 +216,14 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
 
 
 def spindle_stretches(
-    state: pd.DataFrame,
-    day: str,
-    records: SpindleRecords,
-    *,
-    step: float,
-    bridge_s: float,
-    shortest_s: float,
-) -> Iterator[StateSegment]:
+    state: pd.DataFrame, day: str, records: SpindleRecords, *,
+    step: float, bridge_s: float, shortest_s: float,
+) -> Iterator[StateSegment]:  # fmt: skip
     """The stretches of one day's state table, ready for the network."""
     yield from state_segments(
-        with_heat(state, records),
-        day,
-        inputs=records.inputs,
-        target=TARGET,
-        step=step,
-        bridge_s=bridge_s,
-        shortest_s=shortest_s,
-    )
+        with_heat(state, records), day, inputs=records.inputs, target=TARGET, step=step,
+        bridge_s=bridge_s, shortest_s=shortest_s,
+    )  # fmt: skip
 
 
 def stretch_of(
@@ -255,18 +239,9 @@ def stretch_of(
     if not np.isfinite(start_temperature):
         raise ValueError(f"start temperature {start_temperature} degC is no number: measure it")
     given = state.assign(**{TARGET: float(start_temperature)})
-    found = list(
-        state_segments(
-            with_heat(given, records),
-            str(state.index[0].date()),
-            inputs=records.inputs,
-            target=TARGET,
-            step=step,
-            bridge_s=np.inf,
-            shortest_s=0.0,
-        )
-    )
-    if not found:
+    day = str(state.index[0].date())
+    held = spindle_stretches(given, day, records, step=step, bridge_s=np.inf, shortest_s=0.0)
+    if not (found := list(held)):
         raise ValueError(
             f"no row of the state table knows all of {', '.join(records.signals)}: "
             "nothing can be predicted without them"
@@ -301,23 +276,15 @@ def free_run(
     """Node temperatures over a stretch from its first measured temperature only, (nodes, T)."""
     frame = stretch.frame
     return temperatures(
-        heat_of(frame),
-        frame[TARGET].iloc[0],
-        parameters,
-        stretch.step,
-        ambient=ambient_of(frame, records),
-        coolant=coolant_of(frame, records),
-    )
+        heat_of(frame), frame[TARGET].iloc[0], parameters, stretch.step,
+        ambient=ambient_of(frame, records), coolant=coolant_of(frame, records),
+    )  # fmt: skip
 
 
 def from_measured(
-    stretch: StateSegment,
-    starts: Sequence[int] | Ints,
-    length: int,
-    records: SpindleRecords,
-    parameters: SpindleThermalParameters,
-    nodes: Floats,
-) -> Floats:
+    stretch: StateSegment, starts: Sequence[int] | Ints, length: int, records: SpindleRecords,
+    parameters: SpindleThermalParameters, nodes: Floats,
+) -> Floats:  # fmt: skip
     """Temperature over ``length`` steps from that measured at each of N ``starts``, (N, length).
 
     ``nodes`` (nodes, T) is a free run from the stretch's beginning, whose error at a start counts
@@ -331,14 +298,10 @@ def from_measured(
         body = nodes[1][at] + slow_share(parameters) * (first - nodes[0][at])
     ambient, coolant = ambient_of(frame, records), coolant_of(frame, records)
     return temperatures(
-        heat_of(frame)[rows],
-        first,
-        parameters,
-        stretch.step,
+        heat_of(frame)[rows], first, parameters, stretch.step, body_start=body,
         ambient=None if ambient is None else ambient[rows],
         coolant=None if coolant is None else coolant[rows],
-        body_start=body,
-    )[0]
+    )[0]  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -484,9 +447,7 @@ def load_spindle_model(folder: Path, draws: int = 0) -> SpindleModel:
     writes it.
     """
     stored = read_json(folder / "model.json", SpindleModelFile)
+    forest = load_forest(folder / "residual", stored.forest, draws)
     return SpindleModel(
-        network=stored.network,
-        records=stored.records,
-        step_s=stored.fit.step_s,
-        forest=load_forest(folder / "residual", stored.forest, draws),
+        network=stored.network, records=stored.records, step_s=stored.fit.step_s, forest=forest
     )

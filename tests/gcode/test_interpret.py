@@ -11,7 +11,6 @@ from pipeline.gcode.dialects.statement_parser import (
 )
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret, interpret_in_parts
-from pipeline.gcode.modal import INTS, State
 from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
@@ -146,15 +145,6 @@ def test_progress_is_told():
     assert told
     assert told == sorted(told)
     assert told[-1] <= 50_000
-
-
-def test_state_survives_the_way_through_arrays():
-    state = State(position=[1.0, 2, 3, 4, 5, 6], translation=[7.0] * 6, feed=8.0, wcs=541, tool=-1)
-    for index, name in enumerate(INTS):
-        setattr(state, name, index)
-    other = State()
-    other.from_arrays(*state.to_arrays())
-    assert other == state
 
 
 @pytest.mark.parametrize(("text", "dialect", "words"), [

@@ -1,8 +1,8 @@
 """Codes that set and choose offsets: G10, G15, G16, G28, G30, G50 to G59, G68, G69, G92."""
 
 from pipeline.gcode.codes.motion import target
-from pipeline.gcode.modal import FANUC, IN_PLANE, LINUXCNC, g_code
-from pipeline.gcode.moves import Kind
+from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
+from pipeline.gcode.moves import IN_PLANE, Kind
 from pipeline.gcode.run import AXES, Block, Run
 from pipeline.gcode.setup import ZERO
 from pipeline.gcode.statements import WordItem
