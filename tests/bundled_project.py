@@ -32,8 +32,15 @@ from pipeline.submodels.cases import Roles
 from pipeline.submodels.contract import submodel
 from pipeline.submodels.spindle.submodel import Judging, SpindleLimits
 from pipeline.thermal.network import SOURCES
-from pipeline.twin.residual import Forest, feature_names, save_forest
-from pipeline.twin.spindle import TARGET, SpindleFitFacts, SpindleModelFile, SpindleRecords
+from pipeline.twin.spindle import (
+    TARGET,
+    Forest,
+    SpindleFitFacts,
+    SpindleModelFile,
+    SpindleRecords,
+    feature_names,
+    save_forest,
+)
 from tests.submodels.spindle.spindle_days import ONE, state_table
 
 MACHINE = "mill01"

@@ -9,12 +9,12 @@ from pipeline.parameters import structure
 from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.store import read_json
 from pipeline.submodels.compensation.model import residual_of
-from pipeline.twin.corrected_program import (
+from pipeline.twin.correction import (
     CorrectedProgram,
+    CorrectionSettings,
     corrected_program,
     correction_table,
 )
-from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
 
 

@@ -23,9 +23,9 @@ from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
 from pipeline.schema.program_cut import NotKnown, ProgramCut
 from pipeline.submodels.wear.machine_wear import machine_wear
+from pipeline.twin.cut.coefficients import ToolWear, WearRule
 from pipeline.twin.cut.document import document_of
 from pipeline.twin.cut.loads import cut_program
-from pipeline.twin.cut.wear import ToolWear, WearRule
 from pipeline.twin.preflight import preflight_warnings
 
 AXES = "following error and motor command in the cut"

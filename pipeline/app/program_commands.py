@@ -97,8 +97,7 @@ def _restart(
     json: Path | None,
 ) -> None:
     from pipeline.app.programs import machine_setup, program_at, setup_beside
-    from pipeline.gcode.interpret import restart_at
-    from pipeline.gcode.restart import restart_lines
+    from pipeline.gcode.interpret import restart_at, restart_lines
 
     with _working() as to:
         setup = setup_beside(machine_setup(machine, dialect), program)

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
     from pipeline.machine.control.planner import Plan
     from pipeline.report.programs.simulated import Program
-    from pipeline.twin.corrected_program import CorrectedProgram
+    from pipeline.twin.correction import CorrectedProgram
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,7 +90,7 @@ def _write(
     request: SimulateRequest, standard: Path | None,
 ) -> None:  # fmt: skip
     if corrected is not None and request.compensate is not None:
-        from pipeline.twin.corrected_program import write_corrected
+        from pipeline.twin.correction import write_corrected
 
         write_corrected(corrected, request.compensate)
     if request.json is not None:

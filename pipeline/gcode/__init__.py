@@ -8,4 +8,4 @@ Sources: ISO 6983-1; Fanuc 0i-F operator's manual B-64694EN; LinuxCNC 2.9 docume
 reference; Sinumerik 840D sl programming manuals.
 """
 
-__all__ = ["errors", "interpret", "moves", "program", "restart", "scanner", "setup"]
+__all__ = ["errors", "interpret", "moves", "program", "scanner", "setup"]

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
 
-from pipeline.gcode.dialects.siemens_flow import Structure, structures
-from pipeline.gcode.dialects.siemens_flow import labels as siemens_labels
-from pipeline.gcode.dialects.siemens_memory import ModalMemory
+from pipeline.gcode.dialects.siemens_tokens import Structure, structures
+from pipeline.gcode.dialects.siemens_tokens import labels as siemens_labels
+from pipeline.gcode.dialects.siemens_words import ModalMemory
 from pipeline.gcode.dialects.variables import FanucVariables, LinuxcncParameters, SiemensVariables
 from pipeline.gcode.errors import ErrorAt, GcodeError
 from pipeline.gcode.modal import LINUXCNC
@@ -252,7 +252,7 @@ class CallStack:
         self, control: Control, label: str, arguments: list[float], line: int
     ) -> None:
         """Call by ``o<name> call [..]``."""
-        error = self._place(line, control.column, f"o<{label}> call")
+        error = self.place(line, control.column, f"o<{label}> call")
         source, first = self._o_subroutine(label, error)
         self._enter(Level(source=source, line=first, first=first, label=label), error)
         self.variables.enter({index + 1: value for index, value in enumerate(arguments)})
@@ -417,7 +417,8 @@ class CallStack:
 
     def _error(self, line: int, jump: Jump | None) -> ErrorAt:
         item = jump.item if jump is not None else None
-        return self._place(line, item.column if item else 1, item.text if item else "call")
+        return self.place(line, item.column if item else 1, item.text if item else "call")
 
-    def _place(self, line: int, column: int, word: str) -> ErrorAt:
+    def place(self, line: int, column: int, word: str) -> ErrorAt:
+        """Error about a word of the program that runs."""
         return partial(GcodeError, self.current.source.program.name, line, column, word)

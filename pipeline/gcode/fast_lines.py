@@ -107,16 +107,12 @@ def _table_variables(variables: Variables | None) -> dict[int | str, float]:
     """Variables that only an assignment changes."""
     if variables is None:
         return {}
-    table: dict[int | str, float] = dict(variables.locals[-1].items())
     if isinstance(variables, FanucVariables):
-        table.update(variables.common.items())
-    else:
-        table.update(
-            (key, value)
-            for key, value in variables.globals.items()
-            if isinstance(key, str) or key < FIRST_SYSTEM_PARAMETER
-        )
-    return table
+        return variables.locals[-1] | variables.common
+    return variables.locals[-1] | {
+        key: value for key, value in variables.globals.items()
+        if isinstance(key, str) or key < FIRST_SYSTEM_PARAMETER
+    }  # fmt: skip
 
 
 def _fill(column: npt.NDArray[Any], value: float) -> None:

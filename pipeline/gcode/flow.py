@@ -1,13 +1,10 @@
 """Flow control: Macro B's IF, WHILE, DO, GOTO, LinuxCNC's O-words, the Sinumerik's structures."""
 
-from functools import partial
-
 from pipeline.gcode.calls import CallStack
-from pipeline.gcode.dialects.siemens_flow import JUMPS, Structure
-from pipeline.gcode.dialects.siemens_flow import KIND as SIEMENS
-from pipeline.gcode.dialects.siemens_tokens import OMITTED
+from pipeline.gcode.dialects.siemens_tokens import JUMPS, OMITTED, Structure
+from pipeline.gcode.dialects.siemens_tokens import KIND as SIEMENS
 from pipeline.gcode.dialects.variables import SiemensVariables
-from pipeline.gcode.errors import ErrorAt, GcodeError
+from pipeline.gcode.errors import ErrorAt
 from pipeline.gcode.statements import (
     Assignment,
     Binary,
@@ -44,7 +41,7 @@ class Flow:
     def _assign(self, assignments: tuple[Assignment, ...], line: int) -> None:
         made = []
         for assignment in assignments:
-            at = self._at(line, assignment.column, "#")
+            at = self.calls.place(line, assignment.column, "#")
             try:
                 key = parameter_key(assignment.target, self.parameters)
                 made.append((key, evaluate(assignment.value, self.parameters), at))
@@ -59,7 +56,7 @@ class Flow:
     def follow(self, statement: Statement, control: Control) -> None:
         """Follow the flow control of the statement."""
         word = control.kind.removeprefix(SIEMENS).replace("_", " ").upper()
-        at = self._at(statement.line, control.column, word)
+        at = self.calls.place(statement.line, control.column, word)
         if control.kind in ("goto", "if_goto", "if_then", "while_do", "end") or (
             control.kind == "do" and not isinstance(control.label, str)
         ):
@@ -124,7 +121,7 @@ class Flow:
 
     def _call(self, control: Control, line: int, at: ErrorAt) -> None:
         """A subprogram, or lines between labels, P times."""
-        at = self._at(line, control.column, str(control.label) or "REPEAT")
+        at = self.calls.place(line, control.column, str(control.label) or "REPEAT")
         times = self._value(control.condition, at)
         if times != int(times) or not 0 <= times <= MOST_TIMES:
             raise at(f"P{times:g} must be a whole number from 0 to {MOST_TIMES}: correct it")
@@ -180,9 +177,6 @@ class Flow:
             self.calls.return_to_caller(None, line, None)
             self.parameters.write("_value", value)
             self.parameters.write("_value_returned", float(control.condition is not None))
-
-    def _at(self, line: int, column: int, word: str) -> ErrorAt:
-        return partial(GcodeError, self.calls.current.source.program.name, line, column, word)
 
     def _value(self, expression: Expression | None, at: ErrorAt) -> float:
         if expression is None:

@@ -21,6 +21,9 @@ METRE_PER_SECOND = 1e-3 / 60
 """Metres per second in a millimetre/minute."""
 INCH = 25.4
 """Millimetres in an inch."""
+IN_PLANE = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
+"""Plane -> indices of its first and second axis, in the order in which arcs turn anticlockwise,
+and of its normal."""
 INCREMENT = {False: 1e-3, True: 1e-4}
 """Least input increment [mm] and, where the program speaks inches, [inch] (IS-B)."""
 
@@ -180,7 +183,7 @@ class Moves:
     def _arc_length(
         self, rows: npt.NDArray[np.intp], step: npt.NDArray[np.float64]
     ) -> npt.NDArray[np.float64]:
-        normal = _NORMAL[self.plane[rows]]
+        normal = _AXES[self.plane[rows], 2]
         axial = np.take_along_axis(step, normal[:, None], axis=1)[:, 0]
         r_0, r_1 = self.radii(rows)
         # ds² = (r² + r'² + h²) dφ² with r linear in φ: Gauss-Legendre, exact for r constant
@@ -197,7 +200,7 @@ class Moves:
         self, rows: npt.NDArray[np.intp]
     ) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Radius at the start and at the end of the arcs ``rows`` [mm]."""
-        first, second = _IN_PLANE[self.plane[rows]].T
+        first, second, _ = _AXES[self.plane[rows]].T
         index = np.arange(len(rows))
         ends = []
         for point in (self.start[rows], self.end[rows]):
@@ -207,10 +210,8 @@ class Moves:
         return ends[0], ends[1]
 
 
-_NORMAL = np.zeros(20, dtype=np.intp)
-_NORMAL[[17, 18, 19]] = [2, 1, 0]
-_IN_PLANE = np.zeros((20, 2), dtype=np.intp)
-_IN_PLANE[[17, 18, 19]] = [[0, 1], [2, 0], [1, 2]]
+_AXES = np.zeros((20, 3), dtype=np.intp)
+_AXES[list(IN_PLANE)] = list(IN_PLANE.values())
 
 _WIDTHS = {"end": 6, "centre": 3}
 COLUMNS: dict[str, tuple[type[Any], int]] = {

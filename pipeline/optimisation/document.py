@@ -41,10 +41,10 @@ from pipeline.schema.part import OptimisedPart, Totals, write_part
 from pipeline.schema.program_cut import CutWarning, NotKnown
 from pipeline.schema.store import write_bytes
 from pipeline.twin.cut.axes import half_widths
+from pipeline.twin.cut.coefficients import changed_earlier, tool_edges
 from pipeline.twin.cut.document import assessed, life_sources, not_known, notes, warnings_of
 from pipeline.twin.cut.tables import figure, summary
 from pipeline.twin.cut.warnings import setup_warnings
-from pipeline.twin.cut.wear import changed_earlier, tool_edges
 
 DIGITS = 4
 """Digits of a metric."""

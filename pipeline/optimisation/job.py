@@ -23,13 +23,14 @@ from pipeline.schema.part import Objective
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
 from pipeline.twin.cut.coefficients import (
+    ToolWear,
     identified_coefficients,
     identified_no_load,
     tool_coefficients,
+    worn_coefficients,
 )
 from pipeline.twin.cut.document import CutBasis
 from pipeline.twin.cut.loads import CutJob
-from pipeline.twin.cut.wear import ToolWear, worn_coefficients
 from pipeline.twin.drive import IdentifiedDrive, read_drives
 from pipeline.twin.program_axes import Residual
 

@@ -11,7 +11,7 @@ from pipeline.cutting.stability.tip_dynamics import TipModes
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import Objective
 from pipeline.schema.ranges import Range, Ranged, Share
-from pipeline.twin.cut.wear import WearRule
+from pipeline.twin.cut.coefficients import WearRule
 
 OBJECTIVES: tuple[Objective, ...] = ("time", "cost", "energy", "wear")
 """Objectives in the order of every array that has one column for each."""

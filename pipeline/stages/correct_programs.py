@@ -15,12 +15,12 @@ from pipeline.twin.control import (
     program_moves,
     read_controls,
 )
-from pipeline.twin.corrected_program import (
+from pipeline.twin.correction import (
     CorrectedProgram,
+    CorrectionSettings,
     corrected_program,
     write_corrected,
 )
-from pipeline.twin.correction import CorrectionSettings
 from pipeline.twin.drive import read_drives
 
 

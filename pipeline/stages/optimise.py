@@ -24,7 +24,7 @@ from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.store import write_json
 from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.control import ControlRecords, control_of_unit, read_controls
-from pipeline.twin.cut.wear import ToolWear
+from pipeline.twin.cut.coefficients import ToolWear
 
 T = TypeVar("T")
 

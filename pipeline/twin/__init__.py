@@ -4,14 +4,5 @@ Positions in mm, times in s, forces in N, in the machine's frame.
 """
 
 __all__ = [
-    "control",
-    "corrected_program",
-    "correction",
-    "cut",
-    "drive",
-    "preflight",
-    "program_axes",
-    "residual",
-    "simulation",
-    "spindle",
-]
+    "control", "correction", "cut", "drive", "preflight", "program_axes", "simulation", "spindle",
+]  # fmt: skip

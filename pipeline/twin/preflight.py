@@ -13,7 +13,7 @@ from pipeline.cutting.engagement.clearance import BODIES, bodies, contacts
 from pipeline.cutting.engagement.engagement import engage
 from pipeline.cutting.engagement.stock import HeightMap
 from pipeline.cutting.tool import Tool
-from pipeline.gcode.moves import AXES, METRE, FeedMode, Kind, Moves
+from pipeline.gcode.moves import AXES, IN_PLANE, METRE, FeedMode, Kind, Moves
 from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import LINEAR, ControlParameters
 from pipeline.machine.spindle import CUTTING
@@ -23,8 +23,6 @@ from pipeline.twin.cut.path import CuttingPath
 
 NEAR = 1e-6
 """Rounding of a position or a word, as a share of the limit and its range [1]."""
-IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
-"""Plane -> the two axes that an arc moves, in the order in which it turns anticlockwise."""
 MOST_SAID = 5
 """Violations of one axis or word that are printed; documents hold all of them."""
 RAPID = "rapid"
@@ -193,7 +191,7 @@ def extents(moves: Moves) -> tuple[Floats, Floats]:
     low = np.where(start != end, end, np.nan)
     high = low.copy()
     arcs = (moves.kind == Kind.ARC) & (moves.angle != 0)
-    for plane, axes in IN_PLANE.items():
+    for plane, (*axes, _) in IN_PLANE.items():
         rows = np.flatnonzero(arcs & (moves.plane == plane))
         if not len(rows):
             continue

@@ -1,12 +1,15 @@
 """Spindle temperature of one machine: inputs from the state table, stored model, predictions.
 
 A thermal network under the heat sources and, where days left out say that it helps, a random forest
-on its residual.
+on its residual.  The forest's features are the network's own answer, the temperature and age of its
+start, the heat sources smoothed over several time constants, and extra signals of the machine.  An
+unknown value stays unknown (the trees have a branch for it); it is never filled with zeros.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,7 +17,7 @@ import pandas as pd
 from pipeline.schema.arrays import Floats, Ints
 from pipeline.schema.model import AdaptiveSettings, Bands, Correlation, Model
 from pipeline.schema.ranges import NotNegative, Positive, Ranged
-from pipeline.schema.store import read_json
+from pipeline.schema.store import read_json, write_json
 from pipeline.signals.columns import column
 from pipeline.signals.windows import StateSegment, state_segments
 from pipeline.thermal.network import (
@@ -24,7 +27,126 @@ from pipeline.thermal.network import (
     slow_share,
     temperatures,
 )
-from pipeline.twin.residual import Forest, ResidualForest, load_forest, smoothed_inputs
+
+if TYPE_CHECKING:
+    from pipeline.schema.forest import Trees
+
+SMOOTHING_S = (120.0, 600.0, 3600.0)
+"""Time constants [s] over which sources and extra signals are smoothed."""
+
+NODES = "forest.json"
+"""File of the trees, beside ``model.json``."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Forest:
+    """A trained forest as ``model.json`` describes it."""
+
+    used: bool
+    """Whether it lowers the error of days left out, and corrects the network."""
+    why: str
+    """Reason of its use or not."""
+    sources: tuple[str, ...]
+    extra: tuple[str, ...]
+    """Heat sources and further signals that it looks at."""
+    smoothing_s: tuple[float, ...] = SMOOTHING_S
+    """Time constants of its features [s]."""
+    days: tuple[str, ...]
+    """Training days."""
+    examples: int
+    """Samples that it was trained on."""
+    rmse_days_left_out_K: float | None
+    rmse_without_K: float | None
+    """Over days left out, with the forest and without it [K]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResidualForest:
+    """A trained forest with the features it wants."""
+
+    forest: "Trees"
+    """Fitted on the features in the order of :func:`feature_names`."""
+    sources: tuple[str, ...]
+    extra: tuple[str, ...]
+    """Heat sources and further signals that it looks at."""
+    draws: int = 0
+    """Forests of trees drawn with replacement whose corrections stand beside the forest's own."""
+
+    def correction(
+        self, inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats
+    ) -> Floats:
+        """Temperature to add to the network's [K], (1 + draws, T); see :func:`features`."""
+        x = features(inputs, physics, start, at, self.sources, self.extra)
+        return self.forest.drawn(x, self.draws)
+
+
+def feature_names(sources: Sequence[str], extra: Sequence[str]) -> list[str]:
+    """Names of the features, in order."""
+    smoothed = [f"{s}_over_{tau:g}_s" for s in (*sources, *extra) for tau in SMOOTHING_S]
+    return ["physics", "start_temperature", "horizon_s", *smoothed]
+
+
+def smoothed_inputs(frame: pd.DataFrame, step: float, names: Sequence[str]) -> pd.DataFrame:
+    """Exponential means of ``names`` over each time constant, from the past only.
+
+    An unknown signal has nan; after a gap its mean goes on.  Raises ValueError when a signal is no
+    column of ``frame``.
+    """
+    missing = [name for name in names if name not in frame.columns]
+    if missing:
+        raise ValueError(
+            f"the forest needs {missing[0]}, which the records do not have; "
+            "record it, or train again without it (spindle.extra in the machine's file)"
+        )
+    return pd.DataFrame(
+        {
+            # pandas carries the last mean into a gap, as if the signal had been known there
+            f"{name}_over_{tau:g}_s": frame[name]
+            .ewm(alpha=-np.expm1(-step / tau))
+            .mean()
+            .where(frame[name].notna())
+            for name in names
+            for tau in SMOOTHING_S
+        }
+    )
+
+
+def features(
+    inputs: pd.DataFrame, physics: Floats, start: float | Floats, at: Floats,
+    sources: Sequence[str], extra: Sequence[str],
+) -> Floats:  # fmt: skip
+    """Feature matrix, shape (T, features), in the order of :func:`feature_names`.
+
+    ``inputs``: rows of :func:`smoothed_inputs`; ``physics`` (T,): the network's temperature;
+    ``start``: the measured one of its start [degC]; ``at`` (T,): time since [s].
+    """
+    names = feature_names(sources, extra)
+    columns = [physics, np.broadcast_to(start, len(physics)), at]
+    return np.column_stack([*columns, inputs[names[3:]].to_numpy(float)])
+
+
+def save_forest(forest: "Trees", folder: Path) -> None:
+    """Write the trees into a folder; the same forest gives the same bytes."""
+    write_json(forest.document(), folder / NODES)
+
+
+def load_forest(folder: Path, about: Forest, draws: int = 0) -> ResidualForest | None:
+    """Forest in ``folder``, None when training found that it does not help.
+
+    Raises ValueError when its features are those of another version, or its file cannot be read.
+    """
+    if not about.used:
+        return None
+    if about.smoothing_s != SMOOTHING_S:
+        raise ValueError(
+            f"{folder}: the forest was trained on means over {list(about.smoothing_s)} s, this "
+            f"version takes {list(SMOOTHING_S)} s: train it again with `dvc repro`"
+        )
+    from pipeline.schema.forest import Trees
+
+    trees = Trees.restored(read_json(folder / NODES, dict[str, str]))
+    return ResidualForest(forest=trees, sources=about.sources, extra=about.extra, draws=draws)
+
 
 TARGET = "spindle_temperature"
 """The column that is modelled [CELSIUS]."""
@@ -52,14 +174,12 @@ class SpindleRecords:
     @property
     def signals(self) -> list[str]:
         """Columns of the state table that the model needs to be served."""
-        names = ["spindle_speed", "spindle_load"]
-        if self.position_control:
-            names.append("spindle_position_control")
-        if self.ambient:
-            names.append("ambient_temperature")
-        if self.coolant:
-            names.append("coolant_temperature")
-        return names
+        listed = {
+            "spindle_speed": True, "spindle_load": True,
+            "spindle_position_control": self.position_control,
+            "ambient_temperature": self.ambient, "coolant_temperature": self.coolant,
+        }  # fmt: skip
+        return [name for name, recorded in listed.items() if recorded]
 
     @property
     def inputs(self) -> list[str]:
@@ -95,24 +215,14 @@ def with_heat(state: pd.DataFrame, records: SpindleRecords) -> pd.DataFrame:
 
 
 def spindle_stretches(
-    state: pd.DataFrame,
-    day: str,
-    records: SpindleRecords,
-    *,
-    step: float,
-    bridge_s: float,
-    shortest_s: float,
-) -> Iterator[StateSegment]:
+    state: pd.DataFrame, day: str, records: SpindleRecords, *,
+    step: float, bridge_s: float, shortest_s: float,
+) -> Iterator[StateSegment]:  # fmt: skip
     """The stretches of one day's state table, ready for the network."""
     yield from state_segments(
-        with_heat(state, records),
-        day,
-        inputs=records.inputs,
-        target=TARGET,
-        step=step,
-        bridge_s=bridge_s,
-        shortest_s=shortest_s,
-    )
+        with_heat(state, records), day, inputs=records.inputs, target=TARGET, step=step,
+        bridge_s=bridge_s, shortest_s=shortest_s,
+    )  # fmt: skip
 
 
 def stretch_of(
@@ -128,18 +238,9 @@ def stretch_of(
     if not np.isfinite(start_temperature):
         raise ValueError(f"start temperature {start_temperature} degC is no number: measure it")
     given = state.assign(**{TARGET: float(start_temperature)})
-    found = list(
-        state_segments(
-            with_heat(given, records),
-            str(state.index[0].date()),
-            inputs=records.inputs,
-            target=TARGET,
-            step=step,
-            bridge_s=np.inf,
-            shortest_s=0.0,
-        )
-    )
-    if not found:
+    day = str(state.index[0].date())
+    held = spindle_stretches(given, day, records, step=step, bridge_s=np.inf, shortest_s=0.0)
+    if not (found := list(held)):
         raise ValueError(
             f"no row of the state table knows all of {', '.join(records.signals)}: "
             "nothing can be predicted without them"
@@ -174,23 +275,15 @@ def free_run(
     """Node temperatures over a stretch from its first measured temperature only, (nodes, T)."""
     frame = stretch.frame
     return temperatures(
-        heat_of(frame),
-        frame[TARGET].iloc[0],
-        parameters,
-        stretch.step,
-        ambient=ambient_of(frame, records),
-        coolant=coolant_of(frame, records),
-    )
+        heat_of(frame), frame[TARGET].iloc[0], parameters, stretch.step,
+        ambient=ambient_of(frame, records), coolant=coolant_of(frame, records),
+    )  # fmt: skip
 
 
 def from_measured(
-    stretch: StateSegment,
-    starts: Sequence[int] | Ints,
-    length: int,
-    records: SpindleRecords,
-    parameters: SpindleThermalParameters,
-    nodes: Floats,
-) -> Floats:
+    stretch: StateSegment, starts: Sequence[int] | Ints, length: int, records: SpindleRecords,
+    parameters: SpindleThermalParameters, nodes: Floats,
+) -> Floats:  # fmt: skip
     """Temperature over ``length`` steps from that measured at each of N ``starts``, (N, length).
 
     ``nodes`` (nodes, T) is a free run from the stretch's beginning, whose error at a start counts
@@ -204,14 +297,10 @@ def from_measured(
         body = nodes[1][at] + slow_share(parameters) * (first - nodes[0][at])
     ambient, coolant = ambient_of(frame, records), coolant_of(frame, records)
     return temperatures(
-        heat_of(frame)[rows],
-        first,
-        parameters,
-        stretch.step,
+        heat_of(frame)[rows], first, parameters, stretch.step, body_start=body,
         ambient=None if ambient is None else ambient[rows],
         coolant=None if coolant is None else coolant[rows],
-        body_start=body,
-    )[0]
+    )[0]  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -357,9 +446,7 @@ def load_spindle_model(folder: Path, draws: int = 0) -> SpindleModel:
     writes it.
     """
     stored = read_json(folder / "model.json", SpindleModelFile)
+    forest = load_forest(folder / "residual", stored.forest, draws)
     return SpindleModel(
-        network=stored.network,
-        records=stored.records,
-        step_s=stored.fit.step_s,
-        forest=load_forest(folder / "residual", stored.forest, draws),
+        network=stored.network, records=stored.records, step_s=stored.fit.step_s, forest=forest
     )

@@ -1,18 +1,15 @@
-"""Contours for the tests of cutter radius compensation, and what rs274 makes of them."""
+"""Contours for the tests of cutter radius compensation."""
 
 import cmath
 import math
-import re
-import subprocess
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.gcode.compensation import Element
 
-RS274 = "/usr/bin/rs274"
 SCALE = 1000.0
-"""Contours of metres: the four decimals of rs274 are then as fine as 1e-7 in one of mm."""
+"""Contours of metres: tolerances of interpreters are small beside them."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,50 +94,6 @@ class _Drawing:
 
 def _rounded(point):
     return complex(round(point.real, 9), round(point.imag, 9))
-
-
-def rs274(contour, side, radius, folder):
-    """Rows (u, v, normal, u and v of the centre, turns) of LinuxCNC's interpreter, or its error."""
-    program = folder / "contour.ngc"
-    code = f"G{41 if side > 0 else 42}.1 D{2 * radius:.9f}"
-    head = f"G21 G{contour.plane} F100\nG0 X0 Y0 Z0\n{code}\n"
-    program.write_text(head + "\n".join(contour.blocks) + "\nG40\nM2\n")
-    (folder / "tool.tbl").touch()  # without one it reads an example's, which may not be installed
-    done = subprocess.run(
-        [RS274, "-t", "tool.tbl", "-g", program.name],
-        capture_output=True, text=True, cwd=folder, check=False,
-    )  # fmt: skip
-    rows = [_row(*found, contour.plane) for found in _ROW.findall(done.stdout)][1:]
-    error = [text for text in done.stderr.splitlines() if text not in ("", "executing")]
-    return rows, error[0] if error else None
-
-
-_ROW = re.compile(r"(STRAIGHT_FEED|STRAIGHT_TRAVERSE|ARC_FEED)\((.*)\)")
-
-
-def _row(kind, numbers, plane):
-    values = [float(number) for number in numbers.split(",")]
-    if kind == "ARC_FEED":
-        return (*values[:2], values[5], *values[2:5])
-    x, y, z = values[:3]
-    return (x, y, z, math.nan, math.nan, 0.0) if plane == 17 else (z, x, y, math.nan, math.nan, 0.0)
-
-
-def rows_of(path):
-    """The same rows of compensated elements."""
-    return [
-        (
-            piece.end.real,
-            piece.end.imag,
-            piece.normal,
-            piece.centre.real if piece.centre is not None else math.nan,
-            piece.centre.imag if piece.centre is not None else math.nan,
-            math.copysign(math.ceil(abs(piece.angle) / math.tau - 1e-9), piece.angle)
-            if piece.centre is not None
-            else 0.0,
-        )
-        for piece in path
-    ]
 
 
 def points(element, count=41):

@@ -1,4 +1,4 @@
-"""Programs as the posts of a Fanuc, a Haas, a Siemens and LinuxCNC write them, with their moves.
+"""Programs as the posts of a Fanuc, a Haas and a Siemens write them, with their moves.
 
 Each job writes its text and follows itself: it knows where the tool is in the program's coordinates
 and maps that to the machine by a matrix of its own, so that no line of the interpreter is used.
@@ -16,7 +16,7 @@ PLANES = {17: (0, 1, 2), 18: (2, 0, 1), 19: (1, 2, 0)}
 ARC_POINTS = 2001
 GAP = 0.254
 """What G83 and G73 keep to the depth reached [mm], as set."""
-STYLES = ("fanuc", "haas", "siemens", "linuxcnc")
+STYLES = ("fanuc", "haas", "siemens")
 REFERENCE = (0.0, 0.0, 300.0)
 WORK = {"G54": (100.0, -50.0, 20.0), "G55": (-30.0, 12.5, 5.0), "G56": (7.0, 8.0, -9.0),
         "G57": (1.0, -2.0, 3.0)}  # fmt: skip
@@ -76,7 +76,7 @@ class Job:
             self.count += 10
             text = f"N{self.count}{gap}{text}"
         if self.rng.random() < 0.05:
-            text += " ; set G91" if self.style in ("siemens", "linuxcnc") else " (G91 X99.)"
+            text += " (G91 X99.)" if self.fanuc else " ; set G91"
         self.lines.append(text)
 
     def g(self, code: float) -> str:
@@ -93,7 +93,7 @@ class Job:
             kept = kept[1:]
         elif kept.startswith("-0.") and self.rng.random() < 0.3 and kept.strip("-0.") != "":
             kept = "-" + kept[2:]
-        if self.style in ("siemens", "linuxcnc") and self.rng.random() < 0.5:
+        if not self.fanuc and self.rng.random() < 0.5:
             kept = kept.rstrip(".") or "0"
         return kept
 
@@ -187,14 +187,10 @@ class Job:
 
 def header(job: Job) -> None:
     """Start of the program: units, plane, work offset, tool."""
-    if job.style in ("fanuc", "haas"):
+    if job.fanuc:
         job.lines += ["%", f"O{job.rng.integers(1000, 9000)} (PART 12.5 X 3)"]
         job.say(job.g(20 if job.inch else 21))
         job.say(job.g(17), job.g(40), job.g(49), job.g(80), job.g(90), job.g(94))
-    elif job.style == "linuxcnc":
-        job.lines += ["(made by a post)"]
-        job.say(job.g(20 if job.inch else 21), "G64 P0.01" if job.coin() else "G61")
-        job.say("G17", "G40", "G49", "G80", "G90", "G94")
     else:
         job.lines += ["; PART", 'MSG("PART 12.5 X 3")']
         job.say("G700" if job.inch else "G710")
@@ -209,8 +205,6 @@ def tool(job: Job) -> None:
     names = list(WORK) + (list(EXTENDED) if job.fanuc else [])
     name = str(job.rng.choice(names))
     job.tool = int(job.rng.integers(1, 4))
-    if job.style == "linuxcnc" and job.truth:
-        return  # rs274 forgets the length at a second M6
     if job.style == "siemens":
         named = {1: "END_MILL", 2: "DRILL 6", 3: "T3"}
         job.say(f'T="{named[job.tool]}"' if job.coin() else f"T{job.tool}")
@@ -334,11 +328,7 @@ def _arc_to(job: Job, centre: np.ndarray, angle: float, end: np.ndarray, rise: f
 
 def holes(job: Job) -> None:
     """A canned cycle at a few places."""
-    if job.style == "siemens":
-        _siemens_holes(job)
-        return
-    codes = [81, 82, 83, 73, 85, 86, 89] + ([84, 76] if job.fanuc else [])
-    code = int(job.rng.choice(codes))
+    code = int(job.rng.choice([81, 82, 83, 73, 85, 86, 89, 84, 76]))
     to_r = job.coin()
     level = job.grid(job.between(10, 20))
     job.say(*job.mode(True), *job.moded(0), f"Z{job.n(level)}")
@@ -352,10 +342,9 @@ def holes(job: Job) -> None:
     q = job.between(1, 4) if code in (73, 83, 76) else 0.0
     if q:
         extra.append(f"Q{job.n(q)}")
-    pause = 0.0
-    if code in (82, 89) or (code == 86 and job.style == "linuxcnc"):
-        pause = 0.5
-        extra.append("P500" if job.fanuc else "P0.5")
+    pause = 0.5 if code in (82, 89) else 0.0
+    if pause:
+        extra.append("P500")
     first = {"X": job.between(-30, 30), "Y": job.between(-30, 30)}
     begin = job.point
     repeat = int(job.rng.integers(2, 4)) if relative and job.coin() else 1
@@ -368,8 +357,6 @@ def holes(job: Job) -> None:
         bottom = np.array([level + words["R"], level + words["R"] + words["Z"]])
 
     def drill(x: float, y: float) -> None:
-        if job.style == "linuxcnc" and job.point[2] < bottom[0] - 1e-9:
-            job.go(True, np.array([*job.point[:2], bottom[0]]))
         job.go(True, np.array([x, y, job.point[2]]))
         _hole(job, code, *bottom, level, q, to_r)
         job.dwell += pause
@@ -399,7 +386,7 @@ def _hole(job: Job, code: int, plane_r, depth, level, q, to_r) -> None:
     def z(value, rapid=True):
         job.go(rapid, np.array([x, y, value]))
 
-    out = plane_r if to_r else max(level, plane_r) if job.style == "linuxcnc" else level
+    out = plane_r if to_r else level
     z(plane_r)
     if code in (73, 83):
         at = plane_r
@@ -418,130 +405,9 @@ def _hole(job: Job, code: int, plane_r, depth, level, q, to_r) -> None:
         return
     else:
         z(depth, False)
-        if code == 84 or code == 85 or code == 89:
-            # back out by feed
-            z(out if code == 89 and job.style == "linuxcnc" else plane_r, False)
+        if code in (84, 85, 89):  # back out by feed
+            z(plane_r, False)
     z(out)
-
-
-def _siemens_holes(job: Job) -> None:
-    """MCALL with a drilling cycle, at places of its own or of a pattern."""
-    begin = {x: job.between(-30, 30) for x in "XY"} | {"Z": job.between(10, 20)}
-    job.say(*job.mode(True), *job.moded(0), *job.axes(begin))
-    job.go(True, np.array([*begin.values()]))
-    job.say(*job.fed(always=True))
-    hole = _siemens_cycle(job, begin["Z"])
-    pattern = job.coin(0.4)
-    if pattern and job.coin():
-        places = _siemens_row(job)
-    elif pattern:
-        places = _siemens_circle(job)
-    else:
-        places = [(job.between(-30, 30), job.between(-30, 30)) for _ in range(3)]
-        for x, y in places:
-            job.say(*job.axes({"X": x, "Y": y}))
-    for place in places:
-        hole(*place)
-    job.say("MCALL")
-
-
-def _siemens_cycle(job: Job, rtp: float) -> Callable[[float, float], None]:
-    """MCALL with a cycle; what it does at a place."""
-    name = str(job.rng.choice(["CYCLE81", "CYCLE82", "CYCLE83", "CYCLE84"]))
-    rfp, sdis, depth = job.between(-2, 2), job.between(1, 3), job.between(-20, -5)
-    relative, r = job.coin(0.4), rfp + sdis
-    dpr = job.grid(rfp - depth)
-    bottom = rfp - dpr if relative else depth
-    text = [
-        job.n(rtp),
-        job.n(rfp),
-        job.n(sdis),
-        *(["", job.n(dpr)] if relative else [job.n(depth), ""]),
-    ]
-    first, less, chip = job.between(3, 6), job.between(0.2, 1), job.coin()
-    pitch = 0.05 if job.inch else 1.25
-    text += {
-        "CYCLE81": [],
-        "CYCLE82": ["0.5"],  # DTB
-        # FDEP, FDPR, DAM, DTB, DTS, FRF, VARI
-        "CYCLE83": ["", job.n(first), job.n(less), "0", "0", "1", "0" if chip else "1"],
-        # DTB, SDAC, MPIT, PIT, POSS, SST, SST1
-        "CYCLE84": ["0", "3", "", f"{pitch}", "0", "400", "500"],
-    }[name]
-    job.say(f"MCALL {name}({','.join(text).rstrip(',')})")
-
-    def straight(value: float, rapid: bool = False) -> None:
-        job.go(rapid, np.array([*job.point[:2], value]))
-
-    def pecked() -> None:
-        for depth in siemens_pecks(rfp, bottom, first, less):
-            straight(depth)
-            if depth > bottom + 1e-9 and chip:
-                straight(depth + 1.0 / job.unit)
-            elif depth > bottom + 1e-9:
-                straight(r, True)
-                straight(depth + _ahead(rfp - bottom, job), True)
-
-    def tapped() -> None:
-        was, job.feed = job.feed, 400 * pitch * job.unit
-        straight(bottom)
-        job.feed = 500 * pitch * job.unit
-        straight(r)
-        job.feed = was
-
-    def hole(x: float, y: float) -> None:
-        job.go(True, np.array([x, y, job.point[2]]))
-        straight(r, True)
-        {"CYCLE83": pecked, "CYCLE84": tapped}.get(name, lambda: straight(bottom))()
-        straight(rtp, True)
-        job.dwell += 0.5 * (name == "CYCLE82")
-
-    return hole
-
-
-def _siemens_row(job: Job) -> list[tuple[float, float]]:
-    """HOLES1, from its nearer end."""
-    x, y, angle = job.between(-20, 20), job.between(-20, 20), float(job.rng.integers(-90, 90))
-    first, step, count = job.between(0, 5), job.between(3, 9), int(job.rng.integers(1, 5))
-    job.say(f"HOLES1({job.n(x)},{job.n(y)},{angle},{job.n(first)},{job.n(step)},{count})")
-    c, s = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-    places = [(x + (first + i * step) * c, y + (first + i * step) * s) for i in range(count)]
-    here = job.point[:2]
-    return places if math.dist(here, places[0]) <= math.dist(here, places[-1]) else places[::-1]
-
-
-def _siemens_circle(job: Job) -> list[tuple[float, float]]:
-    """HOLES2, all round or by steps."""
-    x, y, radius = job.between(-20, 20), job.between(-20, 20), job.between(5, 20)
-    start, count = float(job.rng.integers(-90, 90)), int(job.rng.integers(2, 7))
-    step = float(job.rng.choice([0.0, 30.0, 45.0, -25.0]))
-    job.say(f"HOLES2({job.n(x)},{job.n(y)},{job.n(radius)},{start},{step:g},{count})")
-    turns = [math.radians(start + i * (step or 360 / count)) for i in range(count)]
-    return [(x + radius * math.cos(a), y + radius * math.sin(a)) for a in turns]
-
-
-def _ahead(depth: float, job: Job) -> float:
-    """Distance to the depth before: 0.6 mm up to 30 mm of depth, a fiftieth above it, 7 at most."""
-    total = depth * job.unit
-    return min(0.6 if total <= 30 else total / 50, 7.0) / job.unit
-
-
-def siemens_pecks(top: float, bottom: float, first: float, less: float) -> list[float]:
-    """Depths of CYCLE83: strokes that get smaller by DAM, then DAM each, the last two halves."""
-    sizes, left = [first], top - bottom - first
-    if left <= 1e-9:
-        return [bottom]
-    while sizes[-1] - less > less and left > sizes[-1] - less:
-        sizes.append(sizes[-1] - less)
-        left -= sizes[-1]
-    if sizes[-1] - less <= less:  # strokes of DAM from here on
-        while left > 2 * less:
-            sizes.append(less)
-            left -= less
-        sizes += [left / 2, left / 2] if left > less else [left]
-    else:
-        sizes.append(left)
-    return [*(top - np.cumsum(sizes)[:-1]), bottom]
 
 
 def local(job: Job) -> None:
@@ -572,14 +438,15 @@ def local(job: Job) -> None:
 
 def place(job: Job) -> None:
     """A rapid in every axis, where a frame has changed."""
-    x, y, z = (job.between(-40, 40) for _ in range(3))
-    job.say(*job.mode(True), *job.moded(0), *job.axes({"X": x, "Y": y, "Z": z}))
-    job.go(True, np.array([x, y, z]))
+    point = np.array([job.between(-40, 40) for _ in range(3)])
+    job.say(*job.mode(True), *job.moded(0), *job.at(point))
+    job.go(True, point)
 
 
 def _within(job: Job) -> None:
     place(job)
-    for act in job.rng.choice([lines, arc, holes], size=int(job.rng.integers(1, 3))):
+    acts = [lines, arc, holes] if job.fanuc else [lines, arc]
+    for act in job.rng.choice(acts, size=int(job.rng.integers(1, 3))):
         act(job)
 
 
@@ -680,10 +547,7 @@ def subprogram(job: Job) -> None:
                   *([] if rapid else feed)])
         for rapid, x, y, z in steps
     ]  # fmt: skip
-    if job.style == "linuxcnc":
-        job.lines += [f"o{number} sub", *body, f"o{number} endsub"]
-        job.lines += [f"o{number} call"] * count
-    elif job.style == "haas" and job.coin():
+    if job.style == "haas" and job.coin():
         local = 7000 + number
         job.say(f"M97 P{local} L{count}")
         job.locals += [f"N{local}", *body, "M99"]
@@ -727,22 +591,13 @@ def macro(job: Job) -> None:
         for _ in range(count):
             job.go(False, job.point + np.array([0, step * 0.5, 2 * step]))
         job.absolute = False
-    elif job.style == "siemens":
+    else:
         job.lines += [f"R1={step:.{job.digits}f} R2=0", f"G90 G1 {fed}",
                       f"FOR R3=1 TO {count}", "G91 X=R1 Y=R1*COS(60)", "R2=R2+1", "ENDFOR",
                       f"IF R2=={count}", "Z=IC(R1)", "ELSE", "Z=IC(-99)", "ENDIF"]  # fmt: skip
         for _ in range(count):
             job.go(False, job.point + np.array([step, step * 0.5, 0]))
         job.go(False, job.point + np.array([0, 0, step]))
-        job.absolute = False
-    else:
-        job.lines += [f"#<step>={step:.{job.digits}f}", "#100=0", f"G91 G1 {fed}",
-                      f"o{job.next_program} while [#100 lt {count}]",
-                      "#100=[#100+1]", "X#<step> Y[#<step>*cos[60]]",
-                      f"o{job.next_program} endwhile"]  # fmt: skip
-        job.next_program += 1
-        for _ in range(count):
-            job.go(False, job.point + np.array([step, step * 0.5, 0]))
         job.absolute = False
     assert (job.point != start).any()
     job.motion = ""
@@ -773,8 +628,6 @@ def pocket(job: Job) -> None:
     (x_0, y_0), (x_1, y_1) = np.min(corners, axis=0), np.max(corners, axis=0)
     for u, v in corners:
         inside.append((min(max(u, x_0 + r), x_1 - r), min(max(v, y_0 + r), y_1 - r)))
-    if job.style == "linuxcnc":  # beside the end of its own line
-        inside[0] = (corners[0][0] + sign * r, y_0 + r)
     for u, v in inside:
         job.go(False, np.array([u, v, z]))
     job.say(job.g(40), *job.moded(1), *job.axes({"X": x, "Y": y}))
@@ -805,8 +658,6 @@ def pause(job: Job) -> None:
     """A dwell."""
     if job.style == "siemens":
         job.say("G4", "F1.5")
-    elif job.style == "linuxcnc":
-        job.say("G4", "P1.5")
     else:
         job.say(job.g(4), str(job.rng.choice(["P1500", "X1.5", "P1.5"]))
                 if not job.increments else "P1500")  # fmt: skip
@@ -826,7 +677,7 @@ def home(job: Job) -> None:
     elif job.coin():
         job.say(job.g(91), job.g(28), "Z0" if job.increments else "Z0.")
         job.say(job.g(90))
-        job.go_machine(True, np.array([*job.here[:2], REFERENCE[2] if job.fanuc else 0.0]))
+        job.go_machine(True, np.array([*job.here[:2], REFERENCE[2]]))
     else:
         z = job.grid(250 / job.unit)
         job.say(job.g(53), job.g(0), f"Z{job.n(z)}")
@@ -914,12 +765,8 @@ def nested(job: Job) -> None:
 def outline(job: Job) -> None:
     """A rectangle round which the tool goes with G41: at the corners an arc, or lines that meet."""
     place(job)
-    x, y, a, b = (
-        job.between(-20, 20),
-        job.between(-20, 20),
-        job.between(20, 30),
-        job.between(20, 30),
-    )
+    x, y = job.between(-20, 20), job.between(-20, 20)
+    a, b = job.between(20, 30), job.between(20, 30)
     z, r = job.point[2], DIAMETERS[job.tool] / 2 / job.unit
     far = job.grid(30 / job.unit)
     begin = np.array([x, job.grid(y - far), z])
@@ -985,29 +832,31 @@ def centre_of_its_own(job: Job) -> None:
 
 def skipped(job: Job) -> None:
     """Blocks that a switch leaves out, and comments."""
-    if job.fanuc:
-        job.lines += ["/ G0 X99. Y99.", "(G0 X99. #1=3)"]
-        # the switch is off: the block runs
-        shown = 99.0
-    elif job.style == "linuxcnc":
-        job.lines += ["/ G0 X99. Y99.", "(G0 X99. #1=3)"]
-        shown = 99.0
-    else:
-        job.lines += ["/ G0 X99. Y99.", "; G0 X99. R1=3"]
-        shown = 99.0
-    job.motion = ""
-    job.go(True, np.array([shown, shown, job.point[2]]))
+    job.lines += ["/ G0 X99. Y99.", "(G0 X99. #1=3)" if job.fanuc else "; G0 X99. R1=3"]
+    job.motion = ""  # the switch is off: the block runs
+    job.go(True, np.array([99.0, 99.0, job.point[2]]))
 
 
-EVERY = (lines, lines, arc, arc, holes, holes, local, subprogram, macro, pocket, pause, home)
+COMMON = (
+    lines,
+    lines,
+    arc,
+    arc,
+    local,
+    macro,
+    pocket,
+    pause,
+    home,
+    inverse_time,
+    outline,
+    turned,
+    skipped,
+    tool,
+)
+OF_FANUC = (*COMMON, holes, holes, subprogram, modal_macro, nested, rotated, scaled, written_offset)
 OPERATIONS: dict[str, Sequence[Callable[[Job], None]]] = {
-    "fanuc": (*EVERY, inverse_time, modal_macro, nested, outline, added_rotation, rotated, scaled,
-              polar, corner, written_offset, turned, skipped, tool),
-    "haas": (*EVERY, inverse_time, modal_macro, nested, outline, rotated, scaled, written_offset,
-             turned, skipped, tool),
-    "siemens": (lines, lines, arc, arc, holes, holes, holes, local, macro, pocket, pause, home,
-                centre_of_its_own, outline, inverse_time, turned, skipped, tool),
-    "linuxcnc": (*EVERY, inverse_time, outline, turned, skipped, written_offset),
+    "fanuc": (*OF_FANUC, added_rotation, polar, corner), "haas": OF_FANUC,
+    "siemens": (*COMMON, centre_of_its_own),
 }  # fmt: skip
 
 
@@ -1015,45 +864,10 @@ def made(seed: int, style: str, count: int = 8) -> Job:
     """A program of a style with ``count`` operations."""
     job = Job(seed, style)
     header(job)
-    for _ in range(count):
-        every = OPERATIONS[style]
-        every[int(job.rng.integers(len(every)))](job)
+    for index in job.rng.integers(len(OPERATIONS[style]), size=count).tolist():
+        OPERATIONS[style][index](job)
     job.say("M30")
     job.lines += [*job.locals, *job.tail]
-    if job.style in ("fanuc", "haas"):
+    if job.fanuc:
         job.lines.append("%")
     return job
-
-
-def osp_program(seed: int) -> str:
-    """A program in the style of an Okuma's post: some of the words that only an OSP has."""
-    rng = np.random.default_rng(seed)
-    number = int(rng.integers(100, 999))
-    x, y, z = (round(float(v), 2) for v in rng.uniform(-50, 50, 3))
-    marks = [
-        [f"$PART{number}.MIN%"],
-        [f"G15 H{rng.integers(1, 20)}"],
-        [f"CALL O{number} Q2"],
-        [f"CALL OBOLT PX={x} PY={y}"],
-        [f"VC{rng.integers(1, 90)}={x}", "G0 X=VC1"],
-        ["NOEX VC1=VC1+1"],
-        [f"VZOFZ[{rng.integers(1, 9)}]={z}"],
-        [f"MODIN O{number}", f"X{x} Y{y}", "MODOUT"],
-    ]
-    chosen = [marks[i] for i in sorted(rng.choice(len(marks), rng.integers(1, 4), replace=False))]
-    first = [one for one in chosen if one[0].startswith("$")]
-    body = [
-        ["G00 G90 G40 G80 G17", f"T{rng.integers(1, 9)} M06", f"S{rng.integers(500, 9000)} M03"],
-        [f"X{x} Y{y}", f"G56 Z{abs(z)} H{rng.integers(1, 9)}"],
-        ["G71 Z50", f"G81 X{x} Y{y} Z-5 R2 F200 M53", "G80"],
-        [f"G01 X{y} Y{x} F{rng.integers(100, 900)}", f"G02 X{x} Y{y} R60"],
-        [f"N{number} G04 F2", f"IF [VC1 EQ 3] N{number}"],
-    ]
-    inner = [body[0], *(body[i] for i in rng.permutation(np.arange(1, 5))[:3])]
-    rest = [one for one in chosen if one not in first]
-    place = int(rng.integers(0, 3))
-    lines = [
-        f"O{number}",
-        *(text for one in (*inner[:place], *rest, *inner[place:]) for text in one),
-    ]
-    return "\n".join([text for one in first for text in one] + lines + ["M02", ""])

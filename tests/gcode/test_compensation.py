@@ -3,7 +3,6 @@
 import cmath
 import math
 from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,15 +11,13 @@ from hypothesis import strategies as st
 
 from pipeline.gcode.compensation import RULES, CompensationError, Element, compensate
 from tests.gcode.compensated_contours import (
-    RS274,
     SCALE,
     distance,
     points,
     random_contour,
-    rows_of,
-    rs274,
     signed_offset,
 )
+from tests.gcode.rs274 import AXES, RS274, Oracle
 
 EXACT = 1e-9
 """Rounding of coordinates of some hundred mm, a few operations each [mm]."""
@@ -309,31 +306,44 @@ def test_linuxcnc_refuses_a_first_move_that_only_plunges():
 
 # against LinuxCNC's own interpreter
 
-PRINTED = 1.1e-4
-"""rs274 prints four decimals [mm]; in contours of metres that is 1e-7 mm of a contour in mm."""
+SAME = 1e-6
+"""What places may differ by in contours of metres [mm], and angles of arcs [rad]."""
 STRICTER = (
     "would run backwards",  # rs274 does not look at a line whose next element is an arc
     "no arc can follow",  # rs274 then arrives backwards, around a circle on the other side
 )
 
 
-@pytest.mark.skipif(not Path(RS274).exists(), reason=f"{RS274} is not installed")
+@pytest.fixture(scope="module")
+def oracle(tmp_path_factory):
+    return Oracle(tmp_path_factory.mktemp("rs274"))
+
+
+@pytest.mark.skipif(not RS274.exists(), reason=f"{RS274} is not installed")
 @pytest.mark.parametrize("plane", [17, 18])
 @pytest.mark.parametrize("block", range(4))
 @pytest.mark.parametrize("seeds", [5, pytest.param(50, marks=pytest.mark.proof)])
-def test_path_is_rs274s(plane, block, seeds, tmp_path):
+def test_path_is_rs274s(plane, block, seeds, oracle):
     same = 0
     for seed in range(seeds):
         rng = np.random.default_rng([plane, block, seed])
         contour = random_contour(rng, plane)
         side, radius = int(rng.choice([1, -1])), round(rng.uniform(0.05, 3) * SCALE, 9)
-        rows, error = rs274(contour, side, radius, tmp_path)
+        code = f"G{41 if side > 0 else 42}.1 D{2 * radius:.9f}"
+        head = f"G21 G{plane} F100\nG0 X0 Y0 Z0\n{code}"
+        answer = oracle.ask_text("\n".join([head, *contour.blocks, "G40", "M2", ""]))
         try:
             path = compensate(contour.elements, side=side, radius=radius, dialect="linuxcnc")
         except CompensationError as refused:
-            assert error or any(why in str(refused) for why in STRICTER), (seed, str(refused))
+            assert answer.error or any(why in str(refused) for why in STRICTER), (seed, refused)
             continue
-        if error is None:
-            np.testing.assert_allclose(rows_of(path), rows, atol=PRINTED, rtol=0, err_msg=seed)
-            same += 1
+        if answer.error:
+            continue
+        same += 1
+        made = [(piece.end.real, piece.end.imag, piece.normal) for piece in path]
+        given = answer.ends[1:, AXES[plane]]
+        np.testing.assert_allclose(made, given, atol=SAME, rtol=0, err_msg=str(seed))
+        arcs = [(p.centre.real, p.centre.imag, p.angle) for p in path if p.centre is not None]
+        given = answer.arcs[:, :3]
+        np.testing.assert_allclose(np.reshape(arcs, (-1, 3)), given, atol=SAME, err_msg=str(seed))
     assert same > 0.5 * seeds

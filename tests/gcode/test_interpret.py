@@ -11,7 +11,6 @@ from pipeline.gcode.dialects.statement_parser import (
 )
 from pipeline.gcode.errors import GcodeError
 from pipeline.gcode.interpret import interpret, interpret_in_parts
-from pipeline.gcode.modal import INTS, State
 from pipeline.gcode.moves import INCH, FeedMode, Kind, PathMode
 from pipeline.gcode.program import output_lines, parse_program
 from pipeline.gcode.setup import Setup, Tool
@@ -91,17 +90,14 @@ def test_m_codes():
     assert moves.value[3] == 2
 
 
-@pytest.mark.parametrize(
-    ("text", "dialect", "seconds"),
-    [
-        ("G4 P500", "fanuc", 0.5),
-        ("G4 P1.5", "fanuc", 1.5),
-        ("G4 X2.", "fanuc", 2),
-        ("G4 U2", "fanuc", 2),
-        ("G4 P1.5", "linuxcnc", 1.5),
-        ("G4 F3", "siemens", 3),
-    ],
-)
+@pytest.mark.parametrize(("text", "dialect", "seconds"), [
+    ("G4 P500", "fanuc", 0.5),
+    ("G4 P1.5", "fanuc", 1.5),
+    ("G4 X2.", "fanuc", 2),
+    ("G4 U2", "fanuc", 2),
+    ("G4 P1.5", "linuxcnc", 1.5),
+    ("G4 F3", "siemens", 3),
+])  # fmt: skip
 def test_dwells(text, dialect, seconds):
     moves = follow(text, dialect=dialect)
     assert (moves.kind.tolist(), moves.value.tolist()) == ([Kind.DWELL], [seconds])
@@ -151,55 +147,40 @@ def test_progress_is_told():
     assert told[-1] <= 50_000
 
 
-def test_state_survives_the_way_through_arrays():
-    state = State(position=[1.0, 2, 3, 4, 5, 6], translation=[7.0] * 6, feed=8.0, wcs=541, tool=-1)
-    for index, name in enumerate(INTS):
-        setattr(state, name, index)
-    other = State()
-    other.from_arrays(*state.to_arrays())
-    assert other == state
-
-
-@pytest.mark.parametrize(
-    ("text", "dialect", "words"),
-    [
-        ("G1 X1", "fanuc", ["P:1:1", "G1", "no feed", "F above 0"]),
-        ("G0 X1\nG7.1 C5", "fanuc", ["P:2:1", "G7.1", "cylindrical", "not supported"]),
-        ("G5.2 X1 Y1", "linuxcnc", ["P:1:1", "G5.2", "NURBS"]),
-        ("G71.1 Q1", "linuxcnc", ["G71.1", "lathe cycle"]),
-        ("M6 T7", "linuxcnc", ["T7", "setup.tools"]),
-        ("M250", "linuxcnc", ["M250", "not known"]),
-        ("G0 X1 P5", "fanuc", ["P:1:7", "P5", "nothing in this block takes"]),
-        ("G0 U1", "fanuc", ["U1", "no axis U"]),
-        ("X1", "linuxcnc", ["X1", "no motion is in force"]),
-        ("G123", "fanuc", ["G123 is not known"]),
-        ("G1.23 X1", "fanuc", ["G1.23"]),
-        ("F-5", "fanuc", ["F is -5"]),
-        ("M3 S-5", "fanuc", ["S is -5", "M4"]),
-        ("G96 M3", "fanuc", ["G96", "add"]),
-        ("G95 F1 G1 X1", "fanuc", ["G95", "spindle stands"]),
-        ("G4", "fanuc", ["how long", "add P"]),
-        ("G38.2 Z-1 F9\n#1=#5061", "linuxcnc", ["#5061", "when the machine has run"]),
-        ("#1=10\nG0 X[EXP[70*#1]]", "fanuc", ["P:2:4", "EXP", "keep numbers below"]),
-        ("(ABORT,worn out)", "linuxcnc", ["worn out"]),
-        ("T1.5", "fanuc", ["T1.5 must be a whole number"]),
-    ],
-)
+@pytest.mark.parametrize(("text", "dialect", "words"), [
+    ("G1 X1", "fanuc", ["P:1:1", "G1", "no feed", "F above 0"]),
+    ("G0 X1\nG7.1 C5", "fanuc", ["P:2:1", "G7.1", "cylindrical", "not supported"]),
+    ("G5.2 X1 Y1", "linuxcnc", ["P:1:1", "G5.2", "NURBS"]),
+    ("G71.1 Q1", "linuxcnc", ["G71.1", "lathe cycle"]),
+    ("M6 T7", "linuxcnc", ["T7", "setup.tools"]),
+    ("M250", "linuxcnc", ["M250", "not known"]),
+    ("G0 X1 P5", "fanuc", ["P:1:7", "P5", "nothing in this block takes"]),
+    ("G0 U1", "fanuc", ["U1", "no axis U"]),
+    ("X1", "linuxcnc", ["X1", "no motion is in force"]),
+    ("G123", "fanuc", ["G123 is not known"]),
+    ("G1.23 X1", "fanuc", ["G1.23"]),
+    ("F-5", "fanuc", ["F is -5"]),
+    ("M3 S-5", "fanuc", ["S is -5", "M4"]),
+    ("G96 M3", "fanuc", ["G96", "add"]),
+    ("G95 F1 G1 X1", "fanuc", ["G95", "spindle stands"]),
+    ("G4", "fanuc", ["how long", "add P"]),
+    ("G38.2 Z-1 F9\n#1=#5061", "linuxcnc", ["#5061", "when the machine has run"]),
+    ("#1=10\nG0 X[EXP[70*#1]]", "fanuc", ["P:2:4", "EXP", "keep numbers below"]),
+    ("(ABORT,worn out)", "linuxcnc", ["worn out"]),
+    ("T1.5", "fanuc", ["T1.5 must be a whole number"]),
+])  # fmt: skip
 def test_what_cannot_be_followed_is_said_with_place_word_and_remedy(text, dialect, words):
     said = refusal(text, dialect=dialect)
     assert all(word in said for word in words), said
 
 
-@pytest.mark.parametrize(
-    ("choice", "words"),
-    [
-        ({"dialect": "heidenhain"}, "dialect is 'heidenhain'"),
-        ({"decimal": "comma"}, "decimal is 'comma'"),
-        ({"arc_tolerance": -1.0}, "setup.arc_tolerance = -1.0 mm must be at least 0"),
-        ({"block_limit": 0}, "setup.block_limit = 0 blocks must be at least 1"),
-        ({"boring_shift": "Q"}, "boring_shift is 'Q'"),
-    ],
-)
+@pytest.mark.parametrize(("choice", "words"), [
+    ({"dialect": "heidenhain"}, "dialect is 'heidenhain'"),
+    ({"decimal": "comma"}, "decimal is 'comma'"),
+    ({"arc_tolerance": -1.0}, "setup.arc_tolerance = -1.0 mm must be at least 0"),
+    ({"block_limit": 0}, "setup.block_limit = 0 blocks must be at least 1"),
+    ({"boring_shift": "Q"}, "boring_shift is 'Q'"),
+])  # fmt: skip
 def test_a_setup_that_cannot_be_is_refused(choice, words):
     with pytest.raises(ValueError, match=words):
         Setup(**choice)
@@ -243,14 +224,11 @@ def test_an_m_code_that_may_call_a_program_is_not_passed_over(words):
     assert words.split()[0] in refusal(f"G21\n{words}\nM30")
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        ("G12 I5 D1", "circular pockets"),
-        ("G13 I5 D1", "circular pockets"),
-        ("G150 P5 X0", "pocket milling"),
-    ],
-)
+@pytest.mark.parametrize(("words", "said"), [
+    ("G12 I5 D1", "circular pockets"),
+    ("G13 I5 D1", "circular pockets"),
+    ("G150 P5 X0", "pocket milling"),
+])  # fmt: skip
 def test_pockets_of_a_haas_are_refused_by_name(words, said):
     assert said in refusal(f"F100\n{words}")
 
@@ -262,18 +240,10 @@ def test_words_that_move_nothing_are_passed_over(words):
     assert points(follow(f"G0 X1\n{words}\nG0 X2")) == [[1, 0, 0], [2, 0, 0]]
 
 
-def test_g154_is_the_work_offset_of_g54_1():
-    choices = {"work_offsets": {"G54.1 P3": (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)}}
-    assert points(follow("G154 P3\nG0 X1", **choices)) == [[6, 0, 0]]
-
-
-@pytest.mark.parametrize(
-    ("text", "kind"),
-    [
-        ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
-        ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
-    ],
-)
+@pytest.mark.parametrize(("text", "kind"), [
+    ("0 BEGIN PGM A MM\n1 L X+1 R0 FMAX\n", "conversational"),
+    ("%A G71 *\nN10 G00 X+10 *\n", "ISO"),
+])  # fmt: skip
 def test_heidenhain_is_called_so(text, kind):
     with pytest.raises(GcodeError, match=f"this is a Heidenhain {kind} program"):
         interpret(parse_program(text.encode(), "P"), Setup())
@@ -314,19 +284,16 @@ def test_corners_follow_each_other_in_any_plane_and_at_any_angle():
     np.testing.assert_allclose(np.linalg.norm(moves.end[4] - moves.end[3]), 4 * np.cos(np.pi / 8))
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
-        ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
-        ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
-        ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
-        ("F100\nG1 X10,R2", "has to be a straight line"),
-        ("F100\nG1 X10,R2\nY10 Z1", "in the plane"),
-        ("F100\nG1 X10,C0\nY10", "give more than 0"),
-        ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("F100\nG1 X10,R20\nY5", "takes 20 mm of lines of 10 and 5 mm"),
+    ("F100\nG1 X10,R2\nX20", "two lines that meet at an angle"),
+    ("F100\nG1 X10,R2\nG2 X20 Y10 I10", "has to be a straight line"),
+    ("F100\nG1 X10,R2\nG4 P100", "has to be a straight line"),
+    ("F100\nG1 X10,R2", "has to be a straight line"),
+    ("F100\nG1 X10,R2\nY10 Z1", "in the plane"),
+    ("F100\nG1 X10,C0\nY10", "give more than 0"),
+    ("F100\nG51 X0 Y0 Z0 P2\nG1 X10,C1\nY10", "under G51"),
+])  # fmt: skip
 def test_a_corner_that_cannot_be_made_is_said(text, said):
     assert said in refusal(text)
 

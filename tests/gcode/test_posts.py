@@ -4,23 +4,10 @@ import numpy as np
 import pytest
 
 from pipeline.gcode.errors import GcodeError
-from pipeline.gcode.interpret import interpret
 from pipeline.gcode.moves import FeedMode, Kind
-from pipeline.gcode.program import parse_program
-from pipeline.gcode.setup import Setup, Tool
+from pipeline.gcode.setup import Tool
 from tests.gcode.following import MOVING, follow, points
-from tests.gcode.posts import (
-    DIAMETERS,
-    EXTENDED,
-    LENGTHS,
-    REFERENCE,
-    WORK,
-    Job,
-    made,
-    osp_program,
-)  # fmt: skip
-from tests.gcode.rs274 import RS274, Oracle
-from tests.gcode.test_rs274 import assert_same
+from tests.gcode.posts import DIAMETERS, EXTENDED, LENGTHS, REFERENCE, WORK, Job, made
 
 SAME = 1e-6
 MIDDLE = 5e-3
@@ -29,15 +16,13 @@ MIDDLE = 5e-3
 
 def setup(job: Job) -> dict:
     """Choices of Setup: the control as the posts know it."""
-    dialect = "fanuc" if job.fanuc else job.style
     return {
-        "dialect": dialect,
+        "dialect": "fanuc" if job.fanuc else job.style,
         "work_offsets": {n: (*v, 0.0, 0.0, 0.0) for n, v in {**WORK, **EXTENDED}.items()},
         "tools": {n: Tool(length=LENGTHS[n], diameter=DIAMETERS[n]) for n in LENGTHS},
         "tool_names": {"END_MILL": 1, "DRILL 6": 2, "T3": 3},
         "references": {"G28": (*REFERENCE, 0.0, 0.0, 0.0)} if job.fanuc else {},
         "decimal": "increment" if job.increments else "calculator",
-        "inch_machine": job.style == "linuxcnc",
     }
 
 
@@ -91,7 +76,7 @@ def disagreement(job: Job) -> str:
     return ""
 
 
-PROGRAMS = {"fanuc": 60, "haas": 40, "siemens": 60, "linuxcnc": 40}
+PROGRAMS = {"fanuc": 60, "haas": 40, "siemens": 60}
 """Style -> programs of the proof."""
 
 
@@ -101,31 +86,6 @@ def test_every_move_is_the_one_that_the_post_means(style, share):
     """None is refused either: what a post of these controls writes every day is followed."""
     found = {seed: disagreement(made(seed, style)) for seed in range(int(share * PROGRAMS[style]))}
     assert {seed: one for seed, one in found.items() if one} == {}
-
-
-@pytest.mark.skipif(not RS274.exists(), reason=f"{RS274} is not installed")
-@pytest.mark.parametrize("count", [4, pytest.param(40, marks=pytest.mark.proof)])
-def test_every_move_is_the_one_that_linuxcnc_makes(count, tmp_path):
-    oracle = Oracle(tmp_path, {n: (LENGTHS[n], DIAMETERS[n]) for n in LENGTHS})
-    for seed in range(count):
-        job = made(seed, "linuxcnc")
-        # its table of offsets is a file of its own: the program writes them
-        offsets = [
-            "G10 L2 P{} X{:.6f} Y{:.6f} Z{:.6f}".format(n, *np.array(place) / job.unit)
-            for n, place in enumerate(WORK.values(), 1)
-        ]
-        text = "\n".join([*job.lines[:2], *offsets, *job.lines[2:], ""])
-        answer = oracle.ask_text(text)
-        assert answer.error == "", seed
-        assert_same(follow(text, **{**setup(job), "work_offsets": {}}), answer)
-
-
-@pytest.mark.parametrize("count", [10, pytest.param(100, marks=pytest.mark.proof)])
-@pytest.mark.parametrize("dialect", ["fanuc", "linuxcnc"])
-def test_a_program_of_an_osp_is_named_as_such(dialect, count):
-    for seed in range(count):
-        with pytest.raises(GcodeError, match="an Okuma OSP program"):
-            interpret(parse_program(osp_program(seed).encode(), "P"), Setup(dialect=dialect))
 
 
 @pytest.mark.parametrize(("written", "with_point"), [

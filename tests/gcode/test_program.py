@@ -86,17 +86,14 @@ def test_a_byte_order_mark_is_no_code() -> None:
     ]
 
 
-@pytest.mark.parametrize(
-    ("text", "body"),
-    [
-        ("", range(1, 1)),
-        ("G1\nM30", range(1, 3)),
-        ("%\nG1\n%\nnot code", range(2, 3)),
-        ("\n(head)\n % O1\nG1\nG2", range(4, 6)),
-        ("O1\nG1\n%\nnot code", range(1, 3)),
-        ("%\n%\nnot code", range(2, 2)),
-    ],
-)
+@pytest.mark.parametrize(("text", "body"), [
+    ("", range(1, 1)),
+    ("G1\nM30", range(1, 3)),
+    ("%\nG1\n%\nnot code", range(2, 3)),
+    ("\n(head)\n % O1\nG1\nG2", range(4, 6)),
+    ("O1\nG1\n%\nnot code", range(1, 3)),
+    ("%\n%\nnot code", range(2, 2)),
+])  # fmt: skip
 def test_percent_lines_hold_what_is_executed(text: str, body: range) -> None:
     assert parse_program(text.encode(), "test").body == body
 
@@ -194,35 +191,32 @@ def test_a_number_of_many_digits_is_infinite_as_in_python() -> None:
     assert parse_program(b"X" + b"9" * 400, "test").numbers(np.array([0])).tolist() == [np.inf]
 
 
-@pytest.mark.parametrize(
-    ("text", "kinds"),
-    [
-        ("N10G0X1.5Y-.5", [Kind.WORD] * 4),
-        ("X 1 0 . 5", [Kind.WORD]),
-        ("X[#1+[2]]", [Kind.VALUED]),
-        ("F#<my feed>", [Kind.VALUED]),
-        ("X--5", [Kind.VALUED]),
-        ("Xsin[30]Y1", [Kind.VALUED, Kind.WORD]),
-        ("XATAN[1] / [2]Y1", [Kind.VALUED, Kind.WORD]),
-        ("X##5Y1", [Kind.VALUED, Kind.WORD]),
-        ("X#[1+1]Y1", [Kind.VALUED, Kind.WORD]),
-        ("X[1", [Kind.LONE, Kind.MACRO]),
-        ("X-", [Kind.LONE, Kind.OTHER]),
-        ("X.", [Kind.LONE, Kind.OTHER]),
-        ("X1.2.3", [Kind.WORD, Kind.OTHER]),
-        ("#1=2+3 (c)", [Kind.MACRO, Kind.COMMENT]),
-        ("IF[#1EQ2]GOTO5;c", [Kind.MACRO, Kind.REMARK]),
-        ("O<sub> call [1]", [Kind.MACRO]),
-        ("O100 sub", [Kind.WORD, Kind.BLANK, Kind.MACRO]),
-        ("CYCLE800()", [Kind.MACRO, Kind.COMMENT]),
-        ("/2G1", [Kind.SKIP, Kind.WORD]),
-        (" /G1/2", [Kind.BLANK, Kind.SKIP, Kind.WORD, Kind.OTHER]),
-        ("% tape", [Kind.PERCENT]),
-        ("G1%", [Kind.WORD, Kind.OTHER]),
-        ("X1,R2,C.5", [Kind.WORD] * 3),
-        ("X1, r2", [Kind.WORD] * 2),
-        ("X1,", [Kind.WORD, Kind.OTHER]),
-    ],
-)
+@pytest.mark.parametrize(("text", "kinds"), [
+    ("N10G0X1.5Y-.5", [Kind.WORD] * 4),
+    ("X 1 0 . 5", [Kind.WORD]),
+    ("X[#1+[2]]", [Kind.VALUED]),
+    ("F#<my feed>", [Kind.VALUED]),
+    ("X--5", [Kind.VALUED]),
+    ("Xsin[30]Y1", [Kind.VALUED, Kind.WORD]),
+    ("XATAN[1] / [2]Y1", [Kind.VALUED, Kind.WORD]),
+    ("X##5Y1", [Kind.VALUED, Kind.WORD]),
+    ("X#[1+1]Y1", [Kind.VALUED, Kind.WORD]),
+    ("X[1", [Kind.LONE, Kind.MACRO]),
+    ("X-", [Kind.LONE, Kind.OTHER]),
+    ("X.", [Kind.LONE, Kind.OTHER]),
+    ("X1.2.3", [Kind.WORD, Kind.OTHER]),
+    ("#1=2+3 (c)", [Kind.MACRO, Kind.COMMENT]),
+    ("IF[#1EQ2]GOTO5;c", [Kind.MACRO, Kind.REMARK]),
+    ("O<sub> call [1]", [Kind.MACRO]),
+    ("O100 sub", [Kind.WORD, Kind.BLANK, Kind.MACRO]),
+    ("CYCLE800()", [Kind.MACRO, Kind.COMMENT]),
+    ("/2G1", [Kind.SKIP, Kind.WORD]),
+    (" /G1/2", [Kind.BLANK, Kind.SKIP, Kind.WORD, Kind.OTHER]),
+    ("% tape", [Kind.PERCENT]),
+    ("G1%", [Kind.WORD, Kind.OTHER]),
+    ("X1,R2,C.5", [Kind.WORD] * 3),
+    ("X1, r2", [Kind.WORD] * 2),
+    ("X1,", [Kind.WORD, Kind.OTHER]),
+])  # fmt: skip
 def test_kinds(text: str, kinds: list[Kind]) -> None:
     assert [kind for kind, _ in read(text.encode())] == kinds

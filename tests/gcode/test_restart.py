@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.gcode.interpret import interpret, restart_at
+from pipeline.gcode.interpret import interpret, restart_at, restart_lines
 from pipeline.gcode.program import parse_program
-from pipeline.gcode.restart import restart_lines
 from pipeline.gcode.setup import Setup, Tool
 
 SETUP = Setup(

@@ -66,58 +66,52 @@ def test_a_comment_ends_a_number() -> None:
         parse("G1 (slow) 0")
 
 
-@pytest.mark.parametrize(
-    ("text", "control"),
-    [
-        ("GOTO 100", Control("goto", one(100.0), 1)),
-        ("N5 GOTO#1", Control("goto", Parameter(one(1.0)), 4)),
-        (
-            "IF [#1 EQ 0] GOTO 9",
-            Control("if_goto", one(9.0), 1, Binary("EQ", Parameter(one(1.0)), one(0.0))),
+@pytest.mark.parametrize(("text", "control"), [
+    ("GOTO 100", Control("goto", one(100.0), 1)),
+    ("N5 GOTO#1", Control("goto", Parameter(one(1.0)), 4)),
+    (
+        "IF [#1 EQ 0] GOTO 9",
+        Control("if_goto", one(9.0), 1, Binary("EQ", Parameter(one(1.0)), one(0.0))),
+    ),
+    (
+        "IF[#1]THEN#2=3",
+        Control(
+            "if_then", None, 1, Parameter(one(1.0)),
+            then=(Assignment(Parameter(one(2.0)), one(3.0), 11),),
         ),
-        (
-            "IF[#1]THEN#2=3",
-            Control(
-                "if_then", None, 1, Parameter(one(1.0)),
-                then=(Assignment(Parameter(one(2.0)), one(3.0), 11),),
-            ),
-        ),
-        ("WHILE [#1] DO 2", Control("while_do", one(2.0), 1, Parameter(one(1.0)))),
-        ("DO3", Control("do", one(3.0), 1)),
-        ("END 3", Control("end", one(3.0), 1)),
-        ("O0012(NAME)", Control("program", "12", 1)),
-        (":12", Control("program", "12", 1)),
-        ("O<PART>", Control("program", "part", 1)),
-    ],
-)  # fmt: skip
+    ),
+    ("WHILE [#1] DO 2", Control("while_do", one(2.0), 1, Parameter(one(1.0)))),
+    ("DO3", Control("do", one(3.0), 1)),
+    ("END 3", Control("end", one(3.0), 1)),
+    ("O0012(NAME)", Control("program", "12", 1)),
+    (":12", Control("program", "12", 1)),
+    ("O<PART>", Control("program", "part", 1)),
+])  # fmt: skip
 def test_control_of_macro_b(text: str, control: Control) -> None:
     assert parse(text).control == control
 
 
-@pytest.mark.parametrize(
-    ("text", "control"),
-    [
-        ("o0100 SUB", Control("sub", "100", 1)),
-        ("n1 o<My Sub> sub ; x", Control("sub", "mysub", 4)),
-        ("o100 endsub [1]", Control("endsub", "100", 1, one(1.0))),
-        ("o100 return", Control("return", "100", 1)),
-        ("o100 call [1] [#2]", Control("call", "100", 1, None, (one(1.0), Parameter(one(2.0))))),
-        ("o#1 call", Control("call", Parameter(one(1.0)), 1)),
-        ("o[1+2] call", Control("call", Binary("+", one(1.0), one(2.0)), 1)),
-        ("o1 if [#1]", Control("if", "1", 1, Parameter(one(1.0)))),
-        ("o1 elseif [#1]", Control("elseif", "1", 1, Parameter(one(1.0)))),
-        ("o1 else", Control("else", "1", 1)),
-        ("o1 endif", Control("endif", "1", 1)),
-        ("o1 while [#1]", Control("while", "1", 1, Parameter(one(1.0)))),
-        ("o1 endwhile", Control("endwhile", "1", 1)),
-        ("o1 do", Control("do", "1", 1)),
-        ("o1 repeat [3]", Control("repeat", "1", 1, one(3.0))),
-        ("o1 endrepeat", Control("endrepeat", "1", 1)),
-        ("o1 break", Control("break", "1", 1)),
-        ("o1 continue", Control("continue", "1", 1)),
-        ("o1000", Control("program", "1000", 1)),
-    ],
-)
+@pytest.mark.parametrize(("text", "control"), [
+    ("o0100 SUB", Control("sub", "100", 1)),
+    ("n1 o<My Sub> sub ; x", Control("sub", "mysub", 4)),
+    ("o100 endsub [1]", Control("endsub", "100", 1, one(1.0))),
+    ("o100 return", Control("return", "100", 1)),
+    ("o100 call [1] [#2]", Control("call", "100", 1, None, (one(1.0), Parameter(one(2.0))))),
+    ("o#1 call", Control("call", Parameter(one(1.0)), 1)),
+    ("o[1+2] call", Control("call", Binary("+", one(1.0), one(2.0)), 1)),
+    ("o1 if [#1]", Control("if", "1", 1, Parameter(one(1.0)))),
+    ("o1 elseif [#1]", Control("elseif", "1", 1, Parameter(one(1.0)))),
+    ("o1 else", Control("else", "1", 1)),
+    ("o1 endif", Control("endif", "1", 1)),
+    ("o1 while [#1]", Control("while", "1", 1, Parameter(one(1.0)))),
+    ("o1 endwhile", Control("endwhile", "1", 1)),
+    ("o1 do", Control("do", "1", 1)),
+    ("o1 repeat [3]", Control("repeat", "1", 1, one(3.0))),
+    ("o1 endrepeat", Control("endrepeat", "1", 1)),
+    ("o1 break", Control("break", "1", 1)),
+    ("o1 continue", Control("continue", "1", 1)),
+    ("o1000", Control("program", "1000", 1)),
+])  # fmt: skip
 def test_control_of_linuxcnc(text: str, control: Control) -> None:
     assert parse(text, "linuxcnc").control == control
 
@@ -134,34 +128,31 @@ def test_assignments() -> None:
     assert statement.words == (WordItem("X", Parameter(one(1.0)), 22, "X#1"),)
 
 
-@pytest.mark.parametrize(
-    ("dialect", "text", "told"),
-    [
-        ("fanuc", "G1 X", "p.nc:1:4: X: X is followed by no value: add a number"),
-        ("fanuc", "G1 X.", "1:5: .: a number, # parameter, function or"),
-        ("fanuc", "G1 X1.2.3", "1:8: .: this character has no meaning here"),
-        ("fanuc", "G1 é", "1:4: \xc3: U+00E9 (LATIN SMALL LETTER E WITH ACUTE)"),
-        ("fanuc", "G1 (open", "1:4: (: the comment is not closed: add )"),
-        ("fanuc", "G1 /2", "1:4: /: block skip stands only at the head of a line"),
-        ("fanuc", "G1 %", "1:4: %: % stands only on a line of its own"),
-        ("fanuc", "DEF REAL _A", "1:1: DEF REAL: this is no word of the dialect"),
-        ("fanuc", "N G1", "1:1: N: N is followed by no number"),
-        ("fanuc", "IF #1 GOTO 2", "1:4: #: an expression in [ ] is expected here"),
-        ("fanuc", "IF [#1] G0", "1:9: G: after IF [ ] only GOTO n or THEN"),
-        ("fanuc", "IF [#1] THEN G0", "1:9: THEN: after IF [ ] only GOTO n or THEN"),
-        ("fanuc", "WHILE [#1]", "1:11: end of line: DO is expected after WHILE [ ]"),
-        ("fanuc", "DO4", "1:3: 4: DO and END are followed by 1, 2 or 3"),
-        ("fanuc", "GOTO 1 G0", "1:8: G: nothing may follow here"),
-        ("fanuc", "#1 5", "1:1: #1 5: = is expected after the parameter"),
-        ("fanuc", "X[ROUND[#1]]", "1:1: X[ROUND[#1]]: ROUND in a word rounds to the control's"),
-        ("fanuc", "O<", "1:2: <: a name in < > is missing or open"),
-        ("linuxcnc", "IF [#1] GOTO 2", "1:1: IF: LinuxCNC has no such word"),
-        ("linuxcnc", "o1 jump", "1:4: jump: no O-word of LinuxCNC"),
-        ("linuxcnc", "#1=2+3", "1:5: +: this character has no meaning here"),
-        ("linuxcnc", "G1 (a(b)", "1:4: (a(b): a comment holds another ("),
-        ("linuxcnc", "X1,R2", "1:3: ,: this character has no meaning here"),
-    ],
-)
+@pytest.mark.parametrize(("dialect", "text", "told"), [
+    ("fanuc", "G1 X", "p.nc:1:4: X: X is followed by no value: add a number"),
+    ("fanuc", "G1 X.", "1:5: .: a number, # parameter, function or"),
+    ("fanuc", "G1 X1.2.3", "1:8: .: this character has no meaning here"),
+    ("fanuc", "G1 é", "1:4: \xc3: U+00E9 (LATIN SMALL LETTER E WITH ACUTE)"),
+    ("fanuc", "G1 (open", "1:4: (: the comment is not closed: add )"),
+    ("fanuc", "G1 /2", "1:4: /: block skip stands only at the head of a line"),
+    ("fanuc", "G1 %", "1:4: %: % stands only on a line of its own"),
+    ("fanuc", "DEF REAL _A", "1:1: DEF REAL: this is no word of the dialect"),
+    ("fanuc", "N G1", "1:1: N: N is followed by no number"),
+    ("fanuc", "IF #1 GOTO 2", "1:4: #: an expression in [ ] is expected here"),
+    ("fanuc", "IF [#1] G0", "1:9: G: after IF [ ] only GOTO n or THEN"),
+    ("fanuc", "IF [#1] THEN G0", "1:9: THEN: after IF [ ] only GOTO n or THEN"),
+    ("fanuc", "WHILE [#1]", "1:11: end of line: DO is expected after WHILE [ ]"),
+    ("fanuc", "DO4", "1:3: 4: DO and END are followed by 1, 2 or 3"),
+    ("fanuc", "GOTO 1 G0", "1:8: G: nothing may follow here"),
+    ("fanuc", "#1 5", "1:1: #1 5: = is expected after the parameter"),
+    ("fanuc", "X[ROUND[#1]]", "1:1: X[ROUND[#1]]: ROUND in a word rounds to the control's"),
+    ("fanuc", "O<", "1:2: <: a name in < > is missing or open"),
+    ("linuxcnc", "IF [#1] GOTO 2", "1:1: IF: LinuxCNC has no such word"),
+    ("linuxcnc", "o1 jump", "1:4: jump: no O-word of LinuxCNC"),
+    ("linuxcnc", "#1=2+3", "1:5: +: this character has no meaning here"),
+    ("linuxcnc", "G1 (a(b)", "1:4: (a(b): a comment holds another ("),
+    ("linuxcnc", "X1,R2", "1:3: ,: this character has no meaning here"),
+])  # fmt: skip
 def test_what_cannot_be_understood(dialect: str, text: str, told: str) -> None:
     with pytest.raises(GcodeError) as caught:
         parse(text, dialect)

@@ -24,6 +24,7 @@ from pipeline.optimisation.practice import immersion
 from pipeline.optimisation.settings import OptimisationSettings, SearchSettings
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.schema.part import OptimisedPart
+from pipeline.twin.cut.coefficients import ToolWear
 from tests.optimisation.adaptive import trochoid
 from tests.optimisation.direct_parts import control
 from tests.optimisation.several_tools import request_of

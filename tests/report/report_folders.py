@@ -16,8 +16,7 @@ from pipeline.schema.predictions import write_predictions
 from pipeline.schema.store import write_json
 from pipeline.schema.verdict import Figures, GoldenUsed, JudgedCase, Score, Verdict
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest
-from pipeline.twin.spindle import SpindleFitFacts, SpindleModelFile, SpindleRecords
+from pipeline.twin.spindle import Forest, SpindleFitFacts, SpindleModelFile, SpindleRecords
 
 UTC_NS = pa.timestamp("ns", tz="UTC")
 ABOVE = "MAE over one hour is above 2.0 K"

@@ -12,19 +12,17 @@ from pipeline.machine.control.parameters import AxisParameters, ControlParameter
 from pipeline.shop.parameters import ShopParameters
 from pipeline.shop.trial.trials import CommandedPath
 from pipeline.twin.control import planned_program
-from pipeline.twin.corrected_program import (
-    CorrectedProgram,
-    corrected_program,
-    fading,
-    write_corrected,
-)
 from pipeline.twin.correction import (
     AxisBounds,
+    CorrectedProgram,
     CorrectionSettings,
     bounded,
     corrected_command,
+    corrected_program,
     cutoff,
+    fading,
     reference_response,
+    write_corrected,
 )
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import commanded_positions, driven

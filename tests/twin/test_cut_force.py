@@ -31,15 +31,12 @@ def at_middle(text: str, **more):
     return np.median(found.force[inside], axis=0), cut, found
 
 
-@pytest.mark.parametrize(
-    ("begin", "end", "feed", "left"),
-    [
-        ("X-10 Y25", "X70", (1, 0), (0, 1)),
-        ("X70 Y25", "X-10", (-1, 0), (0, -1)),
-        ("X30 Y-10", "Y60", (0, 1), (-1, 0)),
-        ("X-10 Y-10", "X60 Y60", (0.5**0.5, 0.5**0.5), (-(0.5**0.5), 0.5**0.5)),
-    ],
-)
+@pytest.mark.parametrize(("begin", "end", "feed", "left"), [
+    ("X-10 Y25", "X70", (1, 0), (0, 1)),
+    ("X70 Y25", "X-10", (-1, 0), (0, -1)),
+    ("X30 Y-10", "Y60", (0, 1), (-1, 0)),
+    ("X-10 Y-10", "X60 Y60", (0.5**0.5, 0.5**0.5), (-(0.5**0.5), 0.5**0.5)),
+])  # fmt: skip
 def test_a_slot_pushes_the_tool_back_and_to_its_left(begin, end, feed, left) -> None:
     """The closed form, whichever way the slot goes; bins of 5 degrees blur 1 %."""
     text = f"T1 M6\nG0 {begin} S6000 M3\nZ5\nG1 Z-{DEPTH} F300\n{end} F600\nG0 Z5\nM30\n"

@@ -12,14 +12,13 @@ from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.stability.margins import ROUNDED
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.schema.model import Parameter
-from pipeline.twin.cut.blocks import cut_blocks
+from pipeline.twin.cut.blocks import cut_blocks, cut_limits
 from pipeline.twin.cut.coefficients import (
     ToolCoefficients,
     identified_coefficients,
     tool_coefficients,
 )
 from pipeline.twin.cut.document import CutBasis, document_of
-from pipeline.twin.cut.limits import cut_limits
 from pipeline.twin.cut.stability import linearised, stability, stability_lobes
 from tests.cutting.chatter import depth_limits, regenerative_cut
 from tests.submodels.cutting import cutting_files

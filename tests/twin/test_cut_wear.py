@@ -10,16 +10,16 @@ from pipeline.cutting.tool import Tool
 from pipeline.optimisation.reliability.uncertainty import NORMAL, uncertainty
 from pipeline.optimisation.settings import ReliabilitySettings
 from pipeline.twin.cut.blocks import station_arcs
-from pipeline.twin.cut.coefficients import ToolCoefficients
-from pipeline.twin.cut.loads import with_force_laws
-from pipeline.twin.cut.wear import (
+from pipeline.twin.cut.coefficients import (
     KnownWear,
     LandGrowth,
     MachineWear,
+    ToolCoefficients,
     ToolWear,
     tool_edges,
     worn_coefficients,
 )
+from pipeline.twin.cut.loads import with_force_laws
 from tests.twin.cut_parts import DEPTH, LAW, SIX, SLOT, TEN, cut_of
 
 GROWTH = LandGrowth(

@@ -64,15 +64,12 @@ def test_a_fixture_of_two_parts_counts_from_the_one_that_is_named():
     assert path(HEAD + "G1 Z-2 F100\nM30", offset="G55").frame.name == "G55"
 
 
-@pytest.mark.parametrize(
-    ("shift", "end"),
-    [
-        ("G52 X7 Y8 Z1", [7 + 10, 8, -1]),
-        ("G92 X100 Y0 Z5", [10 - 100, 0, -2]),
-        ("G68 X0 Y0 R90", [0, 10, -2]),
-        ("G52 X7\nG68 X0 Y0 R90", [7, 10, -2]),
-    ],
-)
+@pytest.mark.parametrize(("shift", "end"), [
+    ("G52 X7 Y8 Z1", [7 + 10, 8, -1]),
+    ("G92 X100 Y0 Z5", [10 - 100, 0, -2]),
+    ("G68 X0 Y0 R90", [0, 10, -2]),
+    ("G52 X7\nG68 X0 Y0 R90", [7, 10, -2]),
+])  # fmt: skip
 def test_shifts_and_rotations_move_the_cut_not_the_stock(shift, end):
     found = path(HEAD + shift + "\nG1 X10 Y0 Z-2 F100\nM30")
     assert fed(found)[-1] == pytest.approx(end, abs=ROUNDING)
@@ -175,14 +172,11 @@ def test_a_number_of_a_tool_may_be_any():
     assert set(found.pieces.tool.tolist()) == {2}
 
 
-@pytest.mark.parametrize(
-    ("cut", "reason"),
-    [
-        ("G31 Z-9 F50\n", "probing"),
-        ("G1 X2 A30 F50\n", "rotary axes"),
-        ("G96 S100\nG1 X9 F50\nG97 S1000\n", "G96"),
-    ],
-)
+@pytest.mark.parametrize(("cut", "reason"), [
+    ("G31 Z-9 F50\n", "probing"),
+    ("G1 X2 A30 F50\n", "rotary axes"),
+    ("G96 S100\nG1 X9 F50\nG97 S1000\n", "G96"),
+])  # fmt: skip
 def test_what_is_not_computed_is_counted_and_named(cut, reason):
     found = path(HEAD + "G1 Z-2 F100\n" + cut + "M30")
     assert any(reason in one.reason and one.rows >= 1 for one in found.left_out)
@@ -190,15 +184,12 @@ def test_what_is_not_computed_is_counted_and_named(cut, reason):
     assert fed(found) == [[0, 0, -2]]
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("G1 X5 F100\nM30", "no tool is in the spindle.*program T and M6"),
-        ("T7 M6\nG1 X5 F100\nM30", "T7 cuts and is not in the tool table, which has T1, T2"),
-        ("T1 M6\nM30", "has no moves"),
-        ("T1 M6\nS100 M3\nG31 X5 F100\nM30", r"no move cuts \(probing"),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("G1 X5 F100\nM30", "no tool is in the spindle.*program T and M6"),
+    ("T7 M6\nG1 X5 F100\nM30", "T7 cuts and is not in the tool table, which has T1, T2"),
+    ("T1 M6\nM30", "has no moves"),
+    ("T1 M6\nS100 M3\nG31 X5 F100\nM30", r"no move cuts \(probing"),
+])  # fmt: skip
 def test_what_cannot_be_cut_is_one_sentence(text, said):
     with pytest.raises(ValueError, match=said) as caught:
         path(text)

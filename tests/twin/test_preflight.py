@@ -28,26 +28,23 @@ def violations(text: str, setup: Setup = SETUP) -> list[tuple[int, str, float]]:
     return [(one.line, one.what, one.value) for one in found.violations]
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("G0 X100 Y-50 Z180\nS12000 M3\nG1 X0 F15000\nM30\n", []),
-        ("G0 X100.1\nX-5000\nM30\n", [(1, "X", 100.1), (2, "X", -5000.0)]),
-        ("G91 G1 X60 F100\nX60\nX-60\nM30\n", [(2, "X", 120.0)]),
-        ("S30000 M3\nG1 X5 F100\nX0\nM30\n", [(1, "S", 30000.0)]),
-        ("S50 M3\nM30\n", [(1, "S", 50.0)]),
-        ("S30000\nG1 X5 F100\nM30\n", []),  # the spindle stands
-        ("G1 X5 F99000\nX0\nX5 F100\nX0 F99000\nM30\n", [(1, "F", 99000.0), (4, "F", 99000.0)]),
-        ("S2000 M3\nG95 G1 X5 F8\nM30\n", [(2, "F", 16000.0)]),
-        ("G93 G1 X50 F400\nM30\n", [(1, "F", 20000.0)]),
-        ("G20\nG1 X1 F600\nM30\n", [(2, "F", 15240.0)]),
-        # circle about Y40 of radius 20: its top passes the travel, its ends do not
-        ("G0 X-20 Y40\nG2 X20 Y40 I20 J0 F100\nM30\n", [(2, "Y", 60.0)]),
-        ("G0 X-20 Y40\nG3 X20 Y40 I20 J0 F100\nM30\n", []),
-        ("G0 X90 Y0\nG2 I-20 F100\nM30\n", []),
-        ("G0 X90 Y0\nG2 I20 F100\nM30\n", [(2, "X", 130.0)]),
-    ],
-)
+@pytest.mark.parametrize(("text", "said"), [
+    ("G0 X100 Y-50 Z180\nS12000 M3\nG1 X0 F15000\nM30\n", []),
+    ("G0 X100.1\nX-5000\nM30\n", [(1, "X", 100.1), (2, "X", -5000.0)]),
+    ("G91 G1 X60 F100\nX60\nX-60\nM30\n", [(2, "X", 120.0)]),
+    ("S30000 M3\nG1 X5 F100\nX0\nM30\n", [(1, "S", 30000.0)]),
+    ("S50 M3\nM30\n", [(1, "S", 50.0)]),
+    ("S30000\nG1 X5 F100\nM30\n", []),  # the spindle stands
+    ("G1 X5 F99000\nX0\nX5 F100\nX0 F99000\nM30\n", [(1, "F", 99000.0), (4, "F", 99000.0)]),
+    ("S2000 M3\nG95 G1 X5 F8\nM30\n", [(2, "F", 16000.0)]),
+    ("G93 G1 X50 F400\nM30\n", [(1, "F", 20000.0)]),
+    ("G20\nG1 X1 F600\nM30\n", [(2, "F", 15240.0)]),
+    # circle about Y40 of radius 20: its top passes the travel, its ends do not
+    ("G0 X-20 Y40\nG2 X20 Y40 I20 J0 F100\nM30\n", [(2, "Y", 60.0)]),
+    ("G0 X-20 Y40\nG3 X20 Y40 I20 J0 F100\nM30\n", []),
+    ("G0 X90 Y0\nG2 I-20 F100\nM30\n", []),
+    ("G0 X90 Y0\nG2 I20 F100\nM30\n", [(2, "X", 130.0)]),
+])  # fmt: skip
 def test_each_line_that_leaves_the_machine(text: str, said: list[tuple[int, str, float]]) -> None:
     assert violations(text) == [(line, what, pytest.approx(value)) for line, what, value in said]
 
@@ -112,15 +109,12 @@ def test_extents_are_those_of_the_interpolated_path(plane: str) -> None:
         assert np.all(np.abs(path.max(0) - most)[moved] < 0.11)
 
 
-@pytest.mark.parametrize(
-    ("limits", "said"),
-    [
-        ({"travel": {"U": (0.0, 1.0)}}, "travel names U"),
-        ({"travel": {"X": (5.0, -5.0)}}, r"travel.X = \[5, -5\] must rise"),
-        ({"spindle_rpm": (12000.0, 0.0)}, "spindle_rpm"),
-        ({"feed_mm_min": (-1.0, 5.0)}, "feed_mm_min = -1.0 must be"),
-    ],
-)
+@pytest.mark.parametrize(("limits", "said"), [
+    ({"travel": {"U": (0.0, 1.0)}}, "travel names U"),
+    ({"travel": {"X": (5.0, -5.0)}}, r"travel.X = \[5, -5\] must rise"),
+    ({"spindle_rpm": (12000.0, 0.0)}, "spindle_rpm"),
+    ({"feed_mm_min": (-1.0, 5.0)}, "feed_mm_min = -1.0 must be"),
+])  # fmt: skip
 def test_limits_that_are_none_are_refused(limits: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         MachineLimits(**limits)  # type: ignore[arg-type]

@@ -1,25 +1,28 @@
 """What a simulated program comes to: sums that agree, a trace that ends with the program."""
 
 import json
+from hashlib import sha256
 
 import numpy as np
+import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
 from pipeline.gcode.moves import METRE_PER_SECOND, Kind
 from pipeline.machine.control.parameters import ControlParameters
-from pipeline.twin.control import Overrides, planned_program
+from pipeline.twin.control import Overrides, planned_program, program_moves
 from pipeline.twin.simulation import (
     TYPES,
     block_table,
     blocks,
     limit_words,
+    simulate_files,
     summary,
     type_of,
     write_trace,
 )
 from tests.machine.programs import Writer
-from tests.submodels.control.part_programs import axis, exciting, moves_of, truth
+from tests.submodels.control.part_programs import SETUP, axis, exciting, moves_of, truth
 
 MILLISECOND = 1e-3
 """Times are rounded to it: each term of a sum is off by half of it."""
@@ -159,3 +162,40 @@ def test_a_program_without_rows_has_no_trace(tmp_path):
     with pytest.raises(ValueError, match="the program has no rows"):
         write_trace(planned_program(Writer().moves, truth()), tmp_path / "trace.parquet")
     assert summary(planned_program(Writer().moves, truth()), "none")["total_time_s"] == 0.0
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    raw = tmp_path_factory.mktemp("raw")
+    out = raw.parent / "out"
+    (raw / "programs").mkdir()
+    good, bad = raw / "programs/good.nc", raw / "programs/bad.nc"
+    good.write_text("\n".join(exciting()) + "\n")
+    bad.write_text("G21 G90\nG1 X10 F500\nG2 X20 Y0 I500 F100\nM30\n")
+    simulate_files(
+        {"good": good, "bad": bad}, raw, truth(), SETUP, out, machine="mill", origin="simulated"
+    )
+    return raw, out
+
+
+def test_a_program_is_stored_with_its_times_and_the_bytes_it_was_read_from(written):
+    raw, out = written
+    path = raw / "programs/good.nc"
+    document = json.loads((out / "good.json").read_text())
+    plan = planned_program(program_moves(path, SETUP), truth())
+    assert document["total_time_s"] == pytest.approx(plan.total, abs=5e-4)
+    assert document["refused"] is None
+    assert document["sha256"] == sha256(path.read_bytes()).hexdigest()
+    assert (document["file"], document["program"]) == ("programs/good.nc", "good")
+    assert (document["machine"], document["origin"]) == ("mill", "simulated")
+    table = pd.read_parquet(out / "good.parquet")
+    assert len(table) == document["blocks"] == len(plan.path.moves)
+    assert table["time"].sum() == pytest.approx(plan.total, rel=1e-12)
+
+
+def test_a_program_that_cannot_be_followed_is_refused_with_file_and_line(written):
+    _, out = written
+    document = json.loads((out / "bad.json").read_text())
+    assert "bad.nc:3:" in document["refused"]
+    assert document["total_time_s"] is None
+    assert not (out / "bad.parquet").exists()

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 
 from pipeline.gcode.codes.motion import TAPPING, check_feed, programmed, seconds
 from pipeline.gcode.modal import CANCELLED, FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import INCREMENT, FeedMode, Kind, PathMode
-from pipeline.gcode.offsets import IN_PLANE
+from pipeline.gcode.moves import IN_PLANE, INCREMENT, FeedMode, Kind, PathMode
 from pipeline.gcode.run import AXES, Block, Cycle, Run
 from pipeline.gcode.statements import Number, WordItem
 

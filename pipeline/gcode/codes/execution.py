@@ -5,7 +5,6 @@ from operator import itemgetter
 
 from pipeline.gcode.codes import motion, tools, work_offsets
 from pipeline.gcode.codes.cycles import drill
-from pipeline.gcode.corner import begin_corner, finish_corner
 from pipeline.gcode.modal import (
     CANCELLED,
     FANUC,
@@ -21,7 +20,7 @@ from pipeline.gcode.modal import (
     step_of,
 )
 from pipeline.gcode.moves import INCH, INCREMENT, FeedMode, Kind, PathMode
-from pipeline.gcode.run import AXES, Block, Run
+from pipeline.gcode.run import AXES, Block, Run, begin_corner, finish_corner
 from pipeline.gcode.statements import (
     ExpressionError,
     Number,
@@ -269,13 +268,6 @@ def _units(run: Run, block: Block, code: int, item: WordItem) -> None:
         run.feed_unit = run.state.unit
 
 
-def _distance(run: Run, block: Block, code: int, item: WordItem) -> None:
-    if code in (900, 910):
-        run.state.absolute = int(code == 900)
-    else:
-        run.state.arc_absolute = int(code == 901)
-
-
 def _feed_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     mode = FEED_MODES[code]
     if mode != run.state.feed_mode:
@@ -284,8 +276,12 @@ def _feed_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
         run.state.feed = 0.0
 
 
-def _retract(run: Run, block: Block, code: int, item: WordItem) -> None:
-    run.retract_to_r = code == 990
+def _mode(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """G90 and G91, of centres G90.1 and G91.1; G98 and G99."""
+    if code in (980, 990):
+        run.retract_to_r = code == 990
+    else:
+        setattr(run.state, "absolute" if code in (900, 910) else "arc_absolute", int(code < 910))
 
 
 def _path_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
@@ -398,8 +394,8 @@ def _move(run: Run, block: Block) -> None:
         motion.straight(run, block, 0 if code not in (0, 10) else code, item)
     elif item is not None and run.state.dialect == LINUXCNC and code not in (0, 10, CANCELLED):
         raise block.error(item, f"{g_code(code)} has no axis words: add them")
-    if 90 in block.modifiers and run.rows.count:
-        run.exact_stop()
+    if 90 in block.modifiers and run.rows.count:  # G9: the last row ends standing still
+        run.rows.arrays["path_mode"][run.rows.count - 1] = PathMode.EXACT_STOP
 
 
 _MOVING = frozenset(AXES) | frozenset("RIJK@^")
@@ -418,8 +414,7 @@ HANDLERS: dict[int, Handler] = {
     **dict.fromkeys((50, 51), _look_ahead),
     **dict.fromkeys((1030, 1870), _quality),
     **dict.fromkeys((90, 530, 310), _modifier),
-    **dict.fromkeys((900, 910, 901, 911), _distance),
-    **dict.fromkeys((980, 990), _retract),
+    **dict.fromkeys((900, 910, 901, 911, 980, 990), _mode),
     **dict.fromkeys((600, 610, 611, 620, 630, 640), _path_mode),
     **dict.fromkeys(GROUPS["compensation"].codes, tools.cutter_side),
     **dict.fromkeys(GROUPS["length"].codes, tools.tool_length),

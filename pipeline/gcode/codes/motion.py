@@ -18,8 +18,7 @@ from pipeline.gcode.geometry import (
     sweep,
 )
 from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import FeedMode, Kind
-from pipeline.gcode.offsets import IN_PLANE
+from pipeline.gcode.moves import IN_PLANE, FeedMode, Kind
 from pipeline.gcode.run import AXES, Block, Run
 from pipeline.gcode.statements import WordItem
 
@@ -212,7 +211,11 @@ def _check_radii(
 ) -> None:
     first, second, _ = IN_PLANE[run.state.plane]
     u_c, v_c = centre
-    tolerance, relative = arc_tolerances(run)
+    tolerance, relative = run.setup.arc_tolerance, 0.0
+    if run.state.dialect == LINUXCNC:
+        inch = run.state.unit != 1.0
+        tolerance = LINUXCNC_INCH_TOLERANCE if inch else LINUXCNC_TOLERANCE
+        relative = RELATIVE_RADIUS
     verdict = radii_agree(
         start[first], start[second], end[first], end[second], u_c, v_c, tolerance, relative
     )
@@ -227,14 +230,6 @@ def _check_radii(
         f"the arc starts {r_0:.6g} mm from its centre and ends {r_1:.6g} mm from it, more than "
         f"{tolerance:g} mm apart: correct the end point or I, J, K",
     )
-
-
-def arc_tolerances(run: Run) -> tuple[float, float]:
-    """Allowed difference of the radii of an arc's start and end: [mm] and relative [1]."""
-    if run.state.dialect == LINUXCNC:
-        inch = run.state.unit != 1.0
-        return LINUXCNC_INCH_TOLERANCE if inch else LINUXCNC_TOLERANCE, RELATIVE_RADIUS
-    return run.setup.arc_tolerance, 0.0
 
 
 def _centre_of_r(

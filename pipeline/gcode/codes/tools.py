@@ -151,14 +151,6 @@ def spindle_mode(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.state.constant_surface_speed = constant
 
 
-def spindle_code(run: Run, block: Block, code: int, item: WordItem) -> None:
-    """M3, M4, M5, M13, M14 (with coolant) and M19."""
-    run.state.direction = SPINDLE_DIRECTION[code]
-    run.add_row(Kind.SPINDLE, block.line, code=code)
-    if code in (13, 14):
-        run.add_row(Kind.M_CODE, block.line, code=8)
-
-
 WITHOUT_MOTION = {
     **dict.fromkeys((48, 49, 60, 7, 8, 9), ""),
     **dict.fromkeys((50, 51, 52, 53, 62, 63, 64, 65), "P"),
@@ -171,8 +163,12 @@ WITHOUT_MOTION = {
 
 def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
     """Carry out one M code."""
-    if code in SPINDLE_DIRECTION and (code <= 5 or code == 19 or run.state.dialect != LINUXCNC):
-        spindle_code(run, block, code, item)
+    linuxcnc = run.state.dialect == LINUXCNC
+    if code in SPINDLE_DIRECTION and (code <= 5 or code == 19 or not linuxcnc):
+        run.state.direction = SPINDLE_DIRECTION[code]
+        run.add_row(Kind.SPINDLE, block.line, code=code)
+        if code in (13, 14):  # with coolant
+            run.add_row(Kind.M_CODE, block.line, code=8)
     elif code in (0, 1):
         run.add_row(Kind.STOP, block.line, code=code)
     elif code in (2, 30) or (code == 17 and run.dialect == "siemens"):
@@ -182,18 +178,16 @@ def m_code(run: Run, block: Block, code: int, item: WordItem) -> None:
             close_contour(run)
             run.add_row(Kind.END, block.line)
         block.flow = Jump(kind="return" if returns else "end", item=item)
-    elif code in (6, 61) and (code == 6 or run.state.dialect == LINUXCNC):
+    elif code == 6 or (code == 61 and linuxcnc):
         _tool_change(run, block, code, item)
-    elif code in (98, 198):
-        _subprogram(run, block, item)
+    elif code in (98, 198) or (code == 97 and "P" in block.words and not linuxcnc):
+        _subprogram(run, block, code, item)
     elif code == 99:
         number = block.take("P")
         where = None if number is None else block.whole("P", number, 0, LARGEST)
         block.flow = Jump(kind="return", item=item, number=where)
-    elif run.state.dialect == LINUXCNC:
+    elif linuxcnc:
         _linuxcnc_m(run, block, code, item)
-    elif code == 97 and "P" in block.words:
-        _local_subprogram(run, block, item)
     else:
         run.rigid = run.rigid or code == 29
         run.add_row(Kind.M_CODE, block.line, code=code, value=_plain_p(run, block, code, item))
@@ -228,25 +222,16 @@ def _tool_change(run: Run, block: Block, code: int, item: WordItem) -> None:
     run.add_row(Kind.TOOL_CHANGE, block.line)
 
 
-def _subprogram(run: Run, block: Block, item: WordItem) -> None:
-    """M98 P L, or P with the count before the last four digits."""
+def _subprogram(run: Run, block: Block, code: int, item: WordItem) -> None:
+    """M98 P L, or P with the count before the last four digits; M97 P L of a Haas, from N P on."""
     number = block.whole("P", block.need("P", "M98", item), 0, LARGEST)
-    count = block.take("L")
+    count, times, local = block.take("L"), 1, code == 97
     if count is not None:
         times = block.whole("L", count, 0, MOST_CALLS)
-    elif run.state.dialect != LINUXCNC and number > 9999:
+    elif run.state.dialect != LINUXCNC and number > 9999 and not local:
         times, number = number // 10_000, number % 10_000
-    else:
-        times = 1
-    block.flow = Jump(kind="call", item=item, number=number, count=times)
-
-
-def _local_subprogram(run: Run, block: Block, item: WordItem) -> None:
-    """M97 P L of a Haas: the lines from N P to M99 in the same program."""
-    number = block.whole("P", block.need("P", "M97", item), 0, LARGEST)
-    count = block.take("L")
-    times = 1 if count is None else block.whole("L", count, 0, MOST_CALLS)
-    block.flow = Jump(kind="local call", item=item, number=number, count=times)
+    kind = "local call" if local else "call"
+    block.flow = Jump(kind=kind, item=item, number=number, count=times)
 
 
 def _plain_p(run: Run, block: Block, code: int, item: WordItem) -> float:

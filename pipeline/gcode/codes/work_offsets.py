@@ -2,8 +2,7 @@
 
 from pipeline.gcode.codes.motion import target
 from pipeline.gcode.modal import FANUC, LINUXCNC, g_code
-from pipeline.gcode.moves import Kind
-from pipeline.gcode.offsets import IN_PLANE
+from pipeline.gcode.moves import IN_PLANE, Kind
 from pipeline.gcode.run import AXES, Block, Run
 from pipeline.gcode.setup import ZERO
 from pipeline.gcode.statements import WordItem

@@ -11,9 +11,8 @@ Source: Sinumerik 840D sl, Programming Manual Fundamentals, Job Planning, Cycles
 from collections.abc import Callable
 
 from pipeline.gcode.dialects.siemens_line import LineReader
-from pipeline.gcode.dialects.siemens_memory import SQUARE, ModalMemory, tilt
 from pipeline.gcode.dialects.siemens_tokens import TokenStream
-from pipeline.gcode.dialects.siemens_words import AXES, token_of
+from pipeline.gcode.dialects.siemens_words import AXES, SQUARE, ModalMemory, tilt, token_of
 from pipeline.gcode.moves import INCH
 from pipeline.gcode.program import Line
 from pipeline.gcode.setup import Setup

@@ -15,30 +15,34 @@ from pipeline.gcode.dialects.siemens_cycles import (
     POCKETS,
     CycleCall,
     CycleError,
+    Pocket,
     Words,
     cycle_call,
     hole,
     places,
 )
-from pipeline.gcode.dialects.siemens_flow import (
+from pipeline.gcode.dialects.siemens_tokens import (
+    ARGUMENT,
     COMPUTED,
     JUMPS,
     KIND,
+    OMITTED,
     WORDS,
+    Token,
     call_of,
     control_of,
 )
-from pipeline.gcode.dialects.siemens_memory import UNROTATED, Values, rotated
-from pipeline.gcode.dialects.siemens_pockets import Pocket
-from pipeline.gcode.dialects.siemens_tokens import ARGUMENT, OMITTED, Token
 from pipeline.gcode.dialects.siemens_words import (
     AXES,
     FEEDS,
     FOREIGN_M,
     LETTERS,
+    UNROTATED,
     WITH_MOTION,
     WITHOUT_MOTION,
+    Values,
     WordReader,
+    rotated,
 )
 from pipeline.gcode.statements import Expression, Number, Parameter, WordItem
 

@@ -26,25 +26,32 @@ WITHOUT_EFFECT = (3003, 3004, 3005)
 ALARM, STOP = 3000, 3006
 
 
-class FanucVariables:
-    """Local, common and system variables."""
+class _WithLocals:
+    """Variables of which each macro or subroutine has its own: ``#1`` to ``#33``, local names."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
-        self.locals: list[dict[int, float]] = [{}]
-        self.common: dict[int, float] = {}
+        self.locals: list[dict[int | str, float]] = [{}]
         self.line = 0
-        self.stops = 0
-        for key, value in run.setup.parameters.items():
-            self.write(key, value)
 
     def enter(self, arguments: dict[int, float]) -> None:
-        """Begin a macro with its own local variables."""
-        self.locals.append(dict(arguments))
+        """Begin a macro or subroutine with its own local variables."""
+        self.locals.append(dict(arguments.items()))
 
     def leave(self) -> None:
         """Return to the caller's local variables."""
         self.locals.pop()
+
+
+class FanucVariables(_WithLocals):
+    """Local, common and system variables."""
+
+    def __init__(self, run: Run) -> None:
+        super().__init__(run)
+        self.common: dict[int | str, float] = {}
+        self.stops = 0
+        for key, value in run.setup.parameters.items():
+            self.write(key, value)
 
     def read(self, key: int | str) -> float | None:
         """Value, None where it is vacant."""
@@ -171,26 +178,16 @@ ROTATION = 9
 """Place of R among the ten variables of a work offset."""
 
 
-class LinuxcncParameters:
+class LinuxcncParameters(_WithLocals):
     """Numbered and named parameters."""
 
     def __init__(self, run: Run) -> None:
-        self.run = run
-        self.locals: list[dict[int | str, float]] = [{}]
+        super().__init__(run)
         self.globals: dict[int | str, float] = {"_value": 0.0, "_value_returned": 0.0}
-        self.line = 0
         self.unit = INCH if run.setup.inch_machine else 1.0
         for key, value in run.setup.parameters.items():
             self.write(key, value)
         run.remap()
-
-    def enter(self, arguments: dict[int, float]) -> None:
-        """Begin a subroutine with its own #1 to #30 and local names."""
-        self.locals.append({number: value for number, value in arguments.items()})
-
-    def leave(self) -> None:
-        """Return to the caller's local parameters."""
-        self.locals.pop()
 
     def read(self, key: int | str) -> float | None:
         """Value; a number without one reads 0, a name without one is an error."""
@@ -320,12 +317,8 @@ _PLACES = (
 )
 
 
-def _axis(axis: int) -> Callable[[Run], float]:
-    return lambda run: run.point[axis] / _unit(run, axis)
-
-
-def _machine_axis(axis: int) -> Callable[[Run], float]:
-    return lambda run: run.state.position[axis] / _unit(run, axis)
+def _axis(axis: int, *, machine: bool = False) -> Callable[[Run], float]:
+    return lambda run: (run.state.position if machine else run.point)[axis] / _unit(run, axis)
 
 
 def _is(name: str, value: int) -> Callable[[Run], float]:
@@ -335,7 +328,7 @@ def _is(name: str, value: int) -> Callable[[Run], float]:
 _PREDEFINED: dict[str, Callable[[Run], float]] = {
     **{f"_{letter}": _axis(axis) for axis, letter in enumerate("xyzabc")},
     **{f"_{letter}": lambda run: 0.0 for letter in "uvw"},
-    **{f"_abs_{letter}": _machine_axis(axis) for axis, letter in enumerate("xyzabc")},
+    **{f"_abs_{letter}": _axis(axis, machine=True) for axis, letter in enumerate("xyzabc")},
     "_vmajor": lambda run: 2.9,
     "_vminor": lambda run: 0.0,
     "_metric": lambda run: float(run.state.unit == 1.0),

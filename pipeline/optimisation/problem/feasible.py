@@ -29,9 +29,9 @@ from pipeline.optimisation.problem.spindle import allowed_power, chatter_of
 from pipeline.schema.arrays import Bools, Floats, Rows
 from pipeline.schema.limits import CutLimit, limit_words
 from pipeline.twin.cut.blocks import cut_blocks, station_arcs
-from pipeline.twin.cut.cost import tool_life
 from pipeline.twin.cut.document import CutBasis
 from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import tool_life
 
 AT = 0.98
 """Share of a limit from which a row counts as at it: words of F and S are rounded."""

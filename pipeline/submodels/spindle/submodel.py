@@ -54,13 +54,15 @@ from pipeline.submodels.spindle.fit import (
 )
 from pipeline.submodels.spindle.structure import FEWEST_DAYS, identify_spindle_network
 from pipeline.thermal.network import SOURCES
-from pipeline.twin.residual import NODES, load_forest, save_forest
 from pipeline.twin.spindle import (
+    NODES,
     TARGET,
     SpindleFitFacts,
     SpindleModelFile,
     SpindleRecords,
+    load_forest,
     load_spindle_model,
+    save_forest,
     spindle_stretches,
 )
 

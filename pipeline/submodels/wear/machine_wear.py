@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pipeline.schema.si import N_MM2
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Verdict
-from pipeline.twin.cut.wear import NOT_RECORDED, KnownWear, LandGrowth, MachineWear
+from pipeline.twin.cut.coefficients import NOT_RECORDED, KnownWear, LandGrowth, MachineWear
 
 if TYPE_CHECKING:
     from pipeline.submodels.wear.due import EdgeGrowth

@@ -6,6 +6,6 @@ path at which the engagement is known.
 """
 
 __all__ = [
-    "axes", "blocks", "coefficients", "cost", "document", "limits", "loads", "path", "stability",
-    "tables", "warnings", "wear",
+    "axes", "blocks", "coefficients", "document", "loads", "path", "stability", "tables",
+    "warnings",
 ]  # fmt: skip

@@ -162,20 +162,13 @@ def follow_cut(
     step = float(path.time[1] - path.time[0])
     fastest = float(load.tooth_frequency.max(initial=0.0))
     many = int(np.clip(np.ceil(PER_TOOTH * fastest * step), SUBSTEPS, MOST_SUBSTEPS))
-    loaded = {
-        letter: _as_in_air(
-            followed(letter, known[letter], path, _load(load, letter, step, many), many), one
-        )
-        for letter, one in air.items()
-    }
+    loaded = {}
+    for letter, one in air.items():
+        pushed = _load(load, letter, step, many)
+        loaded[letter] = followed(letter, known[letter], path, pushed, many)
+        if one.residual is not None:
+            loaded[letter] = with_residual(loaded[letter], one.residual, one.half_width)
     return CutFollowing(air=air, cut=loaded, load=load)
-
-
-def _as_in_air(loaded: AxisFollowing, air: AxisFollowing) -> AxisFollowing:
-    """An axis under the force with the residual that it has in air, if any."""
-    if air.residual is None:
-        return loaded
-    return with_residual(loaded, air.residual, air.half_width)
 
 
 def axes_in_cut(following: CutFollowing, lines: NDArray[np.integer]) -> tuple[AxisInCut, ...]:

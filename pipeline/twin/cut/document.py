@@ -27,15 +27,22 @@ from pipeline.schema.program_cut import (
     ToolTotals,
     WorstBlock,
 )
-from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, station_arcs
-from pipeline.twin.cut.coefficients import ToolCoefficients
-from pipeline.twin.cut.cost import cost_of, electricity, tool_life
-from pipeline.twin.cut.limits import cut_limits
+from pipeline.twin.cut.blocks import CutBlocks, StationArcs, cut_blocks, cut_limits, station_arcs
+from pipeline.twin.cut.coefficients import ToolCoefficients, ToolWear, tool_edges
 from pipeline.twin.cut.loads import Cut
 from pipeline.twin.cut.stability import Stability, stability, stability_lobes
-from pipeline.twin.cut.tables import CutResults, block_rows, by_tool, cut_trace, figure, summary
+from pipeline.twin.cut.tables import (
+    CutResults,
+    block_rows,
+    by_tool,
+    cost_of,
+    cut_trace,
+    electricity,
+    figure,
+    summary,
+    tool_life,
+)
 from pipeline.twin.cut.warnings import cut_warnings, setup_warnings
-from pipeline.twin.cut.wear import ToolWear, tool_edges
 from pipeline.twin.preflight import clearance_not_checked
 
 WORST = 15

@@ -1,6 +1,6 @@
 """Path of a program's tools through its stock: straight pieces in work coordinates.
 
-A frame of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/offsets.py); its tool
+A frame of ``Moves`` adds up work offset, G52, G92 and tool length (gcode/modal.py); its tool
 length follows from the offsets in force before the program, and holds until the next G43.
 
 Arcs, helices and spirals become chords.  A chord over the angle d of p(phi) leaves it by at most
@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.cutting.engagement.engagement import ToolPath
-from pipeline.gcode.moves import METRE, RADIAN, Frame, Kind, Moves
+from pipeline.gcode.moves import IN_PLANE, METRE, RADIAN, Frame, Kind, Moves
 from pipeline.gcode.setup import ZERO, Vector
 from pipeline.machine.control.path import where
 from pipeline.schema.arrays import Bools, Floats, Rows
@@ -144,7 +144,6 @@ WIDEST = np.pi / 12
 """Greatest angle of a chord, so that the direction of feed stays that of the arc [rad]."""
 TURNED = 1e-6
 """Tolerance of the rotary axes up to which the tool counts as upright in its stock [deg]."""
-IN_PLANE = {17: (0, 1), 18: (2, 0), 19: (1, 2)}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -271,11 +270,11 @@ def _chords(moves: Moves, rows: Rows, chord: float) -> tuple[Floats, Floats, Row
     step = end - start
     a, b = start + (place / many)[:, None] * step, start + ((place + 1) / many)[:, None] * step
     arc = (moves.kind[row] == Kind.ARC) & (moves.angle[row] != 0)
-    for plane, axes in IN_PLANE.items():
+    for plane, (u, v, _) in IN_PLANE.items():
         here = arc & (moves.plane[row] == plane)
         if here.any():
-            _onto_arcs(moves, row[here], (place / many)[here], axes, a, here)
-            _onto_arcs(moves, row[here], ((place + 1) / many)[here], axes, b, here)
+            _onto_arcs(moves, row[here], (place / many)[here], (u, v), a, here)
+            _onto_arcs(moves, row[here], ((place + 1) / many)[here], (u, v), b, here)
     last = place == many - 1
     b[last] = end[last]
     return a, b, row

@@ -1,6 +1,6 @@
 """Warnings before a part is cut: its limits, the blank, chatter, tools that do not fit."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -8,12 +8,14 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
 from pipeline.cutting.tool import odd_sizes, tool_limits
+from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
+from pipeline.cutting.tool import tool_limits
+from pipeline.cutting.tool_sizes import odd_sizes
 from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Rows
 from pipeline.schema.program_cut import CutWarning
-from pipeline.twin.cut.blocks import CutBlocks
-from pipeline.twin.cut.limits import CutLimits
+from pipeline.twin.cut.blocks import CutBlocks, CutLimits
 from pipeline.twin.cut.loads import Cut
 from pipeline.twin.preflight import contact_violations, preflight_warnings
 
@@ -147,7 +149,9 @@ def _damped(
     if dynamics is None:
         return None
     tips = dynamics.of(cut.numbers)
-    slowest = np.array([_lowest_mode_Hz(tip) for tip in tips])[blocks.tool]
+    slowest = np.array([
+        min((mode.natural_frequency_Hz for mode in tip or ()), default=0.0) for tip in tips
+    ])[blocks.tool]  # fmt: skip
     radius = np.array([tool.radius for tool in cut.tools])[blocks.tool]
     speed = 2 * np.pi * radius * blocks.spindle_speed / 60
     wave = np.divide(speed, slowest, out=np.full(len(speed), np.inf), where=slowest > 0)
@@ -160,13 +164,6 @@ def _damped(
         "damping, which is not counted, may let these blocks cut deeper, by how much is not known",
         "Try the cut with care, or identify the process damping; do not count on it.",
     )  # fmt: skip
-
-
-def _lowest_mode_Hz(tip: Sequence[Mode] | None) -> float:
-    """Natural frequency of the lowest mode [Hz]; 0 where none is known."""
-    if tip is None:
-        return 0.0
-    return min(mode.natural_frequency_Hz for mode in tip)
 
 
 def _too_deep(cut: Cut, blocks: CutBlocks) -> Rows:
@@ -190,13 +187,14 @@ def _below(cut: Cut) -> Rows:
 
 def setup_warnings(cut: Cut, table: str) -> tuple[CutWarning, ...]:
     """Misfits of tools and registers with the program; ``table``: the tool table as named."""
+    moves, tools = cut.plan.path.moves, dict(zip(cut.numbers, cut.tools, strict=True))
     return (
         *_odd_sizes(cut, table),
         *_backwards(cut),
         *_without_radius(cut),
         *_cutting_nothing(cut),
         *_not_listed(cut),
-        *_contacts(cut),
+        *preflight_warnings(contact_violations(moves, cut.path, tools, cut.blank)),
     )
 
 
@@ -275,9 +273,3 @@ def _not_listed(cut: Cut) -> Iterator[CutWarning]:
             do="Add it to the tool table.",
             lines=_each_once(lines),
         )
-
-
-def _contacts(cut: Cut) -> tuple[CutWarning, ...]:
-    tools = dict(zip(cut.numbers, cut.tools, strict=True))
-    moves = cut.plan.path.moves
-    return preflight_warnings(contact_violations(moves, cut.path, tools, cut.blank))

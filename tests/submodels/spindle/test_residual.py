@@ -28,6 +28,9 @@ from pipeline.submodels.spindle.days import IntervalSettings
 from pipeline.submodels.spindle.fit import SpindleFitSettings
 from pipeline.twin.residual import NODES, Forest, feature_names, load_forest, save_forest
 from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
+from pipeline.submodels.spindle.intervals import IntervalSettings
+from pipeline.submodels.spindle.residual import Examples, ForestSettings, examples, fitted_forest
+from pipeline.twin.spindle import NODES, TARGET, Forest, SpindleRecords, feature_names, load_forest, save_forest, spindle_stretches
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
 QUICK = ForestSettings(trees=8, depth=6, leaf=5, every_s=1800.0, sample_s=300.0)
@@ -200,6 +203,8 @@ import sys
 from pathlib import Path
 from pipeline.submodels.spindle.calibration import fitted_forest
 from pipeline.twin.residual import save_forest
+from pipeline.submodels.spindle.residual import fitted_forest
+from pipeline.twin.spindle import save_forest
 from tests.submodels.spindle.test_residual import QUICK, noisy
 save_forest(fitted_forest(noisy(), QUICK), Path(sys.argv[1]))
 """

@@ -21,8 +21,7 @@ from pipeline.submodels.spindle.transfer import (
     transfer,
 )
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest
-from pipeline.twin.spindle import SpindleFitFacts, SpindleModelFile, SpindleRecords
+from pipeline.twin.spindle import Forest, SpindleFitFacts, SpindleModelFile, SpindleRecords
 from tests.small_project import inside, with_conf
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
