@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace
 from pipeline.optimisation.document import optimised_part, optimised_text
 from pipeline.optimisation.full_twin import Result

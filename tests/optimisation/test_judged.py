@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.job import machine_models

@@ -12,7 +12,7 @@ from math import pi
 import pytest
 import yaml
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
