@@ -750,7 +750,7 @@ def test_a_frozen_set_is_told_as_json(ingested: Path) -> None:
 def test_a_first_compilation_is_announced_once(tmp_path: Path) -> None:
     (tmp_path / "loop.py").write_text(
         "from numba import njit\n"
-        "from pipeline.app.compiling import announced\n"
+        "from pipeline.app.output import announced\n"
         "@njit\ndef twice(x): return 2 * x\n"
         "@njit\ndef thrice(x): return twice(x) + x\n"
         "with announced():\n    thrice(1), thrice(2), twice(1.0)\n"

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-import pipeline.app.own_machine
+import pipeline.app.commands
 import pipeline.app.program_commands  # noqa: F401, its commands
 from pipeline.app.commands import app
 from tests.small_project import new_project

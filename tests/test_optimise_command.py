@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.app.lines import between
+from pipeline.app.output import between
 from pipeline.schema.store import write_json
 from pipeline.submodels.compensation import model as compensation
 from tests.report.page_reader import outline, words

@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow.parquet as pq
 import pytest
 
-from pipeline.app.programs import simulate_program
+from pipeline.app.simulate import simulate_program
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.machine.control.planner import Plan
 from pipeline.schema.model import Band, Correlation

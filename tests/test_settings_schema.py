@@ -12,10 +12,9 @@ import yaml
 from jsonschema import Draft202012Validator
 from typer.testing import CliRunner
 
-from pipeline.app.json_schema import machine_sections, schema_files
+from pipeline.app.commands import app
+from pipeline.app.json_schema import classes_below, machine_sections, schema_files, settings
 from pipeline.app.machine import write_machine
-from pipeline.app.own_machine import app
-from pipeline.app.settings_fields import classes_below, settings
 from pipeline.app.settings_page import page
 from pipeline.schema.store import structured
 from tests.test_own_machine import DEVICE

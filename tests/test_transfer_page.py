@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from pipeline.app import transfer as command
 from pipeline.app.commands import app
-from pipeline.app.transfer_page import transfer_page, write_transfer_page
+from pipeline.app.transfer import transfer_page, write_transfer_page
 from pipeline.schema.store import read_json
 from pipeline.submodels.spindle.transfer import Transfer, TransferPoint, leader
 from tests.browser import foreign, look, needs_browser, requests

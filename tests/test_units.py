@@ -20,7 +20,7 @@ import numpy as np
 import pint
 import pytest
 
-from pipeline.app.settings_fields import settings
+from pipeline.app.json_schema import settings
 
 ROOMS = ("cutting", "machine", "thermal")
 REGISTRY = pint.UnitRegistry()

@@ -1,9 +1,6 @@
 """Command line of Kerf: records, state and champions of a fleet, part programs, cuts."""
 
-__all__ = [
-    "check", "compensation", "correction", "cut", "fleet", "main", "optimise", "programs",
-    "synthesise", "wear",
-]  # fmt: skip
+__all__ = ["main"]
 
 
 def main() -> None:
@@ -12,10 +9,9 @@ def main() -> None:
 
     gc.set_threshold(50_000)  # imports make many objects and no garbage: 5 to 8 % of a warm command
     from pipeline.app import commands, program_commands  # isort: skip
-    from pipeline.app import own_machine
     from pipeline.app.kerf import app
     from pipeline.schema.files import ended_by_signals
 
-    del commands, program_commands, own_machine  # imported so that their commands are there
+    del commands, program_commands  # imported so that their commands are there
     with ended_by_signals():
         app()

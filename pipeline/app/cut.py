@@ -1,18 +1,22 @@
 """Cut of a program on the command line: from options to loads, stability and cost."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import isfinite
 from pathlib import Path
 from typing import Any, cast, get_args
 
-from pipeline.app.programs import Controlled, Simulated
+from pipeline.app.output import aligned, between, many, rounded
+from pipeline.app.programs import Controlled
 from pipeline.app.tables import read_material, read_tools, section
 from pipeline.cutting.catalogue import CuttingCatalogue
 from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
+from pipeline.optimisation.full_twin import check_axes
+from pipeline.machine.control.planner import Plan
 from pipeline.optimisation.full_twin import check_axes
 from pipeline.optimisation.job import Workshop, cut_of
 from pipeline.optimisation.reliability.part_loads import cut_ranges, force_intervals
@@ -21,12 +25,23 @@ from pipeline.optimisation.settings import Part
 from pipeline.parameters import structure
 from pipeline.schema.limits import BY_TOOL, CutLimit, limit_options
 from pipeline.schema.part import Objective
-from pipeline.schema.program_cut import NotKnown, ProgramCut
+from pipeline.schema.program_cut import (
+    CutCost,
+    CutTotals,
+    CutWarning,
+    ForceInterval,
+    NotKnown,
+    ProgramCut,
+    ToolEdge,
+)
 from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.cut.coefficients import ToolWear, WearRule
 from pipeline.twin.cut.document import document_of
 from pipeline.twin.cut.loads import cut_program
 from pipeline.twin.preflight import preflight_warnings
+from pipeline.twin.cut.coefficients import ToolWear, WearRule
+from pipeline.twin.preflight import Preflight, preflight_warnings
+from pipeline.twin.program_axes import Residual
 
 AXES = "following error and motor command in the cut"
 REMEDY = {
@@ -161,14 +176,15 @@ def _option(name: str) -> str:
     return f"--{name.replace('_', '-')}"
 
 
-def cut_document(simulated: Simulated, options: CutOptions) -> ProgramCut:
-    """The cut of a simulated program, as it stands in the JSON of ``kerf simulate``."""
-    on = simulated.on
+def cut_document(
+    on: Controlled, plan: Plan, options: CutOptions, checked: Preflight, residual: Residual | None
+) -> ProgramCut:
+    """The cut of a planned program, as it stands in the JSON of ``kerf simulate``."""
     models = on.identified_models
     job, basis = cut_of(options.part, workshop_of(on, options), models.cutting, on.setup)
-    cut = cut_program(simulated.plan, job)
+    cut = cut_program(plan, job)
     document = document_of(cut, basis)
-    axes = check_axes(cut, models.drives, residual=simulated.residual)
+    axes = check_axes(cut, models.drives, residual=residual)
     certainty = on.optimisation.certainty
     ranges = cut_ranges(cut)
     used = {number: basis.coefficients[number] for number in ranges}
@@ -177,7 +193,7 @@ def cut_document(simulated: Simulated, options: CutOptions) -> ProgramCut:
     )  # fmt: skip
     forces = force_intervals(cut, uncertain, basis.coefficients, models.cutting, certainty.seed)
     unknown = [NotKnown(what=AXES, why=axes.reason)] if axes.reason else []
-    warnings = (*preflight_warnings(simulated.checked.violations), *document.warnings)
+    warnings = (*preflight_warnings(checked.violations), *document.warnings)
     return replace(
         document, axes=axes.axes, forces=forces, not_known=(*document.not_known, *unknown),
         warnings=warnings,
@@ -249,3 +265,124 @@ def _dynamics(sections: dict[str, Any], frf: Sequence[str]) -> TipDynamics | Non
         )  # fmt: skip
     modes = section(sections, "dynamics", TipModes)
     return None if modes is None else TipDynamics.of_modes(modes)
+
+
+def cut_lines(cut: ProgramCut) -> Iterator[str]:
+    """Lines of ``kerf simulate`` on a cut: tools, cost, warnings, unknown quantities."""
+    total = cut.summary
+    yield (
+        f"cut of {cut.stock.text} mm ({cut.stock.work_offset}) in {cut.material.name}: "
+        f"{rounded(total.volume_cm3)} cm3 removed, {_percent(total.air_share)} of the time at "
+        "feed in air"
+    )
+    for row in cut.basis:
+        if row.what.startswith(("forces of", "dynamics of", "tool life of")):
+            yield f"  {row.what}: {row.value} ({row.source})"
+    yield from edge_lines(cut.edges)
+    yield from _table(cut)
+    yield from force_lines(cut.forces)
+    if total.cost is not None:
+        causes = ("time", "tools", "energy", "sum")
+        parts = ", ".join(f"{name} {rounded(getattr(total.cost, name))}" for name in causes)
+        ends = between(total.cost.sum_low, total.cost.sum_high)
+        yield f"  cost of the part, {cut.currency}: {parts}{ends}"
+    if ends := between(total.tool_life_share_low, total.tool_life_share_high, 100):
+        yield f"  tool life of the part, %: {rounded(total.tool_life_share, 100)}{ends}"
+    for axis in cut.axes:
+        width = axis.half_width_um
+        within = f" ± {rounded(width)} um" if isfinite(width) else ""
+        yield (
+            f"  axis {axis.axis} in the cut: behind by up to {rounded(axis.following_um)} um"
+            f"{within} in line {axis.following_line} (in air {rounded(axis.following_air_um)}), "
+            f"draws up to {rounded(axis.command)} {axis.command_unit} in line "
+            f"{axis.command_line} (in air {rounded(axis.command_air)})"
+        )
+    yield from warning_lines(cut.warnings)
+    for moves in cut.left_out:
+        held = many(moves.rows, "move")
+        yield f"  left out: {moves.reason}, {held}, the first in {moves.first}"
+    for one in cut.not_known:
+        yield f"  not known: {one.what}, {one.why}"
+
+
+def edge_lines(edges: Sequence[ToolEdge]) -> Iterator[str]:
+    """Wear of each tool, and its force sharp and worn, in lines."""
+    for one in edges:
+        caution = f" ({one.caution})" if one.caution and one.wear_um else ""
+        yield f"  wear of T{one.tool}: {one.edge}{caution}"
+        if (of := one.forces) is not None:
+            what = "worn" if one.wear_um else f"at {rounded(of.wear_um)} um"
+            ends = f"{rounded(of.peak_load_low_N)} to {rounded(of.peak_load_high_N)}"
+            yield (
+                f"    load sharp {rounded(of.peak_load_sharp_N)} N, {what} "
+                f"{rounded(of.peak_load_N)} N ({ends}, 95 %); power "
+                f"{rounded(of.power_sharp_kW)} and {rounded(of.power_kW)} kW"
+            )
+
+
+def force_lines(forces: Sequence[ForceInterval]) -> Iterator[str]:
+    """Peak and mean force of each tool with its 90 % interval, and what was not learnt."""
+    for one in forces:
+        runout = f"; runout {one.runout}" if one.runout else ""
+        yield (
+            f"  force of T{one.tool}: peak {rounded(one.peak_load_N)} N "
+            f"({rounded(one.peak_load_low_N)} to {rounded(one.peak_load_high_N)}, 90 %), mean "
+            f"{rounded(one.mean_load_N)} N ({rounded(one.mean_load_low_N)} to "
+            f"{rounded(one.mean_load_high_N)}){runout}"
+        )
+        if one.outside:
+            yield f"    outside of what was learnt: {'; '.join(one.outside)}"
+
+
+def warning_lines(warnings: Sequence[CutWarning]) -> Iterator[str]:
+    """One line a warning, with the lines of the program; what is grave is in capitals."""
+    for one in warnings:
+        lines = ", ".join(map(str, one.lines[:MOST_LINES]))
+        more = ", ..." if len(one.lines) > MOST_LINES else ""
+        blocks = "" if one.blocks is None else f", {many(one.blocks, 'block')}"
+        where = f"{blocks}, line {lines}{more}" if lines else ""
+        yield f"  {'WARNING' if one.grave else 'warning'}: {one.what}{where}. {one.do}"
+
+
+MOST_LINES = 6
+"""Lines of the program that a warning names, at most."""
+COLUMNS: tuple[tuple[str, str, str, float], ...] = (
+    ("f_z", "mm", "feed_per_tooth_mm", 1),
+    ("a_p", "mm", "axial_depth_mm", 1),
+    ("a_e", "mm", "radial_depth_mm", 1),
+    ("load", "N", "peak_load_N", 1),
+    ("axial", "N", "axial_force_N", 1),
+    ("torque", "N m", "torque_Nm", 1),
+    ("power", "kW", "power_kW", 1),
+    ("drive", "%", "drive_share", 100),
+    ("deflection", "um", "deflection_um", 1),
+    ("stability", "%", "stability_margin", 100),
+    ("rate", "cm3/min", "removal_rate_cm3_min", 1),
+    ("air", "%", "air_share", 100),
+    ("life", "%", "tool_life_share", 100),
+    ("energy", "kWh", "energy_kWh", 1),
+    ("cost", "", "cost", 1),
+)
+"""Head, unit, key and factor of what is said of each tool."""
+
+
+def _table(cut: ProgramCut) -> Iterator[str]:
+    heads = ["tool", *(head for head, *_ in COLUMNS)]
+    units = ["", *(unit for _, unit, *_ in COLUMNS[:-1]), cut.currency or ""]
+    rows = [
+        [name, *(rounded(_value(row, key), factor) for *_, key, factor in COLUMNS)]
+        for name, row in (
+            *((f"T{row.tool}", row) for row in cut.by_tool),
+            ("part", cut.summary),
+        )
+    ]
+    yield from (f"  {line}" for line in aligned([heads, units, *rows], words=0))
+
+
+def _value(row: CutTotals, key: str) -> float | None:
+    value: float | CutCost | None = getattr(row, key)
+    return value.sum if isinstance(value, CutCost) else value
+
+
+def _percent(value: float | None) -> str:
+    return "an unknown share" if value is None else f"{100 * value:.0f} %"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import yaml
 
-from pipeline.app.lines import many
+from pipeline.app.output import many
 from pipeline.fleet import Fleet
 from pipeline.parameters import ParametersError, read_params, read_yaml, structure
 from pipeline.schema.days import UTC, day_of_text

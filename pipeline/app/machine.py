@@ -8,21 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from shutil import copy2
 
-from pipeline.app.fleet import CONF, DATA, machine_parameters
-from pipeline.app.machine_signals import Choice, SignalMapping, find_signals
-from pipeline.app.machine_tables import table_lines
+from pipeline.app.fleet import CONF, DATA
+from pipeline.app.machine_signals import Choice, SignalMapping, find_signals, table_lines
 from pipeline.app.records import (
-    ItemRecord,
     ItemSeries,
-    described_units,
     item_series,
-    machine_records,
 )
-from pipeline.parameters import structure
 from pipeline.schema.days import UTC, check_zone, days_of
 from pipeline.schema.files import replacing
 from pipeline.schema.identity import MachineIdentity
-from pipeline.signals.cleaning.settings import CleanMachine
 from pipeline.signals.formats import RecordSource, UnreadableFile, format_of
 from pipeline.signals.ingest import OBSERVING, ingest
 from pipeline.signals.mtconnect.devices import DeviceModel, chosen, read_devices
@@ -337,13 +331,3 @@ def _files(logs: Sequence[Path], devices: Path | None) -> Iterator[Path]:
     for path in logs:
         below = sorted(p for p in path.rglob("*") if p.is_file()) if path.is_dir() else [path]
         yield from (p for p in below if not devices or p.resolve() != devices.resolve())
-
-
-def records_of(machine: str) -> list[ItemRecord]:
-    """Rows of every item in the machine's ingested records."""
-    values = machine_parameters(machine)
-    signals = DATA / "signals" / machine
-    if not (signals / "manifest.json").exists():
-        raise ValueError(f"{signals} holds no records: run `dvc repro ingest@{machine}` first")
-    mapping = structure(values, f"machine.{machine}.mapping", CleanMachine)
-    return machine_records(signals, mapping.signal_of, described_units(signals))

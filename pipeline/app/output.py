@@ -1,4 +1,4 @@
-"""Output of the commands: files, ``-`` for standard output, and the log."""
+"""Output of the commands: files, ``-`` for standard output, the log, numbers and tables."""
 
 import json
 import logging
@@ -21,8 +21,11 @@ LEVELS = (logging.WARNING, logging.INFO, logging.DEBUG)
 """Log levels by the number of times that ``-v`` is given."""
 OWN = ("champions.json", "params.yaml", "dvc.yaml", "dvc.lock")
 """Files of a project that no output replaces."""
+ONCE = "kerf: compiling loops for this processor, which takes some seconds and is done once"
 STANDARD = Path("-")
 """Name of standard output where a file is named."""
+NONE = "-"
+"""Text in the place of a missing value."""
 
 
 @dataclass
@@ -176,3 +179,74 @@ def _check_writable(path: Path) -> None:
 
 class _TriedError(Exception):
     """A file beside could be begun; it is removed, as after any error."""
+
+
+def rounded(value: float | None, factor: float = 1, digits: int = 3) -> str:
+    """``value`` times ``factor`` with ``digits`` significant digits; integers whole.
+
+    >>> rounded(0.12345), rounded(1234.5), rounded(0.5, 100), rounded(12), rounded(None)
+    ('0.123', '1234', '50', '12', '-')
+    """
+    if value is None:
+        return NONE
+    if isinstance(value, int):
+        return str(int(value * factor))
+    shown = value * factor
+    return f"{shown:.0f}" if abs(shown) >= 10**digits else f"{shown:.{digits}g}"
+
+
+def between(low: float | None, high: float | None, factor: float = 1) -> str:
+    """The ends of an interval, to stand behind a value; nothing where there are none.
+
+    >>> between(0.5, 2.0), between(None, None)
+    (' (0.5 to 2)', '')
+    """
+    if low is None or high is None:
+        return ""
+    return f" ({rounded(low, factor)} to {rounded(high, factor)})"
+
+
+def many(count: int, what: str) -> str:
+    """A count with its noun: ``1 move``, ``2 moves``."""
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def aligned(rows: Sequence[Sequence[str]], *, words: int) -> Iterator[str]:
+    """Lines whose columns stand under each other; the first ``words`` columns are left aligned."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = [
+            word.ljust(width) if i < words else word.rjust(width)
+            for i, (word, width) in enumerate(zip(row, widths, strict=True))
+        ]
+        yield "  ".join(cells).rstrip()
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """While loops are compiled, standard error says so, on a terminal which; not if quiet."""
+    from numba.core import event
+
+    class Announcing(event.Listener):
+        loops = 0
+
+        def on_start(self, event: event.Event) -> None:
+            self.loops += 1
+            name = event.data["dispatcher"].py_func.__name__
+            LOG.debug("compiling %s", name)
+            if LOG.level < logging.ERROR:
+                if self.loops == 1:
+                    typer.echo(ONCE, err=True)
+                _on_terminal(f"{self.loops} loops: {name}")
+
+        def on_end(self, event: event.Event) -> None:
+            if LOG.level < logging.ERROR:
+                _on_terminal("")
+
+    with event.install_listener("numba:compile", Announcing()):
+        yield
+
+
+def _on_terminal(text: str) -> None:
+    if sys.stderr.isatty():
+        typer.echo(f"\r\x1b[K{text}", nl=False, err=True)

@@ -12,7 +12,7 @@ import typer
 
 import pipeline.app.kerf as kerf
 from pipeline.app.kerf import app, one_sentence, share_bar, stages_bar
-from pipeline.app.output import Outputs, check_outputs, outputs, step
+from pipeline.app.output import Outputs, announced, check_outputs, outputs, step
 from pipeline.schema.limits import BY_TOOL, limit_options
 
 SETTINGS = {
@@ -32,7 +32,6 @@ def _working() -> Iterator[Outputs]:
 
     A setting that is refused is named by the option that gave it, but for what stands in a file.
     """
-    from pipeline.app.compiling import announced
     from pipeline.parameters import ParametersError
 
     with one_sentence(), outputs() as to, announced():
@@ -72,8 +71,13 @@ def interpret(
         _restart(program, machine, dialect, at, json)
     if out is None:
         return
-    from pipeline.app.moves_table import ROWS_AT_ONCE, write_moves
-    from pipeline.app.programs import machine_setup, moves_in_parts, passed_over
+    from pipeline.app.programs import (
+        ROWS_AT_ONCE,
+        machine_setup,
+        moves_in_parts,
+        passed_over,
+        write_moves,
+    )
 
     with _working() as to:
         file = to.file(out, ".csv") or out
@@ -174,7 +178,7 @@ def preflight(
 
     What machine and tool table do not list is named, not checked.
     """
-    from pipeline.app.preflight import (
+    from pipeline.app.check import (
         Clearance,
         clearance_lines,
         preflight_lines,
@@ -219,12 +223,15 @@ def check(
 
     With machine, tool table and blank it warns of a shank or holder that meets the part.
     """
-    from pipeline.app.check import check_lines, check_programs, machine_lines, range_lines
-    from pipeline.app.preflight import (
+    from pipeline.app.check import (
         Clearance,
+        check_lines,
+        check_programs,
         clearance_lines,
+        machine_lines,
         preflight_lines,
         preflight_program,
+        range_lines,
     )
 
     with _working() as to:
@@ -334,10 +341,15 @@ def optimise(
 
     Ctrl-C ends the search and writes the best so far.
     """
+    from pipeline.app.check import beyond_lines, not_checked_lines
     from pipeline.app.cut import cut_options
-    from pipeline.app.optimise import SearchOptions, interruptible, optimise_part, write_optimised
-    from pipeline.app.optimise_lines import optimise_lines
-    from pipeline.app.preflight import beyond_lines, not_checked_lines
+    from pipeline.app.optimise import (
+        SearchOptions,
+        interruptible,
+        optimise_lines,
+        optimise_part,
+        write_optimised,
+    )
     from pipeline.app.programs import machine_control, read_moves
     from pipeline.twin.preflight import preflight_warnings
 

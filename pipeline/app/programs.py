@@ -1,25 +1,31 @@
 """Part programs on the command line: interpretation, planning, prediction."""
 
+import lzma
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+from pyarrow import csv
 
 from pipeline.app.fleet import DATA, machine_parameters
 from pipeline.app.output import check_outputs
 from pipeline.app.tables import section
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.gcode.interpret import interpret, interpret_in_parts
-from pipeline.gcode.moves import Moves
+from pipeline.gcode.moves import AXES, Kind, Moves
 from pipeline.gcode.program import Program, output_lines, read_program
 from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import ControlParameters, of_dialect
-from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
 from pipeline.schema.store import read_json, unstructured
+from pipeline.schema.store import read_json
 from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight
 
@@ -30,6 +36,7 @@ if TYPE_CHECKING:
     from pipeline.optimisation.settings import OptimisationSettings
     from pipeline.submodels.contract import SubModel
     from pipeline.twin.program_axes import Residual
+
 
 Share = Callable[[float], None]
 
@@ -50,13 +57,6 @@ VERDICT_WORDS = {
 }  # fmt: skip
 """Words for a model's verdict in a sentence."""
 NOTHING = "{} holds no block that the control carries out: name a part program"
-UNIT_TIME_SHARE = 0.02
-"""Share of a program's time by which units of a machine differ where a choice is required [1]."""
-WITHOUT_TIME = {
-    "tool_change": "{} tool change(s) are done",
-    "spindle_acceleration": "the spindle starts or stops {} time(s)",
-}
-"""Actions without a time, by the parameter of the control that would give it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,56 +119,6 @@ class Controlled:
         from pipeline.optimisation.reliability.uncertainty import used_models
 
         return used_models(self.identified_models.verdicts, self.optimisation.certainty)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Simulated:
-    """Program on a machine; ``axes`` is the motion of each axis with a known drive.
-
-    ``checked``: against travel, speeds, feeds and tool lengths; ``residual``: network used, by
-    name.
-    """
-
-    plan: Plan
-    axes: list[dict[str, Any]]
-    on: Controlled
-    checked: Preflight
-    residual: "Residual | None" = None
-    residual_name: str = ""
-
-    @property
-    def interval(self) -> tuple[float, float] | None:
-        """90 % interval of the time of the program [s]; None where it is not known."""
-        if not self.on.identified or self.interval_unknown:
-            return None
-        from pipeline.twin.control import ControlModelFile, time_interval
-
-        stored = read_json(self.on.models / "control/model.json", ControlModelFile)
-        ends = stored.ends.get(self.on.unit, ())
-        return time_interval(self.plan, stored.intervals, stored.conditions, ends)
-
-    @property
-    def interval_unknown(self) -> str:
-        """Reason why the control's verdict leaves the time's 90 % interval open; else empty."""
-        from pipeline.submodels.contract import submodel
-
-        columns = submodel("control").unknown_columns(self.on.models / "control")
-        return columns.get("program_time_low", "")
-
-    @property
-    def other_units(self) -> dict[str, float]:
-        """Time of the program [s] on the other units, where the user named none."""
-        on = self.on
-        if on.chosen or not on.identified or len(on.units) < 2:
-            return {}
-        from pipeline.twin.control import planned_program, read_controls
-
-        controls = read_controls(on.models / "control/model.json")
-        moves = self.plan.path.moves
-        return {
-            unit: round(planned_program(moves, controls[unit]).total, 3)
-            for unit in on.units if unit != on.unit and unit in controls
-        }  # fmt: skip
 
 
 def machine_setup(machine: str | None, dialect: str | None) -> Setup:
@@ -309,27 +259,6 @@ def passed_status(folder: Path, name: str, use: str = "use it", *, anyway: bool)
     return status
 
 
-def simulate_program(
-    path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION,
-    *, compensated: bool = False,
-) -> Simulated:  # fmt: skip
-    """Plan of the program at ``path`` by the control of ``machine``: the champion's, else conf/'s.
-
-    ``unit``: one of several machines of a kind; its default one when None; ``compensated``: whether
-    following errors hold what the compensation network adds to them.
-    """
-    from pipeline.twin.control import planned_program
-
-    on = machine_control(machine, unit, model)
-    moves = read_moves(path, on.setup, share)
-    residual, name = machine_residual(on) if compensated else (None, "")
-    plan = planned_program(moves, on.control)
-    return Simulated(
-        plan=plan, axes=axes_table(plan, on.models, residual), on=on, checked=on.preflight(moves),
-        residual=residual, residual_name=name,
-    )  # fmt: skip
-
-
 def machine_control(machine: str, unit: str | None, model: str = CHAMPION) -> Controlled:
     """The machine with its control, as :func:`simulate_program` takes it."""
     parameters = machine_parameters(machine)
@@ -371,48 +300,6 @@ def needed_drives(on: Controlled, option: str) -> Path:
     return found
 
 
-def axes_table(
-    plan: Plan, models: Path, residual: "Residual | None" = None
-) -> list[dict[str, Any]]:
-    """Following error [um] and command of each identified axis, in air.
-
-    Also the greatest half-width of the error's 90 % interval [um]: of ``residual``, else of the
-    drive.
-    """
-    from pipeline.submodels.contract import submodel
-    from pipeline.twin.drive import read_drives
-    from pipeline.twin.program_axes import program_figures
-
-    found = models / "drive/model.json"
-    if not found.exists():
-        return []
-    drives, lines = read_drives(found), plan.path.moves.line
-    name, column = ("drive", "following_error_low") if residual is None else ("compensation", "low")
-    unknown = submodel(name).unknown_columns(models / name)
-    why = {letter: unknown.get(f"{letter}_{column}", "") for letter in drives}
-    axes: list[dict[str, Any]] = [
-        {
-            "axis": letter,
-            "max_following_um": round(one.max_error * 1e6, 3),
-            "at_line": int(lines[one.worst_row]),
-            "rms_following_um": round(one.rms_error * 1e6, 3),
-            "max_command": round(one.max_command, 3),
-            "command_unit": one.command_unit,
-            "half_width_90_um": None
-            if why[letter] or one.half_width is None
-            else round(1e6 * one.half_width, 3),
-            "interval_unknown": why[letter],
-        }
-        for letter, one in program_figures(plan, drives, residual).items()
-    ]
-    axes += [
-        {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
-        for letter, drive in drives.items()
-        if drive.servo is None
-    ]
-    return axes
-
-
 def _control(
     machine: str, sections: dict[str, Any], unit: str | None, models: Path
 ) -> tuple[ControlParameters, bool]:
@@ -437,96 +324,10 @@ def _control(
     return structure({"control": known}, "control", ControlParameters), False
 
 
-def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
-    """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
-    from pipeline.twin.simulation import blocks, summary, without_time
-
-    return (
-        {"verdicts": simulated.on.used}
-        | summary(simulated.plan, name)
-        | {
-            "machine": simulated.on.machine,
-            "origin": simulated.on.origin,
-            "control": simulated.on.source,
-            "unit": simulated.on.unit,
-            "total_time_90_s": simulated.interval,
-            "interval_unknown": simulated.interval_unknown,
-            "total_time_s_on_other_units": simulated.other_units,
-            "models": simulated.on.models.as_posix(),
-            "without_time": without_time(simulated.plan),
-            "axes": simulated.axes,
-            "preflight": unstructured(simulated.checked),
-            "blocks": blocks(simulated.plan),
-        }
-        | ({"residual": simulated.residual_name} if simulated.residual_name else {})
-    )
-
-
-def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
-    """Lines of ``kerf simulate``: times by type, limit and tool, and following errors."""
-    machine = document["machine"]
-    assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
-    source = "identified" if document["control"] == "identified" else assumed
-    label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
-    yield f"{program.name} on {machine}{label}, control {source}"
-    if "/champion/" not in document["models"]:
-        yield f"with {document['models']}, not with the champion"
-    yield from verdict_lines(document["verdicts"])
-    others = document["total_time_s_on_other_units"]
-    if others:
-        told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
-        own = document["total_time_s"]
-        widest = max(abs(seconds - own) for seconds in others.values())
-        asked = widest > UNIT_TIME_SHARE * own
-        yield (
-            f"{'warning: ' * asked}on unit {document['unit']}, the default one"
-            f"{', which matters here: name yours' * asked}; with --unit: {told}"
-        )
-    elif document["unit"]:
-        yield f"on unit {document['unit']}"
-    interval = document["total_time_90_s"]
-    unknown = document["interval_unknown"]
-    width = f" ({unknown})" if unknown else ""
-    if interval:
-        width = f" (90 % interval {interval[0]:.1f} to {interval[1]:.1f} s)"
-    yield f"{document['total_time_s']:.1f} s{width}, {document['path_length_mm']:.1f} mm"
-    for name, count in document["without_time"].items():
-        yield (
-            f"warning: {WITHOUT_TIME[name].format(count)} in 0 s, since their time is not known: "
-            f"give control.auxiliary.{name} in conf/machine/{machine}.yaml, or log such runs"
-        )
-    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
-        for name, seconds in table.items():
-            yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"
-    for tool in document["by_tool"]:
-        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
-        yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
-    if "residual" in document:
-        yield f"following errors with {document['residual']}, half of the 90 % interval after ±"
-    elif document["axes"]:
-        yield "following errors of the drives' model, half of the 90 % interval after ±"
-    for axis in document["axes"]:
-        yield _axis_line(axis)
-
-
 def verdict_lines(models: Iterable[UsedModel]) -> Iterator[str]:
     """One line a sub-model that figures rest on; what failed or was not judged is marked."""
     for one in models:
         yield f"{'WARNING: ' if one.doubtful else '  '}{one.sentence}"
-
-
-def _axis_line(axis: dict[str, Any]) -> str:
-    if "not_followed" in axis:
-        return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
-    width = axis["half_width_90_um"]
-    lacking = axis["interval_unknown"] or "interval not learnt"
-    within = f" ({lacking})" if width is None else f" ± {width:.1f} um"
-    return (
-        f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
-        f"{axis['max_following_um']:>10.1f} um{within} in line {axis['at_line']}, "
-        f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
-        f"{axis['command_unit']}"
-    )
 
 
 def predict_table(
@@ -564,3 +365,94 @@ def predict_table(
         if column in found:
             unknown.setdefault(why, []).append(column)
     return len(found), tuple(f"{', '.join(names)}: {why}" for why, names in unknown.items())
+
+
+ROWS_AT_ONCE = 50_000
+"""Rows that are held in memory as a table: a program of 50 MB has two million."""
+G_CODES = [f"G{number}" for number in range(100)]
+
+
+def moves_table(moves: Moves) -> pa.Table:
+    """One row a move, in mm and degree, in the machine's frame; what is not known is null."""
+    table: dict[str, Any] = {
+        "block": moves.line,
+        "type": _named([kind.name.lower() for kind in Kind], moves.kind),
+    }
+    for i, axis in enumerate(AXES):
+        table[f"{axis.lower()}_{'mm' if i < 3 else 'deg'}"] = moves.end[:, i]
+    for i, axis in enumerate("xyz"):
+        table[f"centre_{axis}_mm"] = moves.centre[:, i]
+    table |= {
+        "angle_deg": np.degrees(moves.angle),
+        "plane": _named(G_CODES, moves.plane),
+        "feed": moves.feed,
+        "feed_mode": _named(G_CODES, moves.feed_mode),
+        "speed": moves.speed * np.where(moves.direction == 0, 0, 1),
+        "tool": moves.tool,
+        "length_mm": moves.length,
+        "dwell_s": _dwell(moves),
+        "frame": _named([frame.name for frame in moves.frames], moves.frame),
+        "file": _named([Path(file).name for file in moves.files], moves.file),
+    }
+    return pa.table(
+        {
+            name: column if isinstance(column, pa.Array) else _column(column)
+            for name, column in table.items()
+        }
+    )
+
+
+def _dwell(moves: Moves) -> NDArray[np.float64]:
+    """Time that each row waits [s]; NaN where none does, or the spindle that counts it stands."""
+    waits = moves.kind == Kind.DWELL
+    in_turns = waits & (moves.code == 1)
+    speed = np.where(moves.speed > 0, moves.speed, np.nan)
+    seconds = np.where(in_turns, moves.value * 60 / speed, moves.value)
+    return np.where(waits, seconds, np.nan)
+
+
+def _named(names: Sequence[str], numbers: NDArray[np.integer]) -> pa.Array:
+    words = [name.encode() for name in names]
+    ends = np.cumsum([0, *map(len, words)], dtype=np.int32)
+    table = pa.StringArray.from_buffers(
+        len(words), pa.py_buffer(ends), pa.py_buffer(b"".join(words))
+    )
+    numbered = pa.DictionaryArray.from_arrays(_column(numbers.astype(np.int32)), table)
+    return numbered.dictionary_decode()
+
+
+def _column(values: NDArray[np.generic]) -> pa.Array:
+    """An array with null for NaN, from its bytes: ``pa.array`` of an array imports pandas."""
+    values, known = np.ascontiguousarray(values), None
+    if values.dtype.kind == "f":
+        known = pa.py_buffer(np.packbits(~np.isnan(values), bitorder="little"))
+    kind = pa.from_numpy_dtype(values.dtype)
+    return pa.Array.from_buffers(kind, len(values), [known, pa.py_buffer(values)])
+
+
+def write_moves(parts: Iterable[Moves], out: Path) -> tuple[int, float, tuple[str, ...]]:
+    """Write moves as CSV, a row a move, packed by the ending (``.gz``).
+
+    ``parts`` are consecutive moves of one program; each is written before the next one is made.
+    Returned are the number of moves, the length of their path [mm], and notices to the user.
+    """
+    count, length = 0, 0.0
+    notices: tuple[str, ...] = ()
+    with replacing(out) as part, _opened(part, PACKED.get(out.suffix)) as file:
+        for moves in parts:
+            for first in range(0, max(len(moves), 1), ROWS_AT_ONCE):
+                part_of = moves.part(first, first + ROWS_AT_ONCE)
+                options = csv.WriteOptions(include_header=count == 0, quoting_style="needed")
+                csv.write_csv(moves_table(part_of), file, options)
+                count += len(part_of)
+                length += float(part_of.length.sum())
+            notices = moves.notices
+        if count == 0:
+            raise ValueError(NOTHING.format(", ".join(moves.files)))
+    return count, length, notices
+
+
+def _opened(part: Path, packing: str | None) -> Any:
+    if packing == "xz":
+        return lzma.open(part, "wb")
+    return pa.output_stream(part, compression=packing)

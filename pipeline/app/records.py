@@ -9,8 +9,11 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from pipeline.app.lines import aligned
+from pipeline.app.fleet import DATA, machine_parameters
+from pipeline.app.output import aligned
+from pipeline.parameters import structure
 from pipeline.schema.arrays import Floats, Ints
+from pipeline.signals.cleaning.settings import CleanMachine
 
 BARS = "▁▂▃▄▅▆▇█"
 BINS = 24
@@ -227,6 +230,16 @@ def described_units(signals: Path) -> dict[str, str]:
         return {}
     table = pq.read_table(path, columns=["data_item", "units"]).to_pylist()
     return {row["data_item"]: row["units"] or "" for row in table}
+
+
+def records_of(machine: str) -> list[ItemRecord]:
+    """Rows of every item in the machine's ingested records."""
+    values = machine_parameters(machine)
+    signals = DATA / "signals" / machine
+    if not (signals / "manifest.json").exists():
+        raise ValueError(f"{signals} holds no records: run `dvc repro ingest@{machine}` first")
+    mapping = structure(values, f"machine.{machine}.mapping", CleanMachine)
+    return machine_records(signals, mapping.signal_of, described_units(signals))
 
 
 def document(rows: Sequence[ItemRecord]) -> list[dict[str, Any]]:

@@ -8,12 +8,13 @@ from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from pipeline.app.json_schema import FOR_ALL, machine_sections
-from pipeline.app.settings_fields import (
+from pipeline.app.json_schema import (
+    FOR_ALL,
     NOTHING,
     Setting,
     classes_below,
     classes_in,
+    machine_sections,
     members,
     names_of,
     settings,

@@ -5,24 +5,236 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.app.check import preflight_lines
 from pipeline.app.kerf import share_bar
 from pipeline.app.output import check_outputs, step
-from pipeline.app.preflight import preflight_lines
 from pipeline.app.programs import (
-    Simulated,
+    CHAMPION,
+    Controlled,
+    Share,
+    machine_control,
+    machine_residual,
+    needed_drives,
     passed_over,
-    simulate_program,
-    simulated_document,
-    simulated_lines,
+    read_moves,
+    verdict_lines,
 )
+from pipeline.machine.control.planner import Plan
+from pipeline.parameters import structure
+from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.files import together
-from pipeline.schema.store import write_json
+from pipeline.schema.store import read_json, write_json
+from pipeline.schema.structure import structured, unstructured
+from pipeline.submodels.contract import submodel
+from pipeline.twin.control import (
+    ControlModelFile,
+    planned_program,
+    read_controls,
+    time_interval,
+)
+from pipeline.twin.drive import read_drives
+from pipeline.twin.preflight import Preflight
+from pipeline.twin.program_axes import program_figures
+from pipeline.twin.simulation import block_table, blocks, summary, without_time, write_trace
 
 if TYPE_CHECKING:
     from pipeline.app.cut import CutOptions
-    from pipeline.machine.control.planner import Plan
     from pipeline.report.programs.simulated import Program
     from pipeline.twin.correction import CorrectedProgram
+    from pipeline.twin.program_axes import Residual
+
+UNIT_TIME_SHARE = 0.02
+"""Share of a program's time by which units of a machine differ where a choice is required [1]."""
+WITHOUT_TIME = {
+    "tool_change": "{} tool change(s) are done",
+    "spindle_acceleration": "the spindle starts or stops {} time(s)",
+}
+"""Actions without a time, by the parameter of the control that would give it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Simulated:
+    """Program on a machine; ``axes`` is the motion of each axis with a known drive.
+
+    ``checked``: against travel, speeds, feeds and tool lengths; ``residual``: network used, by
+    name.
+    """
+
+    plan: Plan
+    axes: list[dict[str, Any]]
+    on: Controlled
+    checked: Preflight
+    residual: "Residual | None" = None
+    residual_name: str = ""
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """90 % interval of the time of the program [s]; None where it is not known."""
+        if not self.on.identified or self.interval_unknown:
+            return None
+        stored = read_json(self.on.models / "control/model.json", ControlModelFile)
+        ends = stored.ends.get(self.on.unit, ())
+        return time_interval(self.plan, stored.intervals, stored.conditions, ends)
+
+    @property
+    def interval_unknown(self) -> str:
+        """Reason why the control's verdict leaves the time's 90 % interval open; else empty."""
+        columns = submodel("control").unknown_columns(self.on.models / "control")
+        return columns.get("program_time_low", "")
+
+    @property
+    def other_units(self) -> dict[str, float]:
+        """Time of the program [s] on the other units, where the user named none."""
+        on = self.on
+        if on.chosen or not on.identified or len(on.units) < 2:
+            return {}
+        controls = read_controls(on.models / "control/model.json")
+        moves = self.plan.path.moves
+        return {
+            unit: round(planned_program(moves, controls[unit]).total, 3)
+            for unit in on.units if unit != on.unit and unit in controls
+        }  # fmt: skip
+
+
+def simulate_program(
+    path: Path, machine: str, unit: str | None, share: Share, model: str = CHAMPION,
+    *, compensated: bool = False,
+) -> Simulated:  # fmt: skip
+    """Plan of the program at ``path`` by the control of ``machine``: the champion's, else conf/'s.
+
+    ``unit``: one of several machines of a kind; its default one when None; ``compensated``: whether
+    following errors hold what the compensation network adds to them.
+    """
+    on = machine_control(machine, unit, model)
+    moves = read_moves(path, on.setup, share)
+    residual, name = machine_residual(on) if compensated else (None, "")
+    plan = planned_program(moves, on.control)
+    return Simulated(
+        plan=plan, axes=axes_table(plan, on.models, residual), on=on, checked=on.preflight(moves),
+        residual=residual, residual_name=name,
+    )  # fmt: skip
+
+
+def axes_table(
+    plan: Plan, models: Path, residual: "Residual | None" = None
+) -> list[dict[str, Any]]:
+    """Following error [um] and command of each identified axis, in air.
+
+    Also the greatest half-width of the error's 90 % interval [um]: of ``residual``, else of the
+    drive.
+    """
+    found = models / "drive/model.json"
+    if not found.exists():
+        return []
+    drives, lines = read_drives(found), plan.path.moves.line
+    name, column = ("drive", "following_error_low") if residual is None else ("compensation", "low")
+    unknown = submodel(name).unknown_columns(models / name)
+    why = {letter: unknown.get(f"{letter}_{column}", "") for letter in drives}
+    axes: list[dict[str, Any]] = [
+        {
+            "axis": letter,
+            "max_following_um": round(one.max_error * 1e6, 3),
+            "at_line": int(lines[one.worst_row]),
+            "rms_following_um": round(one.rms_error * 1e6, 3),
+            "max_command": round(one.max_command, 3),
+            "command_unit": one.command_unit,
+            "half_width_90_um": None
+            if why[letter] or one.half_width is None
+            else round(1e6 * one.half_width, 3),
+            "interval_unknown": why[letter],
+        }
+        for letter, one in program_figures(plan, drives, residual).items()
+    ]
+    axes += [
+        {"axis": letter, "not_followed": drive.servo_reason or "no servo was identified"}
+        for letter, drive in drives.items()
+        if drive.servo is None
+    ]
+    return axes
+
+
+def simulated_document(simulated: Simulated, name: str) -> dict[str, Any]:
+    """The JSON of ``kerf simulate``: what it rests on, totals, and every block."""
+    return (
+        {"verdicts": simulated.on.used}
+        | summary(simulated.plan, name)
+        | {
+            "machine": simulated.on.machine,
+            "origin": simulated.on.origin,
+            "control": simulated.on.source,
+            "unit": simulated.on.unit,
+            "total_time_90_s": simulated.interval,
+            "interval_unknown": simulated.interval_unknown,
+            "total_time_s_on_other_units": simulated.other_units,
+            "models": simulated.on.models.as_posix(),
+            "without_time": without_time(simulated.plan),
+            "axes": simulated.axes,
+            "preflight": unstructured(simulated.checked),
+            "blocks": blocks(simulated.plan),
+        }
+        | ({"residual": simulated.residual_name} if simulated.residual_name else {})
+    )
+
+
+def simulated_lines(document: dict[str, Any], program: Path) -> Iterator[str]:
+    """Lines of ``kerf simulate``: times by type, limit and tool, and following errors."""
+    machine = document["machine"]
+    assumed = f"as in conf/machine/{machine}.yaml, not identified: times unproven"
+    source = "identified" if document["control"] == "identified" else assumed
+    label = f" ({document['origin']})" if document["origin"] == "simulated" else ""
+    yield f"{program.name} on {machine}{label}, control {source}"
+    if "/champion/" not in document["models"]:
+        yield f"with {document['models']}, not with the champion"
+    yield from verdict_lines(document["verdicts"])
+    others = document["total_time_s_on_other_units"]
+    if others:
+        told = ", ".join(f"{unit} {seconds:.1f} s" for unit, seconds in others.items())
+        own = document["total_time_s"]
+        widest = max(abs(seconds - own) for seconds in others.values())
+        asked = widest > UNIT_TIME_SHARE * own
+        yield (
+            f"{'warning: ' * asked}on unit {document['unit']}, the default one"
+            f"{', which matters here: name yours' * asked}; with --unit: {told}"
+        )
+    elif document["unit"]:
+        yield f"on unit {document['unit']}"
+    interval = document["total_time_90_s"]
+    unknown = document["interval_unknown"]
+    width = f" ({unknown})" if unknown else ""
+    if interval:
+        width = f" (90 % interval {interval[0]:.1f} to {interval[1]:.1f} s)"
+    yield f"{document['total_time_s']:.1f} s{width}, {document['path_length_mm']:.1f} mm"
+    for name, count in document["without_time"].items():
+        yield (
+            f"warning: {WITHOUT_TIME[name].format(count)} in 0 s, since their time is not known: "
+            f"give control.auxiliary.{name} in conf/machine/{machine}.yaml, or log such runs"
+        )
+    for heading, table in (("type", document["by_type"]), ("limit", document["by_limit"])):
+        for name, seconds in table.items():
+            yield f"  {heading:<6} {name:<20} {seconds:>10.1f} s"
+    for tool in document["by_tool"]:
+        name = f"T{tool['tool']}" if tool["tool"] >= 0 else "none yet"
+        yield f"  {'tool':<6} {name:<20} {tool['time_s']:>10.1f} s"
+    if "residual" in document:
+        yield f"following errors with {document['residual']}, half of the 90 % interval after ±"
+    elif document["axes"]:
+        yield "following errors of the drives' model, half of the 90 % interval after ±"
+    for axis in document["axes"]:
+        yield _axis_line(axis)
+
+
+def _axis_line(axis: dict[str, Any]) -> str:
+    if "not_followed" in axis:
+        return f"  axis   {axis['axis']} not followed: {axis['not_followed']}"
+    width = axis["half_width_90_um"]
+    lacking = axis["interval_unknown"] or "interval not learnt"
+    within = f" ({lacking})" if width is None else f" ± {width:.1f} um"
+    return (
+        f"  {'axis':<6} {axis['axis'] + ' behind by up to':<20} "
+        f"{axis['max_following_um']:>10.1f} um{within} in line {axis['at_line']}, "
+        f"{axis['rms_following_um']:.1f} um RMS, draws up to {axis['max_command']:.1f} "
+        f"{axis['command_unit']}"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +274,9 @@ def simulate_and_write(
         from pipeline.app.cut import cut_document
 
         with step("followed the cut"):
-            document["cut"] = cut_document(simulated, options)
+            document["cut"] = cut_document(
+                simulated.on, simulated.plan, options, simulated.checked, simulated.residual
+            )
     corrected = _corrected(simulated, request, document)
     with together():
         _write(simulated, corrected, document, request, standard)
@@ -72,17 +286,38 @@ def simulate_and_write(
 def _corrected(
     simulated: Simulated, request: SimulateRequest, document: dict[str, Any]
 ) -> "CorrectedProgram | None":
+    """Corrected command of the program's axes, noted in the document."""
     if request.compensate is None:
         return None
-    from pipeline.app.correction import correct_simulated
+    from pipeline.submodels.compensation.model import residual_of
+    from pipeline.twin.corrected_program import CorrectedProgram, corrected_program
+    from pipeline.twin.correction import CorrectionSettings
 
+    on, plan = simulated.on, simulated.plan
+    drives = read_drives(needed_drives(on, "--compensate"))
     with step("corrected the axes' commands"):
-        corrected = correct_simulated(simulated, request.program)
+        residual, words = residual_of(on.models)
+        settings = structure(on.parameters, "correction", CorrectionSettings)
+        axes, cutting = corrected_program(plan, drives, residual, settings=settings)
+    corrected = CorrectedProgram(
+        machine=on.machine, origin=on.origin, program=request.program.stem,
+        champion=_champion(on.models, on.machine), residual=words, total=plan.total, axes=axes,
+        cutting=cutting,
+    )  # fmt: skip
     document["correction"] = {
         "file": request.compensate.as_posix(), "champion": corrected.champion,
-        "residual": corrected.residual, "axes": corrected.figures,
+        "residual": words, "axes": corrected.figures,
     }  # fmt: skip
     return corrected
+
+
+def _champion(models: Path, machine: str) -> str:
+    """The bundle in ``models``, and the version that champions.json says it is."""
+    entry = read_champions(Path("champions.json")).machines.get(machine)
+    stored = models / BUNDLE
+    if entry is None or not stored.exists() or read_json(stored, Bundle).sha256 != entry.bundle:
+        return bundle_words(models)
+    return f"version {entry.version}, {bundle_words(models)}"
 
 
 def _write(
@@ -96,8 +331,6 @@ def _write(
     if request.json is not None:
         write_json(document, request.json)
     if request.out is not None:
-        from pipeline.twin.simulation import write_trace
-
         with share_bar("writing positions") as share:
             write_trace(simulated.plan, request.out, share)
     if "cut" in document and request.page is not None:
@@ -111,7 +344,7 @@ def _write(
         write_cut_page(shown, request.page, None if request.json == standard else request.json)
 
 
-def planned_times(plan: "Plan", name: str) -> "Program":
+def planned_times(plan: Plan, name: str) -> "Program":
     """A planned program as its page draws it: times, and its moves."""
     import pyarrow as pa
 
@@ -135,10 +368,22 @@ def simulate_lines(
     yield from simulated.plan.path.moves.notices
     yield from simulated_lines(document, request.program)
     if "correction" in document:
-        from pipeline.app.correction import correction_lines
-
         yield from correction_lines(document["correction"])
     if "cut" in document:
-        from pipeline.app.cut_lines import cut_lines
+        from pipeline.app.cut import cut_lines
 
         yield from cut_lines(document["cut"])
+
+
+def correction_lines(document: dict[str, Any]) -> Iterator[str]:
+    """Following error as predicted, before and after correction, in lines of ``kerf simulate``."""
+    from pipeline.twin.corrected_program import correction_table
+
+    yield f"corrected command in {document['file']}, residual network: {document['residual']}"
+    yield "following error as predicted:"
+    yield from (f"  {line}" for line in correction_table(document["axes"]))
+    most = max(one["max_after_um"] for one in document["axes"])
+    yield (
+        f"rapids are commanded as planned: there an axis stays behind by up to {most:.0f} um; the "
+        "correction fades out after a cut and in before the next, for all axes alike"
+    )

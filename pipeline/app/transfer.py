@@ -1,26 +1,34 @@
 """Transfer of a golden machine's spindle parameters to a sibling (`kerf transfer`)."""
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from pipeline.app.fleet import DATA, machine_parameters
 from pipeline.app.output import check_outputs
-from pipeline.app.transfer_page import write_transfer_page
+from pipeline.charts import svg
+from pipeline.charts.bands import UNITS, Band, band
+from pipeline.charts.numbers import NARROW, as_stated, counted, day_list, fixed, joined
+from pipeline.charts.sections import Figure, Figures, Section
+from pipeline.charts.sources import Source
+from pipeline.charts.tables import Column, Table, tabulated
 from pipeline.parameters import section_path, structure
-from pipeline.report.standalone_page import source_of
+from pipeline.report.standalone_page import StandalonePage, rendered, source_of
+from pipeline.schema.arrays import Floats
 from pipeline.schema.files import together
 from pipeline.schema.golden import read_golden
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.store import read_json, write_json
+from pipeline.schema.store import read_json, write_json, write_text
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case, Records
 from pipeline.submodels.contract import sections
 from pipeline.submodels.spindle.fit import sensor_step
 from pipeline.submodels.spindle.submodel import SUBMODEL
-from pipeline.submodels.spindle.transfer import Transfer, TransferSettings, transfer
+from pipeline.submodels.spindle.transfer import Transfer, TransferPoint, TransferSettings, transfer
 from pipeline.twin.spindle import TARGET, SpindleModelFile, SpindleRecords, spindle_stretches
 
 
@@ -130,3 +138,206 @@ def transfer_table(result: Transfer) -> list[str]:
         f"{', '.join(result.not_transferred)}."
     ]
     return [*lines, result.sentence, *(lacking if result.not_transferred else [])]
+
+
+TOP, HEIGHT = 26.0, 250.0
+"""Place of the curves below the figure's upper edge, and their height [px]."""
+MOST_DAYS = 7
+"""Days judged that are named one by one [1]."""
+NONE_LEADS = "None of the three"
+"""Beginning of a transfer's sentence where no parameters lead."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """CSS class of a curve and of its points; its parameters in words, and where they lead."""
+
+    curve: str
+    point: str
+    words: str
+    leads: str
+
+
+DRAWN = {
+    "own": Drawn(
+        curve="before", point="p-before", words="own record only", leads="own record leads"
+    ),
+    "golden": Drawn(
+        curve="batch", point="p-knee", words="golden machine’s, as they are", leads="golden leads"
+    ),
+    "pooled": Drawn(curve="after", point="p-after", words="pooled from both", leads="pooled leads"),
+}
+"""Parameters by their name in a :class:`TransferPoint`, the uppermost curve last."""
+
+
+def write_transfer_page(
+    result: Transfer, out: Path, sources: Sequence[Source] = (), credit: str = ""
+) -> None:
+    """Write the page of a transfer."""
+    page = transfer_page(result, sources, credit)
+    write_text(rendered(page), out)
+
+
+def transfer_page(result: Transfer, sources: Sequence[Source], credit: str = "") -> StandalonePage:
+    """Who leads, figure and table of the curve, what could not be transferred."""
+    status, word = _verdict(result)
+    sections = [_curve_section(result, sources), _lacking_section(result), _basis_section(result)]
+    return StandalonePage(
+        program=f"Spindle parameters from {result.golden}",
+        machine=result.machine,
+        about=f"Kerf: spindle temperature of {result.machine} predicted from its first minutes of "
+        f"warm-up, with and without the golden machine {result.golden}",
+        origin="simulated" if result.origin == "simulated" else "recorded",
+        status=status,
+        word=word,
+        sentences=[result.sentence.replace("'", "’")],
+        key_figures=_key_figures(result),
+        sections=[section for section in sections if section is not None],
+        credit=credit,
+    )
+
+
+def _verdict(found: Transfer) -> tuple[str, str]:
+    """Status and word of the parameters that lead, by the transfer's sentence and least error."""
+    if found.sentence.startswith(NONE_LEADS):
+        return "unknown", "none leads"
+    last = found.points[-1]
+    errors = {name: getattr(last, name) for name in DRAWN}
+    leader = min(DRAWN, key=lambda name: np.inf if errors[name] is None else errors[name])
+    return "passed" if leader == "pooled" else "attention", DRAWN[leader].leads
+
+
+def _key_figures(found: Transfer) -> list[tuple[str, str, str]]:
+    last = found.points[-1]
+    after = f"RMSE after {_minutes(last)}{NARROW}min"
+    errors = [
+        (one.words.capitalize(), _kelvin(getattr(last, name)), after)
+        for name, one in reversed(DRAWN.items())
+    ]
+    step = f"{as_stated(found.resolution_K)}{NARROW}K"
+    return [*errors, ("Step of the sensor", step, "a lead is more than this")]
+
+
+def _curve_section(found: Transfer, sources: Sequence[Source]) -> Section:
+    judged = counted(len(found.days_judged), "day")
+    legend = [(f"l-{one.curve}", one.words, "line") for one in reversed(DRAWN.values())]
+    caption = (
+        f"Error of {found.machine}’s spindle temperature against minutes of its own warm-up: RMSE "
+        f"over free runs of {judged} that no parameter saw. Each length of the record is one fit; "
+        "the axis of minutes is logarithmic."
+    )
+    figure = Figure(svg=curve_figure(found), caption=caption, sources=list(sources))
+    table = transfer_rows(found, f"RMSE over free runs of {judged} not used", sources)
+    return Section(
+        key="curve", title="Minutes of warm-up against error",
+        text=[
+            f"Pooled parameters start at those of {found.golden} and are moved by what "
+            f"{found.machine}’s record shows. Beside them stand parameters of that record only, "
+            f"and those of {found.golden} as they are."
+        ],
+        blocks=[Figures(figures=[figure], legend=legend, kind="one"), table],
+    )  # fmt: skip
+
+
+def curve_figure(result: Transfer) -> Markup:
+    """A curve with its points for each of the pooled, own and golden parameters."""
+    values = {name: _errors(result.points, name) for name in DRAWN}
+    into, across = band(TOP, HEIGHT, *values.values(), zero=True), _across(result.points)
+    into = Band(top=into.top, height=into.height, low=0.0, high=into.high)
+    curves = [
+        svg.curve(UNITS * across / 100, into.down(values[name]), one.curve)
+        for name, one in DRAWN.items()
+    ]
+    dots = [
+        svg.tag("circle", cx=f"{x:.2f}%", cy=into.pixel(y), r=4, class_=f"point {one.point}")
+        for name, one in DRAWN.items()
+        for x, y in zip(across.tolist(), values[name].tolist(), strict=True)
+        if np.isfinite(y)
+    ]
+    parts = [
+        svg.text(0, TOP - 10, "RMSE, K", "head"),
+        *into.levels(5), *_minutes_axis(result.points, across, into.bottom),
+        into.content(curves), *dots,
+    ]  # fmt: skip
+    label = f"Error of {result.machine} against minutes of warm-up. {result.sentence}"
+    return svg.figure(parts, height=into.bottom + 40, label=label, kind="golden")
+
+
+def _errors(points: Sequence[TransferPoint], name: str) -> Floats:
+    """Errors (N,) of one kind of parameters [K], NaN where there are none."""
+    return np.array([getattr(one, name) for one in points], float)
+
+
+def _across(points: Sequence[TransferPoint]) -> Floats:
+    """Place of each point (N,) along the logarithm of the minutes [% of the width]."""
+    logs = np.log([one.minutes for one in points])
+    span = float(np.ptp(logs))
+    places: Floats = 100 * (logs - logs[0]) / span if span else np.full(len(logs), 50.0)
+    return places
+
+
+def _minutes_axis(points: Sequence[TransferPoint], across: Floats, bottom: float) -> list[Markup]:
+    parts = [svg.text(50, bottom + 34, "Warm-up, min", "tick mid")]
+    for one, x in zip(points, across.tolist(), strict=True):
+        parts += [svg.down(x, TOP, bottom), svg.text(x, bottom + 17, _minutes(one), "tick mid")]
+    return parts
+
+
+def transfer_rows(result: Transfer, caption: str, sources: Sequence[Source]) -> Table:
+    """A row for each length of the record."""
+    columns = [
+        Column[TransferPoint]("Warm-up", lambda one: f"{_minutes(one)}{NARROW}min", None),
+        Column[TransferPoint]("Pooled", lambda one: fixed(one.pooled, 2), "K"),
+        Column[TransferPoint](
+            "Own record only", lambda one: "–" if one.own is None else fixed(one.own, 2), "K"
+        ),
+        Column[TransferPoint]("Golden, as they are", lambda one: fixed(one.golden, 2), "K"),
+    ]
+    table = tabulated(caption, result.points, columns, sources, note=_gaps(result.points))
+    if table is None:
+        raise ValueError(
+            f"the transfer to {result.machine} has no points: name lengths of a record"
+        )
+    return table
+
+
+def _gaps(points: Sequence[TransferPoint]) -> str:
+    short = [_minutes(one) for one in points if one.own is None]
+    if not short:
+        return ""
+    return f"The own record alone gives no parameters with {joined(short)} minutes."
+
+
+def _lacking_section(found: Transfer) -> Section | None:
+    if not found.not_transferred:
+        return None
+    lacking = joined([name.replace("_", " ") for name in found.not_transferred])
+    return Section(
+        key="lacking", title="What could not be transferred",
+        text=[
+            f"{found.machine} has heat sources of which nothing is known from {found.golden}: "
+            f"{lacking}. Pooling can only put their heat into the other sources."
+        ],
+    )  # fmt: skip
+
+
+def _basis_section(found: Transfer) -> Section:
+    days = day_list(list(found.days_judged), most=MOST_DAYS)
+    return Section(
+        key="basis", title="What these numbers rest on",
+        text=[
+            f"Judged were free runs of {counted(len(found.days_judged), 'day')} of "
+            f"{found.machine}: {days}. Its sensor shows steps of "
+            f"{as_stated(found.resolution_K)}{NARROW}K: a smaller difference is none, and a lead "
+            "counts only if it holds at all longer records too."
+        ],
+        closing=True,
+    )  # fmt: skip
+
+
+def _minutes(point: TransferPoint) -> str:
+    return as_stated(point.minutes)
+
+
+def _kelvin(value: float | None) -> str:
+    return "not known" if value is None else f"{fixed(value, 2)}{NARROW}K"

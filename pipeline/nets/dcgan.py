@@ -31,7 +31,7 @@ from pipeline.nets.stored import (
     state_of,
 )
 from pipeline.schema.arrays import Floats
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 
 SLOPE = 0.2
 """Slope of LeakyReLU below zero [1]."""

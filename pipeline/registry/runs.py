@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.registry.card import as_description, model_card
-from pipeline.registry.figures import scatter
+from pipeline.charts import svg
+from pipeline.charts.numbers import number
 from pipeline.registry.provenance import (
     flat,
     hash_of_files,
@@ -19,12 +19,16 @@ from pipeline.registry.provenance import (
     training_files,
 )
 from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
-from pipeline.schema.bundle import SERVED, VERDICT, Bundle, Served, copy_bundle
+from pipeline.schema.bundle import MODEL, PREDICTIONS, SERVED, VERDICT, Bundle, Served, copy_bundle
+from pipeline.schema.model import Model
+from pipeline.schema.predictions import first_judged, shown_predictions
+from pipeline.schema.predictions import read_predictions
 from pipeline.schema.store import read_json
-from pipeline.schema.verdict import Verdict
+from pipeline.schema.verdict import Score, Verdict
 
 if TYPE_CHECKING:
     import pandas as pd
+
 
 METRICS = 1000
 """Values of curves that MLflow takes at once [1]."""
@@ -198,3 +202,148 @@ def _without_zone(table: "pd.DataFrame") -> "pd.DataFrame":
     """A table whose times are UTC without saying so: MLflow takes no others."""
     zoned = table.select_dtypes("datetimetz").columns
     return table.assign(**{name: table[name].dt.tz_convert(None) for name in zoned})
+
+
+ROLES = {"golden": "golden records", "held_out": "records held out of the fit"}
+"""Records that a verdict rests on, in words."""
+LONGEST = 5000
+"""Characters of a description that every store of MLflow takes."""
+MOST = 8
+"""Reasons, conditions and cases of a kind that a card names."""
+
+
+def model_card(bundle: Bundle, folder: Path, units: Mapping[str, Mapping[str, str]]) -> str:
+    """Card of a bundle."""
+    lines = [
+        f"# Digital twin of {bundle.machine} ({bundle.origin} records)",
+        "",
+        f"Predicts what this one machine does; status: {bundle.status}. Not for another machine, "
+        "and not for what no sub-model below was judged on.",
+    ]
+    if bundle.origin != "recorded":
+        lines += ["", "Simulated: its records are of a simulated shop floor, not of a machine."]
+    for name in bundle.submodels:
+        lines += ["", *_part(name, folder / name, units.get(name, {}))]
+    return "\n".join(lines) + "\n"
+
+
+def as_description(card: str) -> str:
+    """A card as MLflow's description: cut at a line where it is too long, and said so."""
+    more = "\n\nThe whole card is model_card.md among the run's files.\n"
+    if len(card) <= LONGEST:
+        return card
+    return card[: LONGEST - len(more)].rpartition("\n")[0] + more
+
+
+def _part(name: str, folder: Path, units: Mapping[str, str]) -> list[str]:
+    from pipeline.submodels.contract import submodel
+
+    one = submodel(name)
+    verdict = read_json(folder / VERDICT, Verdict)
+    model = read_json(folder / MODEL, one.model)
+    inputs = ", ".join(f"{i.name} [{i.unit or 1}]" for i in one.inputs) or "see the signature"
+    targets = ", ".join(dict.fromkeys(f"{s.quantity} [{s.unit}]" for s in verdict.scores))
+    lines = [
+        f"## {one.title[:1].upper()}{one.title[1:]} (`{name}`): {verdict.status}",
+        "",
+        f"- For: {targets or one.title}, from {inputs}.",
+        f"- Learnt from: {_trained(model)}.",
+        f"- Judged on: {_judged(verdict)}.",
+    ]
+    lines += [f"  - {_score(score, _limits(score, verdict))}" for score in _decisive(verdict)]
+    lines += [f"- Limit: {reason}." for reason in verdict.missed[:MOST]]
+    lines += [f"- Beyond what was learnt: {o.case}, {o.condition} {o.value} {o.unit}, learnt "
+              f"{o.learnt}." for o in verdict.outside[:MOST]]  # fmt: skip
+    unknown = [key for some in model.parameters.values() for key, p in some.items()
+               if not p.determined]  # fmt: skip
+    if unknown:
+        lines.append(f"- Not determined by the records: {', '.join(unknown[:MOST])}.")
+    others = ", ".join(f"{column} [{unit}]" for column, unit in sorted(units.items()) if unit)
+    return [*lines, f"- Units: {others}."] if others else lines
+
+
+def _trained(model: Model) -> str:
+    cases = [one.case for one in model.trained_on]
+    more = f" and {len(cases) - MOST} more" if len(cases) > MOST else ""
+    return f"{', '.join(cases[:MOST])}{more}" if cases else "no case"
+
+
+def _judged(verdict: Verdict) -> str:
+    role = verdict.judged_role
+    if role is None:
+        return "nothing that it had not seen"
+    count = len([case for case in verdict.cases if case.role == role])
+    golden = verdict.golden
+    frozen = f", frozen as {golden.sha256[:12]}" if golden and role == "golden" else ""
+    return f"{count} cases of {ROLES.get(role, role)}{frozen}"
+
+
+def _decisive(verdict: Verdict) -> list[Score]:
+    """Scores over all groups that the verdict rests on; none where nothing was judged."""
+    return [s for s in verdict.scores
+            if s.group == "all" and s.role == verdict.judged_role and s.n]  # fmt: skip
+
+
+def _limits(score: Score, verdict: Verdict) -> Mapping[str, float]:
+    """Limits of a quantity and regime, which may be set for each group alone."""
+    about = (score.quantity, score.regime, score.role)
+    same = [s for s in verdict.scores if (s.quantity, s.regime, s.role) == about]
+    return next((s.limits for s in [score, *same] if s.limits), {})
+
+
+def _score(score: Score, bounds: Mapping[str, float]) -> str:
+    regime = f", {score.regime}" if score.regime else ""
+    errors = [
+        f"{name.upper()} {value:.4g} {score.unit}".rstrip()
+        for name in ("mae", "rmse", "max")
+        if (value := getattr(score, name)) is not None
+    ]
+    limits = [f"{name} {limit:.4g}" for name, limit in bounds.items()]
+    held = f" (limits: {', '.join(limits)})" if limits else ""
+    inside = ""
+    if score.coverage_90 is not None:
+        inside = f"; {100 * score.coverage_90:.0f} % inside the 90 % interval"
+    return f"{score.quantity}{regime}: {', '.join(errors)}{held}{inside}"
+
+
+SIDE, MARGIN = 420, 60
+"""Side of the square of the figure, and what its words take on each side [px]."""
+
+
+def scatter(folder: Path) -> str:
+    """Measured against predicted by the first decisive score, as an SVG file; or empty."""
+    if not (folder / PREDICTIONS).exists():
+        return ""
+    verdict = read_json(folder / VERDICT, Verdict)
+    one = first_judged(verdict)
+    points = shown_predictions(verdict, read_predictions(folder / PREDICTIONS))
+    if one is None or points.empty:
+        return ""
+    title = f"{verdict.machine} {one.quantity} [{one.unit}], {one.role.replace('_', ' ')}"
+    return str(_square(points, f"{title}, {verdict.origin}"))
+
+
+def _square(points: "pd.DataFrame", title: str) -> str:
+    """A square with one scale for both axes, its diagonal, and a dot a row."""
+    both = points[["measured", "predicted"]]
+    low, high = float(both.min().min()), float(both.max().max())
+    step = (SIDE / (high - low)) if high > low else 0.0
+
+    def place(value: float) -> float:
+        return (value - low) * step
+
+    whole = SIDE + 2 * MARGIN
+    parts = [
+        svg.tag("rect", width=whole, height=whole, fill="white"),
+        svg.tag("line", x1=MARGIN, y1=MARGIN + SIDE, x2=MARGIN + SIDE, y2=MARGIN, stroke="gray"),
+        svg.tag("text", title, x=MARGIN, y=MARGIN / 2, font_size=13),
+        svg.tag("text", f"measured, {number(low)} to {number(high)}", x=MARGIN, font_size=12,
+                y=whole - MARGIN / 2),
+        svg.tag("text", "predicted, same scale", x=0, y=0, font_size=12,
+                transform=f"translate({MARGIN / 2} {MARGIN + SIDE}) rotate(-90)"),
+    ]  # fmt: skip
+    for measured, predicted in both.itertuples(index=False):
+        x, y = MARGIN + place(measured), MARGIN + SIDE - place(predicted)
+        parts.append(svg.tag("circle", cx=x, cy=y, r=2, fill="#1f5fa8", fill_opacity=0.6))
+    return str(svg.tag("svg", svg.group(parts), xmlns="http://www.w3.org/2000/svg",
+                       width=whole, height=whole, role="img", aria_label=title))  # fmt: skip

@@ -8,8 +8,8 @@ from pipeline.fleet import Fleet, missing
 from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
 from pipeline.report.texts import ReportSettings, texts
-from pipeline.schema.structure import structured
-from pipeline.report.settings import ReportSettings
+from pipeline.schema.store import structured
+from pipeline.report.texts import ReportSettings
 from pipeline.report.texts import texts
 from pipeline.schema.store import structured
 

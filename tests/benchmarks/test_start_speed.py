@@ -22,7 +22,7 @@ ENVIRONMENT["PYTHONPATH"] = str(ROOT)
 TWICE = """
 import sys
 from time import process_time
-from pipeline.app import commands, own_machine, program_commands
+from pipeline.app import commands, program_commands
 from pipeline.app.kerf import app
 for _ in range(2):
     began = process_time()

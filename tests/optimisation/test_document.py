@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.engagement.stock import stock_of
 from pipeline.gcode.program import parse_program
+from pipeline.app.optimise import optimise_lines
 from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace
 from pipeline.optimisation.document import optimised_text
 from pipeline.optimisation.full_twin import Result
@@ -25,7 +26,7 @@ from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySett
 from pipeline.report.optimised.changes import feeds_table, loads_table
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.twin.cut.document import assessed
 from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job

@@ -20,7 +20,7 @@ from pipeline.optimisation.optimise import optimise
 from pipeline.optimisation.settings import OptimisationSettings, ReliabilitySettings, SearchSettings
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart, part_values
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from tests.optimisation.paper_part import LIMITS, MACHINE, TRIAL, paper_job
 from tests.optimisation.several_tools import document as part_of
 from tests.shop.recorded_cut import record_axes

@@ -16,7 +16,7 @@ from pipeline.optimisation.problem.feasible import passed_limit, with_load
 from pipeline.optimisation.problem.limits import at_hardest_station, feed_for_marks, inverse
 from pipeline.schema.limits import CutLimit, Margins
 from pipeline.twin.cut.blocks import cut_blocks
-from pipeline.twin.cut.limits import cut_limits
+from pipeline.twin.cut.blocks import cut_limits
 from tests.optimisation.problem_parts import DRIVE, DYNAMICS, NO_MARGINS, TOOLS, TWO_TOOLS, all_editable, cut_on, own, problem_on
 from tests.twin.cut_parts import AXIS, DEPTH, K_E, K_T, LAW, SLOT, TEN, pocket
 from pipeline.twin.cut.blocks import cut_blocks, cut_limits

@@ -10,8 +10,11 @@ from math import pi
 
 import pytest
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.app.tables import read_material
+from pipeline.app.optimise import optimise_lines
+from pipeline.cutting.catalogue import CuttingCatalogue
+from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.cutting.tool import Tool

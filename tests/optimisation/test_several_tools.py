@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.tool import Tool, tool_limits
 from pipeline.optimisation.full_twin import Result

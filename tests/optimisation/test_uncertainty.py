@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.app.optimise_lines import optimise_lines
+from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.force.force_law import ForceLaw
 from pipeline.cutting.tool import Tool
 from pipeline.optimisation.job import machine_models
@@ -30,7 +30,7 @@ from pipeline.schema.drive import FOLLOWING
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.part import OptimisedPart, part_values
 from pipeline.schema.store import StoreError, write_json
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.schema.verdict import Score, Status, UsedModel, Verdict
 from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.optimisation.paper_part import CONTROL

@@ -28,7 +28,7 @@ from pipeline.report.optimised.path import SCRIPT
 from pipeline.report.optimised.tables import methods_table
 from pipeline.report.optimised.verdict import verdict
 from pipeline.schema.part import LoadTrace, WordCounts
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from tests.report.page_reader import outline, words
 
 KEPT = {**optimised()["before"], "beyond": 0}

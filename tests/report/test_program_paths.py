@@ -33,7 +33,7 @@ from pipeline.report.programs.panels import (
     tool_and_type_bars,
 )
 from pipeline.report.programs.simulated import feed_classes, lost_seconds
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 NONE = math.nan
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.stages import _line
-from pipeline.stages._line import line, place, running
+from pipeline.stages import __main__ as stage_runner
+from pipeline.stages.__main__ import line, place, running
 from tests.small_project import ROOT
 
 
@@ -67,7 +67,7 @@ class Terminal(io.StringIO):
 
 
 def test_a_long_stage_shows_on_a_terminal_that_it_runs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(_line, "SHOWN_AFTER_S", 0.0)
+    monkeypatch.setattr(stage_runner, "SHOWN_AFTER_S", 0.0)
     terminal, file = Terminal(), io.StringIO()
     for stream in (terminal, file):
         with running("shop@mill (3 of 30)", stream):

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.schema.model import Correlation
 from pipeline.schema.store import json_text, parsed, write_json
-from pipeline.submodels.spindle.residual import ForestSettings, examples, fitted_forest
+from pipeline.submodels.spindle.calibration import ForestSettings, examples, fitted_forest
 from pipeline.thermal.network import SOURCES, SpindleThermalParameters
 from pipeline.twin.spindle import (
     SMOOTHING_S,

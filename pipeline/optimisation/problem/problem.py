@@ -27,7 +27,7 @@ from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, w
 from pipeline.machine.control.path import Motion
 from pipeline.machine.control.planner import motion_times
 from pipeline.machine.control.path import Motion, Path
-from pipeline.machine.control.row_motion import motion_times
+from pipeline.machine.control.planner import motion_times
 from pipeline.optimisation.problem.arrays import (
     AS_PROGRAMMED,
     CONSTRAINTS,
@@ -56,7 +56,7 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.si import KW, KWH
 from pipeline.twin.cut.blocks import CutBlocks
-from pipeline.twin.cut.cost import Life, coolant_on
+from pipeline.twin.cut.tables import Life, coolant_on
 from pipeline.twin.cut.document import CutBasis
 from pipeline.twin.cut.loads import Cut
 

@@ -11,7 +11,7 @@ from pipeline.charts import svg
 from pipeline.charts.numbers import counted, duration, number, percent
 from pipeline.charts.svg import anchor
 from pipeline.report.programs.moves import Classes, ProgramMoves
-from pipeline.schema.program import SimulatedProgram, ToolTime
+from pipeline.schema.program_cut import SimulatedProgram, ToolTime
 
 WIDE = 10
 """Units of a column."""

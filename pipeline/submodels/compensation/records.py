@@ -17,10 +17,10 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.signals.conditions import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
-from pipeline.signals.sampling import UniformSegment
+from pipeline.signals.windows import UniformSegment
 from pipeline.submodels.statistics import grid_step
 from pipeline.signals.windows import UniformSegment
-from pipeline.submodels.rounding import grid_step
+from pipeline.submodels.statistics import grid_step
 
 MOTION = ("reference", "position", "error")
 """Channels of an axis that are lengths."""

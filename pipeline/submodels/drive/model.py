@@ -19,7 +19,7 @@ from pipeline.schema.drive import (
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.drive import loop_gain
 from pipeline.schema.store import structured
 from pipeline.submodels.drive.comparison import compared_force, constant_level

@@ -13,7 +13,7 @@ from pipeline.machine.axis.motor import force_constant
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.search.genetic import GeneticSettings
-from pipeline.signals.parts import samples_sha256
+from pipeline.signals.conditions import samples_sha256
 from pipeline.signals.conditions import samples_sha256
 
 BLOCK = " (block "

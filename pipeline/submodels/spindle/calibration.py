@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
-from pipeline.schema.interval import AdaptiveSettings
+from pipeline.schema.model import AdaptiveSettings
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
 from pipeline.schema.model import AdaptiveSettings
 from pipeline.signals.windows import StateSegment
@@ -29,7 +29,7 @@ from pipeline.submodels.spindle.fit import (
 )
 from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.residual import Forest, ResidualForest, features, smoothed_inputs
+from pipeline.twin.spindle import Forest, ResidualForest, features, smoothed_inputs
 from pipeline.twin.spindle import (
     TARGET,
     SpindleIntervals,

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.cutting.force.mean_force import COEFFICIENTS, regressors
+from pipeline.cutting.force.force_law import COEFFICIENTS, regressors
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.model import Parameter
 from pipeline.schema.si import N_MM2, UM

@@ -18,7 +18,7 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_lives import read_lives
-from pipeline.signals.wear_records import WearRecords
+from pipeline.signals.wear_windows import WearRecords
 from pipeline.signals.wear_windows import ToolLife, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
 from pipeline.signals.wear_windows import WearRecords, WearWindows

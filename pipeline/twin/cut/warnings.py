@@ -10,7 +10,7 @@ from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_dir
 from pipeline.cutting.tool import odd_sizes, tool_limits
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
 from pipeline.cutting.tool import tool_limits
-from pipeline.cutting.tool_sizes import odd_sizes
+from pipeline.cutting.tool import odd_sizes
 from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Rows

@@ -20,7 +20,7 @@ from pipeline.machine.axis.drive_parameters import (
     ServoParameters,
 )
 from pipeline.schema.drive import DriveModel, FeedDrive, Servo
-from pipeline.schema.structure import structured
+from pipeline.schema.store import structured
 from pipeline.submodels.drive.comparison import (
     _added,
     axis_comparison,
