@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pipeline.app.correction import correction_lines
+from pipeline.app.simulate import correction_lines
 from pipeline.gcode.setup import Setup
 from pipeline.schema.bundle import bundle_of
 from pipeline.schema.identity import MachineIdentity

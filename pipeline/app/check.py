@@ -8,27 +8,33 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.app.programs import check_program, machine_setup, setup_beside
-from pipeline.app.tables import read_catalogue, read_material, read_tools
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation, listed_range, tool_range
 from pipeline.app.cut import REMEDY
 from pipeline.app.fleet import machine_parameters
-from pipeline.app.programs import check_program, machine_limits, machine_setup, read_moves, setup_beside
+from pipeline.app.programs import (
+    check_program,
+    machine_limits,
+    machine_setup,
+    read_moves,
+    setup_beside,
+)
 from pipeline.app.tables import read_catalogue, read_material, read_tools, section
-from pipeline.cutting.catalogue import OPERATIONS, CuttingCatalogue, CuttingRange, Operation
+from pipeline.cutting.catalogue import (
+    OPERATIONS,
+    CuttingCatalogue,
+    CuttingRange,
+    Operation,
+    listed_range,
+    tool_range,
+)
 from pipeline.cutting.economics.material import Material
-from pipeline.cutting.engagement.stock import height_map
-from pipeline.cutting.engagement.stock import stock_of
+from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.cutting.tool import Tool
-from pipeline.gcode.moves import FeedMode, Moves
-from pipeline.cutting.catalogue import listed_range, tool_range
 from pipeline.gcode.moves import METRE, FeedMode, Moves
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
 from pipeline.machine.control.parameters import ControlParameters
 from pipeline.optimisation.operations import MAY_BE, operations_without_cut
 from pipeline.optimisation.proof.prove import Proof, proved
-from pipeline.optimisation.text.editable_blocks import LineRuns, at_speed, cuts_at_feed
 from pipeline.optimisation.settings import Part
 from pipeline.optimisation.text.editable_blocks import LineRuns, at_speed, cuts_at_feed
 from pipeline.optimisation.text.words import FeedWords

@@ -5,29 +5,22 @@ arguments; ``python -m pipeline.app.compiling`` writes it from this machine's ca
 """
 
 import json
-import logging
 import pkgutil
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import typer
-from numba.core import event
 from numba.core import types as numba_types
 from numba.core.dispatcher import Dispatcher
 from numba.core.errors import NumbaError
 
 import pipeline
-from pipeline.app.output import LOG
 from pipeline.kernels import kept_signatures
 from pipeline.parallel import mapped
 
 types: Any = numba_types
 LOOPS = Path(__file__).with_name("loops.json")
-
 
 
 def compile_loops() -> int:

@@ -15,7 +15,6 @@ from pipeline.cutting.economics.cost import CostRates, EnergyParameters
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import DIRECTIONS, TipDynamics, TipModes
 from pipeline.cutting.tool import ToolTable
-from pipeline.optimisation.full_twin import check_axes
 from pipeline.machine.control.planner import Plan
 from pipeline.optimisation.full_twin import check_axes
 from pipeline.optimisation.job import Workshop, cut_of
@@ -38,8 +37,6 @@ from pipeline.submodels.wear.machine_wear import machine_wear
 from pipeline.twin.cut.coefficients import ToolWear, WearRule
 from pipeline.twin.cut.document import document_of
 from pipeline.twin.cut.loads import cut_program
-from pipeline.twin.preflight import preflight_warnings
-from pipeline.twin.cut.coefficients import ToolWear, WearRule
 from pipeline.twin.preflight import Preflight, preflight_warnings
 from pipeline.twin.program_axes import Residual
 

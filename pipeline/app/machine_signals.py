@@ -17,7 +17,6 @@ import pyarrow.compute as pc
 
 from pipeline.app.records import ItemSeries
 from pipeline.schema.arrays import Floats, Ints
-from pipeline.signals.mtconnect.devices import DataItem
 from pipeline.signals.formats import RecordSource, TableLayout, UnreadableFile
 from pipeline.signals.ingest import reader_of
 from pipeline.signals.mtconnect.devices import DataItem

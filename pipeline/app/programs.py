@@ -24,7 +24,6 @@ from pipeline.gcode.setup import MachineLimits, Setup
 from pipeline.machine.control.parameters import ControlParameters, of_dialect
 from pipeline.parameters import structure
 from pipeline.schema.files import replacing
-from pipeline.schema.store import read_json, unstructured
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import UsedModel, Verdict
 from pipeline.twin.preflight import Preflight, limits_of, preflight

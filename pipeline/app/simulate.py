@@ -23,8 +23,7 @@ from pipeline.machine.control.planner import Plan
 from pipeline.parameters import structure
 from pipeline.schema.bundle import BUNDLE, Bundle, bundle_words, read_champions
 from pipeline.schema.files import together
-from pipeline.schema.store import read_json, write_json
-from pipeline.schema.structure import structured, unstructured
+from pipeline.schema.store import read_json, structured, unstructured, write_json
 from pipeline.submodels.contract import submodel
 from pipeline.twin.control import (
     ControlModelFile,
@@ -290,8 +289,7 @@ def _corrected(
     if request.compensate is None:
         return None
     from pipeline.submodels.compensation.model import residual_of
-    from pipeline.twin.corrected_program import CorrectedProgram, corrected_program
-    from pipeline.twin.correction import CorrectionSettings
+    from pipeline.twin.correction import CorrectedProgram, CorrectionSettings, corrected_program
 
     on, plan = simulated.on, simulated.plan
     drives = read_drives(needed_drives(on, "--compensate"))
@@ -351,8 +349,7 @@ def planned_times(plan: Plan, name: str) -> "Program":
     from pipeline.report.programs.moves import program_moves
     from pipeline.report.programs.simulated import Program
     from pipeline.schema.program_cut import SimulatedProgram
-    from pipeline.schema.store import structured
-    from pipeline.twin.simulation import block_table, summary
+    from pipeline.twin.simulation import summary
 
     times = structured(summary(plan, name), SimulatedProgram, name)
     table = pa.Table.from_pandas(block_table(plan), preserve_index=False)
@@ -377,7 +374,7 @@ def simulate_lines(
 
 def correction_lines(document: dict[str, Any]) -> Iterator[str]:
     """Following error as predicted, before and after correction, in lines of ``kerf simulate``."""
-    from pipeline.twin.corrected_program import correction_table
+    from pipeline.twin.correction import correction_table
 
     yield f"corrected command in {document['file']}, residual network: {document['residual']}"
     yield "following error as predicted:"

@@ -21,8 +21,7 @@ from pipeline.registry.provenance import (
 from pipeline.registry.store import Version, client_of, experiment_of, model_name, versions
 from pipeline.schema.bundle import MODEL, PREDICTIONS, SERVED, VERDICT, Bundle, Served, copy_bundle
 from pipeline.schema.model import Model
-from pipeline.schema.predictions import first_judged, shown_predictions
-from pipeline.schema.predictions import read_predictions
+from pipeline.schema.predictions import first_judged, read_predictions, shown_predictions
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Score, Verdict
 

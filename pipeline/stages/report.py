@@ -9,9 +9,6 @@ from pipeline.report.folders import FleetInfo, MachineFolders
 from pipeline.report.pages import write_report
 from pipeline.report.texts import ReportSettings, texts
 from pipeline.schema.store import structured
-from pipeline.report.texts import ReportSettings
-from pipeline.report.texts import texts
-from pipeline.schema.store import structured
 
 LIBRARIES = ("numpy", "pandas", "pyarrow", "scikit-learn", "scipy")
 

@@ -16,10 +16,6 @@ from pipeline.schema.days import day_of_text, is_day
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Condition, LeftOut, Model, SourceFile, Training
 from pipeline.schema.verdict import Fact, GoldenUsed, Role
-from pipeline.signals.parts import selection
-from pipeline.signals.conditions import share_rows
-from pipeline.schema.model import Condition, LeftOut, SourceFile, Training
-from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.conditions import selection, share_rows
 
 ENDS = ("first", "last")

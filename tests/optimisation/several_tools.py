@@ -21,7 +21,6 @@ from pipeline.optimisation.settings import (
 )
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.part import OptimisedPart
-from pipeline.twin.cut.coefficients import ToolWear
 from tests.twin.cut_parts import CONTROL
 
 QUICK = OptimisationSettings(

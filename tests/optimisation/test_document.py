@@ -12,7 +12,6 @@ import pytest
 from pipeline.app.optimise import optimise_lines
 from pipeline.cutting.engagement.stock import stock_of
 from pipeline.gcode.program import parse_program
-from pipeline.app.optimise import optimise_lines
 from pipeline.optimisation.comparison import Side, exceeded_limits, load_trace
 from pipeline.optimisation.document import optimised_text
 from pipeline.optimisation.full_twin import Result
@@ -31,9 +30,6 @@ from pipeline.twin.cut.document import assessed
 from pipeline.twin.cut.tables import block_rows
 from tests.optimisation.paper_part import PROGRAM, STOCK, paper_job
 from tests.optimisation.several_tools import document as part_of
-from pipeline.schema.store import structured
-from pipeline.twin.cut.document import assessed, document_of
-from tests.optimisation.paper_part import paper_job
 
 QUICK = OptimisationSettings(
     certainty=ReliabilitySettings(draws=64),

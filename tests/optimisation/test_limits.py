@@ -15,13 +15,19 @@ from pipeline.optimisation.problem.arrays import CONSTRAINTS
 from pipeline.optimisation.problem.feasible import passed_limit, with_load
 from pipeline.optimisation.problem.limits import at_hardest_station, feed_for_marks, inverse
 from pipeline.schema.limits import CutLimit, Margins
-from pipeline.twin.cut.blocks import cut_blocks
-from pipeline.twin.cut.blocks import cut_limits
-from tests.optimisation.problem_parts import DRIVE, DYNAMICS, NO_MARGINS, TOOLS, TWO_TOOLS, all_editable, cut_on, own, problem_on
-from tests.twin.cut_parts import AXIS, DEPTH, K_E, K_T, LAW, SLOT, TEN, pocket
 from pipeline.twin.cut.blocks import cut_blocks, cut_limits
-from tests.optimisation.problem_parts import DRIVE, NO_MARGINS, TWO_TOOLS, cut_on, problem_on
-from tests.twin.cut_parts import DEPTH, K_E, K_T, LAW, SLOT, TEN, pocket
+from tests.optimisation.problem_parts import (
+    DRIVE,
+    DYNAMICS,
+    NO_MARGINS,
+    TOOLS,
+    TWO_TOOLS,
+    all_editable,
+    cut_on,
+    own,
+    problem_on,
+)
+from tests.twin.cut_parts import AXIS, DEPTH, K_E, K_T, LAW, SLOT, TEN, pocket
 
 EDGES = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
 KIENZLE = ForceLaw.kienzle(k_c11=800.0, m_c=0.25, radial=0.5, axial=0.1)

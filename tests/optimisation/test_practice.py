@@ -12,9 +12,6 @@ import pytest
 
 from pipeline.app.optimise import optimise_lines
 from pipeline.app.tables import read_material
-from pipeline.app.optimise import optimise_lines
-from pipeline.cutting.catalogue import CuttingCatalogue
-from pipeline.cutting.economics.material import Material
 from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics
 from pipeline.cutting.tool import Tool
@@ -27,7 +24,6 @@ from pipeline.optimisation.practice import immersion
 from pipeline.optimisation.settings import OptimisationSettings, SearchSettings
 from pipeline.schema.limits import CutLimit, MachiningPractice
 from pipeline.schema.part import OptimisedPart
-from pipeline.twin.cut.coefficients import ToolWear
 from tests.optimisation.adaptive import trochoid
 from tests.optimisation.direct_parts import control
 from tests.optimisation.several_tools import request_of

@@ -15,11 +15,10 @@ from pipeline.optimisation.problem.arrays import CONSTRAINTS, Groups
 from pipeline.optimisation.problem.feasible import binding_constraints
 from pipeline.optimisation.problem.spindle import COARSE, FINE, speed_nodes
 from pipeline.schema.limits import CutLimit, Margins
-from pipeline.twin.cut.blocks import cut_blocks, station_arcs
-from pipeline.twin.cut.tables import cost_of, electricity, tool_life
-from pipeline.twin.cut.blocks import cut_blocks, cut_limits
+from pipeline.twin.cut.blocks import cut_blocks, cut_limits, station_arcs
 from pipeline.twin.cut.document import document_of
 from pipeline.twin.cut.stability import stability, table_of
+from pipeline.twin.cut.tables import cost_of, electricity, tool_life
 from tests.optimisation.problem_parts import (
     DRIVE,
     DYNAMICS,

@@ -29,8 +29,7 @@ from pipeline.schema.cutting import MAGNITUDE, OTHERS, CuttingModel, StoredCutMo
 from pipeline.schema.drive import FOLLOWING
 from pipeline.schema.model import Correlation, Parameter
 from pipeline.schema.part import OptimisedPart, part_values
-from pipeline.schema.store import StoreError, write_json
-from pipeline.schema.store import structured
+from pipeline.schema.store import StoreError, structured, write_json
 from pipeline.schema.verdict import Score, Status, UsedModel, Verdict
 from pipeline.twin.cut.coefficients import ToolCoefficients
 from tests.optimisation.paper_part import CONTROL

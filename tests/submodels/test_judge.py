@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.charts.judged import scores_table
-from pipeline.optimisation.reliability.uncertainty import judged_errors
+from pipeline.optimisation.reliability.uncertainty import held_out_errors
 from pipeline.schema.golden import Days, FrozenSet, GoldenSets
 from pipeline.schema.model import Model, SourceFile
 from pipeline.schema.predictions import read_predictions, write_predictions
@@ -132,7 +132,7 @@ def test_one_bad_record_is_named_and_does_not_decide_alone() -> None:
     assert named.startswith("bad: force, mean error 485 N is above 0.35 N, alone of all")
     (score,) = found.of("force", group="bad")
     assert (score.status, score.alone) == ("failed", True)
-    errors = judged_errors("control", found)
+    errors = held_out_errors("control", found)
     assert len(errors) == 3 and max(errors) < 0.03
     assert of(*good[:2], case("bad", "held_out")).status == "failed"
     assert of(*good, case("bad", "held_out"), target=TARGET).status == "failed"

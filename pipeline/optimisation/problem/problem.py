@@ -24,8 +24,6 @@ from pipeline.cutting.economics.spindle_power import SpindleDrive
 from pipeline.cutting.force.load_table import TORQUE
 from pipeline.gcode.moves import METRE
 from pipeline.machine.control.commands import commanded_feeds, spindle_speeds, waits
-from pipeline.machine.control.path import Motion
-from pipeline.machine.control.planner import motion_times
 from pipeline.machine.control.path import Motion, Path
 from pipeline.machine.control.planner import motion_times
 from pipeline.optimisation.problem.arrays import (
@@ -56,9 +54,9 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.limits import CutLimit
 from pipeline.schema.si import KW, KWH
 from pipeline.twin.cut.blocks import CutBlocks
-from pipeline.twin.cut.tables import Life, coolant_on
 from pipeline.twin.cut.document import CutBasis
 from pipeline.twin.cut.loads import Cut
+from pipeline.twin.cut.tables import Life, coolant_on
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

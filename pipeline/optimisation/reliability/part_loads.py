@@ -34,10 +34,9 @@ from pipeline.optimisation.problem.limits import crossings
 from pipeline.optimisation.reliability.uncertainty import CutRange, ToolUncertainty, Uncertainty
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats, Rows
-from pipeline.schema.files import keep, kept
 from pipeline.schema.cutting import CuttingModel
-from pipeline.schema.program_cut import ForceInterval
 from pipeline.schema.files import keep, kept
+from pipeline.schema.program_cut import ForceInterval
 from pipeline.twin.cut.blocks import STEEP
 from pipeline.twin.cut.coefficients import ToolCoefficients
 from pipeline.twin.cut.loads import Cut

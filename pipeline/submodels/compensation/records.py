@@ -19,8 +19,6 @@ from pipeline.signals.conditions import PART, parts_of, samples_sha256
 from pipeline.signals.recordings import Channel, Recording, Samples, read_recordings
 from pipeline.signals.windows import UniformSegment
 from pipeline.submodels.statistics import grid_step
-from pipeline.signals.windows import UniformSegment
-from pipeline.submodels.statistics import grid_step
 
 MOTION = ("reference", "position", "error")
 """Channels of an axis that are lengths."""

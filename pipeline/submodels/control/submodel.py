@@ -21,8 +21,7 @@ from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.golden import GoldenSets
 from pipeline.schema.identity import MachineIdentity
-from pipeline.schema.model import Band, Bands
-from pipeline.schema.model import Correlation, LeftOut, Parameter
+from pipeline.schema.model import Band, Bands, Correlation, LeftOut, Parameter
 from pipeline.schema.ranges import NotNegative, Range, Ranged
 from pipeline.schema.store import read_json
 from pipeline.schema.verdict import Fact

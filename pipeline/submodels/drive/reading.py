@@ -16,7 +16,6 @@ from pipeline.signals import recordings
 from pipeline.signals.recordings import WORDS, Channel, Samples
 from pipeline.signals.units import conversion
 from pipeline.signals.windows import UniformSegment
-from pipeline.submodels.drive.records import DrivePrior, check_axes, check_constants, constants_of, names_of
 from pipeline.submodels.drive.records import (
     AirRows,
     AxisChannels,

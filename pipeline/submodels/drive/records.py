@@ -14,7 +14,6 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.ranges import Positive, Range, Ranged
 from pipeline.search.genetic import GeneticSettings
 from pipeline.signals.conditions import samples_sha256
-from pipeline.signals.conditions import samples_sha256
 
 BLOCK = " (block "
 """Stands in the name of a block of a recording's own time."""

@@ -14,7 +14,6 @@ from pipeline.parallel import mapped
 from pipeline.schema.arrays import Floats
 from pipeline.schema.model import AdaptiveSettings
 from pipeline.schema.ranges import Count, Positive, Range, Ranged
-from pipeline.schema.model import AdaptiveSettings
 from pipeline.signals.windows import StateSegment
 from pipeline.submodels.cases import Case
 from pipeline.submodels.conformal import Residuals, bands, chosen_step, splits
@@ -29,14 +28,17 @@ from pipeline.submodels.spindle.fit import (
 )
 from pipeline.submodels.statistics import gains
 from pipeline.thermal.network import SpindleThermalParameters
-from pipeline.twin.spindle import Forest, ResidualForest, features, smoothed_inputs
 from pipeline.twin.spindle import (
     TARGET,
+    Forest,
+    ResidualForest,
     SpindleIntervals,
     SpindleModel,
     SpindleRecords,
+    features,
     free_run,
     from_measured,
+    smoothed_inputs,
 )
 
 if TYPE_CHECKING:

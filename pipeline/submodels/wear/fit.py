@@ -24,7 +24,6 @@ from pipeline.nets.settings import place
 from pipeline.parallel import mapped
 from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.model import Model
-from pipeline.schema.model import Bands
 from pipeline.signals.wear_windows import ChannelScaling, WearWindows
 from pipeline.submodels.conformal import Residuals, bands, splits
 from pipeline.submodels.statistics import LEVEL, auc, gains

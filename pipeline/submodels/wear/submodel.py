@@ -18,11 +18,8 @@ from pipeline.schema.store import read_json, write_json
 from pipeline.schema.verdict import Fact, Role
 from pipeline.signals.units import conversion
 from pipeline.signals.wear_lives import read_lives
-from pipeline.signals.wear_windows import WearRecords
-from pipeline.signals.wear_windows import ToolLife, WearWindows
+from pipeline.signals.wear_windows import ToolLife, WearRecords, WearWindows
 from pipeline.submodels.cases import Case, Cases, Records, Roles, role_of
-from pipeline.signals.wear_windows import WearRecords, WearWindows
-from pipeline.submodels.cases import Case, Cases, Records, Roles
 from pipeline.submodels.conformal import ALL_REGIMES, MANY_GROUPS
 from pipeline.submodels.contract import Ends, Input, Prediction, Predictor, Shown, SubModel, Target
 from pipeline.submodels.wear.due import Estimate, due_facts, fit_lasting, parameters

@@ -19,9 +19,15 @@ from pipeline.cutting.economics.cost import (
     part_cost,
     spindle_supply,
 )
-from pipeline.cutting.economics.material import Material
+from pipeline.cutting.economics.material import (
+    Condition,
+    Material,
+    Taylor,
+    cutting_speed,
+    wear,
+    wear_ends,
+)
 from pipeline.cutting.economics.spindle_power import SpindleDrive, no_load_power
-from pipeline.cutting.economics.material import Condition, Taylor, cutting_speed, wear, wear_ends
 from pipeline.gcode.moves import Kind
 from pipeline.machine.control.path import Motion
 from pipeline.machine.spindle import CUTTING

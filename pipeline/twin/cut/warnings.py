@@ -6,11 +6,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.cutting.economics.spindle_power import SpindleDrive
-from pipeline.cutting.stability.tip_dynamics import Mode, TipDynamics, rigid_directions
-from pipeline.cutting.tool import odd_sizes, tool_limits
 from pipeline.cutting.stability.tip_dynamics import TipDynamics, rigid_directions
-from pipeline.cutting.tool import tool_limits
-from pipeline.cutting.tool import odd_sizes
+from pipeline.cutting.tool import odd_sizes, tool_limits
 from pipeline.gcode.moves import CutterRadius
 from pipeline.machine.spindle import CUTTING
 from pipeline.schema.arrays import Rows

@@ -26,11 +26,16 @@ from pipeline.submodels.spindle.calibration import (
 )
 from pipeline.submodels.spindle.days import IntervalSettings
 from pipeline.submodels.spindle.fit import SpindleFitSettings
-from pipeline.twin.spindle import NODES, Forest, feature_names, load_forest, save_forest
-from pipeline.twin.spindle import TARGET, SpindleRecords, spindle_stretches
-from pipeline.submodels.spindle.days import IntervalSettings
-from pipeline.submodels.spindle.calibration import Examples, ForestSettings, examples, fitted_forest
-from pipeline.twin.spindle import NODES, TARGET, Forest, SpindleRecords, feature_names, load_forest, save_forest, spindle_stretches
+from pipeline.twin.spindle import (
+    NODES,
+    TARGET,
+    Forest,
+    SpindleRecords,
+    feature_names,
+    load_forest,
+    save_forest,
+    spindle_stretches,
+)
 from tests.submodels.spindle.spindle_days import ONE, RECORDS, days_of, state_table
 
 QUICK = ForestSettings(trees=8, depth=6, leaf=5, every_s=1800.0, sample_s=300.0)
