@@ -20,13 +20,9 @@ from typing import Annotated
 import numpy as np
 import numpy.typing as npt
 
-from pipeline.machine.axis.drive_parameters import (
-    FeedDriveParameters,
-    ServoParameters,
-    check_steps,
-    samples,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters, check_steps, samples
 from pipeline.schema.arrays import Bools, Complexes, Floats
+from pipeline.schema.drive import FeedDriveParameters
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 from pipeline.twin.drive import IdentifiedDrive
 from pipeline.twin.program_axes import Residual, driven

@@ -12,13 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 import yaml
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-    friction_force,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.schema.identity import MachineIdentity
 from pipeline.shop.drives.records import write_drives
 from pipeline.signals.formats import RecordSource

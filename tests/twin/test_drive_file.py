@@ -5,12 +5,8 @@ from dataclasses import asdict
 
 import pytest
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.schema.store import StoreError
 from pipeline.twin.drive import read_drives
 

@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled
 from pipeline.machine.axis import drive_train
-from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters, samples
+from pipeline.machine.axis.drive_parameters import samples
 from pipeline.machine.axis.drive_train import (
     I_D,
     I_Q,
@@ -63,6 +63,7 @@ from pipeline.machine.axis.motor import (
     torque,
 )
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import DirectionFriction, FrictionParameters
 
 _LONGEST_STEP = 0.5
 """Greatest product of a step and a rate of the drive.  The classical method of order four is stable

@@ -21,13 +21,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-)
 from pipeline.schema.arrays import Floats
-from pipeline.schema.drive import Method
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters, Method
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
 from pipeline.submodels.drive.estimates import (

@@ -12,14 +12,12 @@ from pipeline.schema.drive import (
     CurvePoint,
     DriveAxis,
     DriveMotor,
-    FeedDrive,
     FitFacts,
     FrictionPoint,
     RecursiveMass,
     Servo,
 )
 from pipeline.schema.model import Correlation, LeftOut, Parameter, significant
-from pipeline.schema.structure import structured
 from pipeline.submodels.drive import loop_gain
 from pipeline.submodels.drive.comparison import compared_force, constant_level
 from pipeline.submodels.drive.estimates import AxisFit
@@ -220,7 +218,7 @@ def _axis(axis: IdentifiedAxis) -> DriveAxis:
     stiffness, time = (significant(o.value) if o and o.determined else None for o in seen)
     return DriveAxis(
         command_unit=fit.command_unit, force_unit=fit.force_unit,
-        feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
+        feed_drive=fit.feed_drive,
         servo=None if servo.servo is None else _servo(servo.servo), servo_reason=servo.reason,
         friction_points=tuple(
             FrictionPoint(

@@ -8,26 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.drive import (
     FOLLOWING,
     FORCE,
+    DirectionFriction,
     DriveAxis,
     DriveModel,
-    FeedDrive,
+    FeedDriveParameters,
     FitFacts,
+    FrictionParameters,
     Servo,
 )
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.interval import Band
 from pipeline.schema.model import Correlation, LeftOut
 from pipeline.schema.store import read_json, write_json
-from pipeline.schema.structure import structured
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive import comparison
@@ -72,7 +68,7 @@ def stored(training=(), servo=SERVO, screw=SCREW, force_unit="N", reason="") -> 
     """A drive as its model file has it; its constant level is that of the training recordings."""
     axis = DriveAxis(
         command_unit="A", force_unit=force_unit, servo_reason=reason,
-        feed_drive=structured(asdict(screw), FeedDrive, "feed_drive"),
+        feed_drive=screw,
         servo=None if servo is None else
         Servo(**{k: v for k, v in asdict(servo).items() if v != np.inf}),
         fit=FitFacts(samples=1, relative_error_percent=1.0, bandwidth_Hz=30.0, condition=1.0,
