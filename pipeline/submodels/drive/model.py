@@ -311,7 +311,7 @@ def _servo(servo: ServoParameters) -> Servo:
     return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
 
 
-def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
+def _parameter(fit: AxisFit, i: int) -> Parameter:
     return Parameter.estimated(
         float(fit.values[i]), float(fit.low[i]), float(fit.high[i]), fit.units[i],
         method=fit.how[i], remedy=fit.remedy[i], determined=bool(fit.determined[i]),

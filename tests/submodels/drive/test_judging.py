@@ -441,8 +441,9 @@ def test_the_drive_has_the_half_width_of_its_following_error(axis):
     assert drive.following_half_width == pytest.approx(1e-6 * axis.intervals[FOLLOWING].upper)
 
 
-def test_one_recording_gives_no_interval():
-    alone = axis_of([strokes_at(SPEEDS[0], 0)])
+def test_one_recording_gives_no_interval(axis):
+    bare = {"X": replace(axis, intervals={})}
+    alone = with_intervals(bare, [strokes_at(SPEEDS[0], 0)], lambda *_: None, SETTINGS)["X"]
     assert alone.intervals == {}
     assert identified_drive(alone).following_half_width is None
 
