@@ -69,8 +69,8 @@ ANY = {"x", "y", "cos", "sin", "values", "of_part", "points", "centres", "temper
 
 @cache
 def modules() -> tuple[ModuleType, ...]:
-    """Modules of the rooms."""
-    found = []
+    """Modules of the rooms, and the stored parameters of a drive."""
+    found = [import_module("pipeline.schema.drive")]
     for room in ROOMS:
         package = import_module(f"pipeline.{room}")
         found += [package]

@@ -26,9 +26,13 @@ MOVING = (Kind.RAPID, *CUTTING)
 
 
 def run_up_time(speed: Floats, acceleration: Floats, base_speed: float) -> Floats:
-    """Time from standstill to a ``speed`` signed by its direction [rev/min], with its sign [s].
+    """Time from standstill to a speed, with the sign of the speed [s].
 
-    The acceleration [rev/min/s] holds below ``base_speed`` [rev/min], infinite for constant torque.
+    Parameters
+    ----------
+    speed, acceleration, base_speed : array
+        Signed by the direction [rev/min]; below the base speed [rev/min/s]; [rev/min], infinite for
+        constant torque at all speeds.
     """
     n = np.abs(speed)
     low = np.minimum(n, base_speed)

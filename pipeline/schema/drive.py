@@ -7,8 +7,12 @@ where the force constant is not listed.
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf
+from typing import Annotated
 
 from pipeline.schema.model import Band, Correlation, Model
+from pipeline.schema.interval import Band
+from pipeline.schema.model import Correlation, Model
+from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 
 MOTOR = "motor"
 """Group of the motor's parameters, beside the letters of the axes."""
@@ -48,32 +52,50 @@ class AxisInCut:
 
 
 @dataclass(frozen=True, kw_only=True)
-class DirectionFriction:
-    """Friction in one direction: Coulomb and static level [N], v_s [m/s], viscous [N s/m]."""
+class DirectionFriction(Ranged, section="friction"):
+    """Friction in one direction of motion; all values count as positive."""
 
-    coulomb: float
-    static: float
-    stribeck_velocity: float
-    viscous: float
+    coulomb: NotNegative
+    """Level F_c that speed does not change [N]."""
+    static: NotNegative
+    """Level F_s at the start of motion [N], at least ``coulomb``."""
+    stribeck_velocity: Annotated[float, Range(above=0.0, unit="m/s")] = 0.005
+    """Speed v_s over which the level falls from the static to the Coulomb one [m/s]."""
+    viscous: NotNegative = 0.0
+    """mu_v [N s/m]."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.static < self.coulomb:
+            raise ValueError(
+                f"friction.static = {self.static} N must not be below coulomb = {self.coulomb} N"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
-class Friction:
+class FrictionParameters:
     """Friction in both directions of motion."""
 
     positive: DirectionFriction
     negative: DirectionFriction
+    """Friction for v > 0 and for v < 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedDrive:
-    """Mechanics of an axis: mass [kg], force constant [N/A], friction, offset [N], backlash [m]."""
+class FeedDriveParameters(Ranged, section="feed_drive"):
+    """Mechanics of one axis from its command to the carriage."""
 
-    mass: float
-    force_constant: float
-    friction: Friction
-    offset: float = 0.0
-    backlash: float = 0.0
+    mass: Positive
+    """All that moves, the screw's and motor's inertia as mass: M + J (2 pi / L)^2 [kg]."""
+    force_constant: Positive
+    """Force on the carriage for one unit of the command [N/A] ([N/V] where the command is a
+    voltage).  1 where it is unknown: then forces are in the command's unit, and so is M."""
+    friction: FrictionParameters
+    """Both directions."""
+    offset: Annotated[float, Range(unit="N")] = 0.0
+    """Force against positive motion that is always there: gravity less counterbalance [N]."""
+    backlash: Annotated[float, Range(least=0.0, unit="m")] = 0.0
+    """Backlash between the screw and the carriage [m]; 0 for none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +187,7 @@ class DriveAxis:
     command_unit: str
     force_unit: str
     """Unit of the command, and of forces: the command's where the force constant is not listed."""
-    feed_drive: FeedDrive
+    feed_drive: FeedDriveParameters
     """Mechanics."""
     servo: Servo | None
     """Loops; None where the records do not determine them."""
@@ -190,8 +212,8 @@ class DriveAxis:
     """Time in which friction lets go of a standing axis, to 1/e [s]; None where the records do not
     determine it: it holds."""
     intervals: Mapping[str, Band] = field(default_factory=dict)
-    """Half widths of the 90 % intervals of :data:`FORCE` [force_unit] and :data:`FOLLOWING` [um];
-    missing where too few recordings move the axis."""
+    """Half widths of the 90 % intervals of :data:`FORCE`, in ``force_unit``, and :data:`FOLLOWING`
+    [um]; missing where too few recordings move the axis."""
 
 
 @dataclass(frozen=True, kw_only=True)

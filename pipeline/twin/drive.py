@@ -13,16 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.machine.axis.drive_parameters import (
-    DriveColumn,
-    FeedDriveParameters,
-    ServoParameters,
-    drive_row,
-)
+from pipeline.machine.axis.drive_parameters import DriveColumn, ServoParameters, drive_row
 from pipeline.schema.arrays import Bools, Floats
-from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel
+from pipeline.schema.drive import FOLLOWING, DriveAxis, DriveModel, FeedDriveParameters
 from pipeline.schema.model import Condition
 from pipeline.schema.store import StoreError, read_json, structured, unstructured
+from pipeline.schema.store import StoreError, read_json
 from pipeline.schema.verdict import Fact
 
 
@@ -172,7 +168,7 @@ def identified_drive(axis: DriveAxis) -> IdentifiedDrive:
         values = {name: value for name, value in vars(axis.servo).items() if value is not None}
         servo = ServoParameters(**values)
     return IdentifiedDrive(
-        feed_drive=structured(unstructured(axis.feed_drive), FeedDriveParameters, "feed_drive"),
+        feed_drive=axis.feed_drive,
         servo=servo, command_unit=axis.command_unit, force_unit=axis.force_unit,
         servo_reason=axis.servo_reason, bandwidth_Hz=axis.fit.bandwidth_Hz,
         delay=axis.fit.delay_s or 0.0, presliding_stiffness=axis.presliding_stiffness,

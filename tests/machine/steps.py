@@ -7,14 +7,9 @@ from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled
 from pipeline.machine.axis import drive
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    DriveColumn,
-    FeedDriveParameters,
-    FrictionParameters,
-    drive_row,
-)
+from pipeline.machine.axis.drive_parameters import DriveColumn, drive_row
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.twin.drive import check_stability
 from tests.twin.axes import DriveParameters
 

@@ -22,16 +22,14 @@ from pipeline.machine.axis.drive import (
     simulate,
 )
 from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
     DriveColumn,
     DriveStart,
-    FeedDriveParameters,
-    FrictionParameters,
     ServoParameters,
     drive_row,
     friction_force,
 )
 from pipeline.machine.axis.motor import force_constant
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from tests.machine.steps import both, screw_step, speed_after
 from tests.twin.axes import AXIS, DriveParameters, T, to_and_fro, with_drive, with_servo
 

@@ -144,6 +144,12 @@ def test_the_axes_keep_their_rapids(cam):
     speed = np.abs(np.diff(way, axis=0)).max(axis=0) * HERTZ * 60
     assert np.all(speed <= [36000.1, 36000.1, 30000.1])
     assert Drives().x.cascade.position_frequency == HERTZ
+from pipeline.machine.axis.drive_parameters import ServoParameters, friction_force
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
+from pipeline.schema.identity import MachineIdentity
+from pipeline.shop.drives.records import write_drives
+from pipeline.signals.formats import RecordSource
+from pipeline.signals.ingest import ingest
 
 
 SINGLE = {f"servo/reciprocation-{a}.csv": a for a in "XYZ"} | {

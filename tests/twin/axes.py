@@ -5,12 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 
 
 @dataclass(frozen=True, kw_only=True)

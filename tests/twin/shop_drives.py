@@ -1,11 +1,7 @@
 """Drives of the simulated shop floor as a perfect identification of one mass would have them."""
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.shop.drives.axis import hidden, truth
 from pipeline.shop.drives.parameters import Axis, Drives
 from pipeline.twin.drive import IdentifiedDrive

@@ -8,13 +8,9 @@ import pytest
 from pipeline.gcode.interpret import interpret
 from pipeline.gcode.program import parse_program
 from pipeline.gcode.setup import Setup
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.machine.control.parameters import AxisParameters, ControlParameters
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.schema.model import Condition
 from pipeline.twin.control import planned_program
 from pipeline.twin.drive import IdentifiedDrive

@@ -322,7 +322,10 @@ def _first_state(row: Floats, first: float, period: float, start: DriveStart | N
 def fuzzy_rules(error: float, change: float) -> tuple[float, float, float, float]:
     """Rules of :func:`simulate` whose sets end at these inputs, with the published spans.
 
-    Inputs are the greatest speed error [m/s] and its greatest change [m/s^2]; 0 leaves one out.
+    Parameters
+    ----------
+    error, change : float
+        Greatest speed error [m/s] and greatest change of it [m/s^2]; 0 leaves an input out.
     """
     scales = [10.0 / greatest if greatest > 0 else 0.0 for greatest in (error, change)]
     fuzzy = FuzzyParameters(error_scale=scales[0], change_scale=scales[1])

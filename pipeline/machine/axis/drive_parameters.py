@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import FeedDriveParameters, FrictionParameters
 from pipeline.schema.ranges import NotNegative, Positive, Range, Ranged
 
 
@@ -58,36 +59,6 @@ class ServoParameters(Ranged, section="servo"):
         return self.integral_scale * self.integral_gain
 
 
-@dataclass(frozen=True, kw_only=True)
-class DirectionFriction(Ranged, section="friction"):
-    """Friction in one direction of motion; all values count as positive."""
-
-    coulomb: NotNegative
-    """Level F_c that speed does not change [N]."""
-    static: NotNegative
-    """Level F_s at the start of motion [N], at least ``coulomb``."""
-    stribeck_velocity: Annotated[float, Range(above=0.0, unit="m/s")] = 0.005
-    """Speed v_s over which the level falls from the static to the Coulomb one [m/s]."""
-    viscous: NotNegative = 0.0
-    """mu_v [N s/m]."""
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.static < self.coulomb:
-            raise ValueError(
-                f"friction.static = {self.static} N must not be below coulomb = {self.coulomb} N"
-            )
-
-
-@dataclass(frozen=True, kw_only=True)
-class FrictionParameters:
-    """Friction in both directions of motion."""
-
-    positive: DirectionFriction
-    negative: DirectionFriction
-    """Friction for v > 0 and for v < 0."""
-
-
 def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:
     """Force against motion at steady speeds [N] of any shape; 0 at standstill, where it is open."""
     speed = np.asarray(v, dtype=np.float64)
@@ -98,23 +69,6 @@ def friction_force(v: ArrayLike, friction: FrictionParameters) -> Floats:
         stribeck = (side.static - side.coulomb) * np.exp(-((s / side.stribeck_velocity) ** 2))
         force[sliding] = sign * (side.coulomb + stribeck + side.viscous * s)
     return force
-
-
-@dataclass(frozen=True, kw_only=True)
-class FeedDriveParameters(Ranged, section="feed_drive"):
-    """Mechanics of one axis from its command to the carriage."""
-
-    mass: Positive
-    """All that moves, the screw's and motor's inertia as mass: M + J (2 pi / L)^2 [kg]."""
-    force_constant: Positive
-    """Force on the carriage for one unit of the command [N/A] ([N/V] where the command is a
-    voltage).  1 where it is unknown: then forces are in the command's unit, and so is M."""
-    friction: FrictionParameters
-    """Both directions."""
-    offset: Annotated[float, Range(unit="N")] = 0.0
-    """Force against positive motion that is always there: gravity less counterbalance [N]."""
-    backlash: Annotated[float, Range(least=0.0, unit="m")] = 0.0
-    """Backlash between the screw and the carriage [m]; 0 for none."""
 
 
 @dataclass(frozen=True, kw_only=True)

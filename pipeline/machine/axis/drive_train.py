@@ -82,7 +82,13 @@ class TransmissionParameters(Ranged, section="transmission"):
 
 
 def twist_torque(angle: Any, speed: Any, stiffness: Any, damping: Any) -> Any:
-    """Torque [N m] of the motor on the load, by motor less load [rad], [rad/s]."""
+    """Torque of the motor on the load through the shaft [N m].
+
+    Parameters
+    ----------
+    angle, speed, stiffness, damping : float
+        Motor less load [rad], [rad/s]; K [N m/rad], D [N m s/rad].
+    """
     return stiffness * angle + damping * speed
 
 

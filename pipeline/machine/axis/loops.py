@@ -93,8 +93,15 @@ class FuzzyParameters(Ranged, section="fuzzy"):
 
 
 def increments(error: float, change: float) -> tuple[float, float]:
-    """Increments of K_p and K_i as shares of their spans [1], by E and EC, limited to [-10, 10].
+    """Increments of K_p and K_i as shares of their spans [1].
 
+    Parameters
+    ----------
+    error, change : float
+        E and EC [1]; limited to [-10, 10].
+
+    Examples
+    --------
     The start of a step up: the greatest error, which falls fast, leaves both gains as they are.
 
     >>> [round(float(x), 12) for x in increments(10.0, -10.0)]

@@ -140,5 +140,13 @@ def duty(alpha: Any, beta: Any, dc_link: Any) -> tuple[Any, Any, Any]:
 
 
 def leg_voltage(a: Any, b: Any, c: Any, dc_link: Any) -> tuple[Any, Any]:
-    """Voltage of three legs [V], stator's frame; 1 for high, 0 for low, shares give its mean."""
+    """Voltage of three legs in the stator's frame [V].
+
+    Parameters
+    ----------
+    a, b, c : array_like
+        1 for a leg that is high, 0 for low; shares of a period give its mean [1].
+    dc_link : float
+        U_dc [V].
+    """
     return dc_link * (2 * a - b - c) / 3, dc_link * (b - c) / _SQRT3

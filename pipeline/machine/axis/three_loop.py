@@ -29,22 +29,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.kernels import compiled
 from pipeline.machine.axis import drive_train
-from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters, samples
-from pipeline.machine.axis.drive_train import (
-    I_D,
-    I_Q,
-    STATES,
-    TH_L,
-    TH_M,
-    W_L,
-    W_M,
-    TransmissionParameters,
-    advance,
-    holding_torques,
-    modes,
-    resonance,
-    sliding_friction,
-)
+from pipeline.machine.axis.drive_parameters import samples
+from pipeline.machine.axis.drive_train import I_D, I_Q, STATES, TH_L, TH_M, W_L, W_M
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
     FuzzyParameters,
@@ -63,6 +49,7 @@ from pipeline.machine.axis.motor import (
     torque,
 )
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import DirectionFriction, FrictionParameters
 
 _LONGEST_STEP = 0.5
 """Greatest product of a step and a rate of the drive.  The classical method of order four is stable
@@ -77,7 +64,7 @@ class ThreeLoopParameters:
     """Synchronous motor."""
     inverter: InverterParameters
     """Inverter that feeds it."""
-    transmission: TransmissionParameters
+    transmission: drive_train.TransmissionParameters
     """Drive train from the motor's shaft to the carriage."""
     friction: FrictionParameters
     """Friction of the guideway, at the carriage."""
@@ -116,7 +103,7 @@ def _rates(drive: ThreeLoopParameters) -> dict[str, float]:
     twist = transmission.internal_damping * (1 / motor.inertia + 1 / transmission.load_inertia)
     load_inertia, stiffness = transmission.load_inertia, transmission.stiffness
     return rates | {
-        "the shaft's resonance": resonance(motor.inertia, load_inertia, stiffness),
+        "the shaft's resonance": drive_train.resonance(motor.inertia, load_inertia, stiffness),
         "the damping's rate": max(motor.damping / motor.inertia, drag / load_inertia, twist),
     }
 
@@ -202,7 +189,7 @@ def _follow_loops(reference, load, periods, winding, shafts, loops, y, memory, w
             else:
                 for _ in range(loops.steps):
                     h = loops.period / loops.steps
-                    advance(y, h, alpha, beta, load[k], winding, shafts, work)
+                    drive_train.advance(y, h, alpha, beta, load[k], winding, shafts, work)
             done += 1
     return T
 
@@ -270,7 +257,7 @@ def _switch(y, alpha, beta, load, winding, shafts, loops, work):  # type: ignore
             u, v = _leg_voltage(on_a, on_b, on_c, loops.dc_link)
             steps = ceil(length / h * loops.steps)
             for _ in range(steps):
-                advance(y, length / steps, u, v, load, winding, shafts, work)
+                drive_train.advance(y, length / steps, u, v, load, winding, shafts, work)
             begin = end
 
 
@@ -279,12 +266,12 @@ def _record(y, load, winding, shafts, memory, out):  # type: ignore[no-untyped-d
     for j in range(STATES):
         out[j] = y[j]
     out[TORQUE] = _torque(y[I_D], y[I_Q], winding)
-    _, mode = modes(y, load, winding, shafts)
+    _, mode = drive_train.modes(y, load, winding, shafts)
     if mode != 0.0:
-        out[FRICTION] = sliding_friction(mode, y[W_L], shafts)
+        out[FRICTION] = drive_train.sliding_friction(mode, y[W_L], shafts)
     else:
         # at standstill friction balances the torque; the motor's bearings take their share first
-        out[FRICTION] = holding_torques(y, load, winding, shafts)[1]
+        out[FRICTION] = drive_train.holding_torques(y, load, winding, shafts)[1]
     out[U_D], out[U_Q] = memory[_UD], memory[_UQ]
     out[GAIN_P], out[GAIN_I] = memory[_KP], memory[_KI]
 
@@ -471,7 +458,7 @@ def servo_axis(*, rigid: bool = False) -> ThreeLoopParameters:
     return ThreeLoopParameters(
         motor=servo_motor(),
         inverter=InverterParameters(dc_link=200 * sqrt(2)),
-        transmission=TransmissionParameters(
+        transmission=drive_train.TransmissionParameters(
             lead=0.01, mass=300, screw_inertia=1.921e-3, **({} if rigid else TWIST)
         ),
         friction=FrictionParameters(positive=guideway, negative=guideway),

@@ -20,9 +20,16 @@ def commanded_feeds(
 ) -> Floats:
     """F with its override in cutting rows, the override in rapids [1]; shape (P, M).
 
-    ``feeds`` (M,) or (P, M) are in the units of ``Moves``, the program's own by default; overrides
-    in percent, one or (M,).  ValueError when a row that cuts has no positive F, or an override is
-    not positive.
+    ValueError when a row that cuts has no positive F, or an override is not positive.
+
+    Parameters
+    ----------
+    path : Path
+        Path whose rows are commanded.
+    feeds : (M,) or (P, M) array, optional
+        Feeds in the units of ``Moves``; the program's own by default.
+    feed_override, rapid_override : float or (M,) array
+        [percent].
     """
     from pipeline.machine.control.look_ahead import scale_feeds
 
@@ -108,9 +115,16 @@ def _override(path: Path, name: str, percent: ArrayLike) -> Floats:
 
 
 def waits(path: Path, speeds: Floats, motion_time: Floats) -> Floats:
-    """Standstill after each row [s], (P, M), by spindle speeds, (1 or P, M) [rev/min].
+    """Standstill after each row for a population [s]; shape (P, M).
 
-    ``motion_time`` (P, M) is the duration of each row's motion [s].
+    Parameters
+    ----------
+    path : Path
+        Path of :func:`pipeline.machine.control.planner.limited_path`.
+    speeds : (1 or P, M) array
+        Spindle speed, at least 0 [rev/min].
+    motion_time : (P, M) array
+        Duration of each row's motion [s].
     """
     wait = np.broadcast_to(path.pause, motion_time.shape).copy()
     moves, parameters = path.moves, path.control.auxiliary

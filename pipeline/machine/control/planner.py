@@ -281,9 +281,16 @@ def distances(path: Path, rows: Rows) -> Floats:
 
 
 def independent_time(path: Path, rows: Rows, share: Floats) -> Floats:
-    """Time of the slowest axis in ``rows`` (N,), from standstill to standstill [s]; shape (P, N).
+    """Time of the slowest axis from standstill to standstill [s]; shape (P, N).
 
-    ``share`` (P, N) is the override of the speeds [1].
+    Parameters
+    ----------
+    path : Path
+        Moves and the control's limits.
+    rows : (N,) array
+        Rows of the path.
+    share : (P, N) array
+        Override of the speeds [1].
     """
     here = path.control.has_axis
     size = np.abs(distances(path, rows))[:, here]
@@ -310,8 +317,13 @@ def rest_to_rest(
 ) -> Floats:
     """Shortest time from standstill to standstill [s]; an infinite jerk makes a trapezoid.
 
-    Distance [m] at least 0; speed [m/s], acceleration [m/s^2] and jerk [m/s^3] positive, broadcast.
+    Parameters
+    ----------
+    distance, speed, acceleration, jerk : array_like, broadcast
+        At least 0, and positive [m], [m/s], [m/s^2], [m/s^3].
 
+    Examples
+    --------
     >>> rest_to_rest([0.01, 1.0], 0.5, 2.0).round(4).tolist()
     [0.1414, 2.25]
     """

@@ -29,6 +29,7 @@ import numpy as np
 
 from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.arrays import Floats
+from pipeline.submodels.drive import servo_equation as law
 from pipeline.submodels.drive.entry_fits import (
     APART,
     EARLIEST,
@@ -40,31 +41,6 @@ from pipeline.submodels.drive.entry_fits import (
 )
 from pipeline.submodels.drive.motion import motion
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.drive.servo_equation import (
-    ABOVE,
-    FA,
-    FASTEST,
-    FV,
-    NODES,
-    SPP,
-    SVI,
-    SVP,
-    TERMS,
-    TS,
-    TV,
-    TX,
-    Difference,
-    Nominal,
-    ServoEquation,
-    ServoRecord,
-    delayed,
-    servo_equation,
-    servo_periods,
-    servo_signals,
-    stretch_rows,
-    stretches,
-    without_drift,
-)
 from pipeline.submodels.statistics import Factor
 from pipeline.twin.drive import IdentifiedDrive
 
@@ -217,7 +193,7 @@ def _words(
 
 def law_fits(
     recording: Recording, axis: str, drive: IdentifiedDrive
-) -> dict[Difference, dict[Entry, EntryFit]]:
+) -> dict[law.Difference, dict[Entry, EntryFit]]:
     """Fits of each entry of the disturbance into the servo, by feed-forward difference.
 
     Central differences alone where nothing is fed forward; empty without servo, reference or
@@ -226,16 +202,16 @@ def law_fits(
     one, servo, h = recording.axes[axis], drive.servo, recording.period
     if servo is None or one.reference is None or one.position is None or one.load is None:
         return {}
-    record = ServoRecord(
+    record = law.ServoRecord(
         reference=one.reference, position=one.position, command=one.command, period=h
     )
-    nominal, values = _law(servo, sum(servo_periods(one.constants, h)) / 2)
-    bandwidth = min(ABOVE * servo.loop_gain / (2 * np.pi), FASTEST / h)
+    nominal, values = _law(servo, sum(law.servo_periods(one.constants, h)) / 2)
+    bandwidth = min(law.ABOVE * servo.loop_gain / (2 * np.pi), law.FASTEST / h)
     ahead = servo.velocity_feedforward > 0 or servo.acceleration_feedforward > 0
-    differences: tuple[Difference, ...] = ("central", "backward") if ahead else ("central",)
+    differences: tuple[law.Difference, ...] = ("central", "backward") if ahead else ("central",)
     try:
         equations = {
-            each: servo_equation([record], nominal, bandwidth, each) for each in differences
+            each: law.servo_equation([record], nominal, bandwidth, each) for each in differences
         }
     except ValueError:
         return {}
@@ -267,10 +243,10 @@ def _by_law(recording: Recording, axis: str, drive: IdentifiedDrive) -> dict[Ent
 class _Law:
     """The servo's law on one recording, in which a disturbance may enter."""
 
-    record: ServoRecord
+    record: law.ServoRecord
     load: Floats
     servo: ServoParameters
-    equation: ServoEquation
+    equation: law.ServoEquation
     bandwidth: float
 
     def about_its_gains(self, values: Floats) -> dict[Entry, EntryFit]:
@@ -292,7 +268,7 @@ class _Law:
         """
         own = -(self.equation.columns @ self.equation.factors(values))
         fitted = values > 0
-        fitted[TS] = True  # a twin's lag is of first order, a recorded one is what it is
+        fitted[law.TS] = True  # a twin's lag is of first order, a recorded one is what it is
         nuisance = self.equation.jacobian(values, fitted)
         entering = self.entering(values)
         table = np.stack([factors for factors, _ in entering.values()], axis=1)
@@ -321,13 +297,13 @@ class _Law:
 
     def entering(self, values: Floats) -> dict[Entry, tuple[Floats, Floats]]:
         """Factors of the rows of the disturbance at each place, (M,), and their slopes, (M, D)."""
-        gain, error, swept = self.equation.nominal.velocity_gain, 0, 2 * NODES
+        gain, error, swept = self.equation.nominal.velocity_gain, 0, 2 * law.NODES
         reference, slopes = self.equation.factors(values), self.equation.slopes(values)
         speed, command = np.zeros_like(reference), np.zeros_like(reference)
         by_gain = np.zeros_like(slopes)
         reference[-1], command[-1] = 0.0, 1.0
         # without delay it enters as the error and its integral do; this is the identified one
-        speed[error], by_gain[error, SVP] = gain * values[SVP], gain
+        speed[error], by_gain[error, law.SVP] = gain * values[law.SVP], gain
         speed[swept] = self.servo.integral
         return {
             "reference": (reference, slopes), "speed": (speed, by_gain),
@@ -340,10 +316,10 @@ class _Law:
         record, node, width = self.record, self.equation.node, self.bandwidth
         return np.concatenate([
             part
-            for a, b in stretches(record, self.equation.nominal.current_limit, width)
-            for part in without_drift(
-                delayed(
-                    signals, stretch_rows(b - a, record.period, node, width) + a + held
+            for a, b in law.stretches(record, self.equation.nominal.current_limit, width)
+            for part in law.without_drift(
+                law.delayed(
+                    signals, law.stretch_rows(b - a, record.period, node, width) + a + held
                     - round(samples), node / record.period,
                 ) @ factors
             )
@@ -356,29 +332,29 @@ class _Law:
         held = ceil(max(LATEST, -EARLIEST) / record.period) + 2
         push = np.pad(self.load, held, mode="edge")
         aside = replace(record, reference=push, position=np.zeros(len(push)), command=push)
-        return servo_signals(aside, self.bandwidth, self.equation.difference), held
+        return law.servo_signals(aside, self.bandwidth, self.equation.difference), held
 
 
-def _law(servo: ServoParameters, period: float) -> tuple[Nominal, Floats]:
+def _law(servo: ServoParameters, period: float) -> tuple[law.Nominal, Floats]:
     """The servo's gains, and its factors of them in the order of ``TERMS``.
 
     Those of the equation, which integrates where the servo, of ``period`` [s], sums up: what of the
     proportional gain stands for the difference is taken off again.
     """
-    nominal = Nominal(
+    nominal = law.Nominal(
         position_gain=servo.position_gain, velocity_gain=servo.velocity_gain,
         integral_gain=servo.integral_gain, velocity_feedforward=0.0, acceleration_feedforward=0.0,
         current_limit=None if isinf(servo.current_limit) else servo.current_limit,
         unnamed=frozenset(),
     )  # fmt: skip
-    values = np.zeros(len(TERMS))
-    values[[SPP, SVP]] = (
+    values = np.zeros(len(law.TERMS))
+    values[[law.SPP, law.SVP]] = (
         servo.position_scale,
         servo.velocity_scale - 0.5 * period * servo.integral / servo.velocity_gain,
     )
-    values[SVI] = servo.integral_scale if servo.integral_gain > 0 else 0.0
-    values[[FV, FA]] = servo.velocity_feedforward, servo.acceleration_feedforward
-    values[[TX, TV, TS]] = servo.position_lag, servo.velocity_lag, 1.0
+    values[law.SVI] = servo.integral_scale if servo.integral_gain > 0 else 0.0
+    values[[law.FV, law.FA]] = servo.velocity_feedforward, servo.acceleration_feedforward
+    values[[law.TX, law.TV, law.TS]] = servo.position_lag, servo.velocity_lag, 1.0
     return nominal, values
 
 

@@ -21,15 +21,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-)
 from pipeline.schema.arrays import Floats
-from pipeline.schema.drive import Method
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters, Method
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
+from pipeline.submodels.drive import identifiability
 from pipeline.submodels.drive.estimates import (
     FITTED,
     GENETIC,
@@ -43,18 +39,6 @@ from pipeline.submodels.drive.estimates import (
     with_load,
     with_misfit,
     with_signs,
-)
-from pipeline.submodels.drive.identifiability import (
-    aligned,
-    at_other_bandwidths,
-    biased_half_width,
-    determined_dynamics,
-    force_constant_by_load,
-    instrumental,
-    is_better,
-    load_factor,
-    replaced,
-    with_force_constant,
 )
 from pipeline.submodels.drive.inverse_dynamics import (
     DIRECTIONS,
@@ -343,24 +327,25 @@ def identify_feed_drive(
     bandwidth = settings.bandwidth_Hz or parallel_bandwidth(training, axis, settings.shortest_s)
 
     def fitted() -> tuple[Regressors, float, list[FrictionPoint], Dynamics, Uncertainty]:
-        motions, rows, delay = aligned(training, axis, bandwidth)
+        motions, rows, delay = identifiability.aligned(training, axis, bandwidth)
         points = friction_points(constant_speed_segments(motions, settings.shortest_s))
         velocities = [one.velocity for one in points]
-        return (rows, delay, points, *determined_dynamics(rows, velocities, settings.widest))
+        optimum = identifiability.determined_dynamics(rows, velocities, settings.widest)
+        return rows, delay, points, *optimum
 
     rows, delay, points, found, uncertainty = fitted()
     # forces in newton, where a recorded load determines the force constant
     constant = None
     if record.force_unit != "N":
-        constant = force_constant_by_load(found, uncertainty, settings.widest)
+        constant = identifiability.force_constant_by_load(found, uncertainty, settings.widest)
     if constant is not None:
-        training = with_force_constant(training, axis, constant.value)
+        training = identifiability.with_force_constant(training, axis, constant.value)
         record = training[0].axes[axis]
         rows, delay, points, found, uncertainty = fitted()
     # the effect of the filter, and the other methods
-    others = at_other_bandwidths(training, axis, bandwidth, delay, found)
+    others = identifiability.at_other_bandwidths(training, axis, bandwidth, delay, found)
     methods, blind = _compared(rows, found, points, record.force_unit, settings)
-    factor = None if constant is not None else load_factor(found, uncertainty)
+    factor = None if constant is not None else identifiability.load_factor(found, uncertainty)
     found, uncertainty, others, how = _chosen(
         rows, found, uncertainty, others, blind, bandwidth=bandwidth, settings=settings
     )
@@ -400,13 +385,13 @@ def _chosen(
     """Optimum of the chosen method, by instruments where these are better; and its name."""
     if settings.method == "genetic" and blind is not None:
         return blind, uncertainty, others, GENETIC
-    better = instrumental(rows, found)
+    better = identifiability.instrumental(rows, found)
     if better is None:
         return found, uncertainty, others, FITTED
-    if is_better(better, found, uncertainty.half_width, settings.widest):
-        return *replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
+    if identifiability.is_better(better, found, uncertainty.half_width, settings.widest):
+        return *identifiability.replaced(rows, found, uncertainty, better), [], INSTRUMENTAL
     if bandwidth is None:
-        half_width = biased_half_width(better, found, uncertainty.half_width)
+        half_width = identifiability.biased_half_width(better, found, uncertainty.half_width)
         uncertainty = replace(uncertainty, half_width=half_width)
     return found, uncertainty, others, FITTED
 

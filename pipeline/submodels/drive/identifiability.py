@@ -20,8 +20,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.machine.axis.drive_parameters import FeedDriveParameters
 from pipeline.schema.arrays import Bools, Floats, Ints
+from pipeline.schema.drive import FeedDriveParameters
 from pipeline.submodels.drive.inverse_dynamics import (
     AMPLITUDES,
     DIRECTIONS,

@@ -12,7 +12,6 @@ from pipeline.schema.drive import (
     CurvePoint,
     DriveAxis,
     DriveMotor,
-    FeedDrive,
     FitFacts,
     FrictionPoint,
     RecursiveMass,
@@ -220,7 +219,7 @@ def _axis(axis: IdentifiedAxis) -> DriveAxis:
     stiffness, time = (significant(o.value) if o and o.determined else None for o in seen)
     return DriveAxis(
         command_unit=fit.command_unit, force_unit=fit.force_unit,
-        feed_drive=structured(asdict(fit.feed_drive), FeedDrive, "feed_drive"),
+        feed_drive=fit.feed_drive,
         servo=None if servo.servo is None else _servo(servo.servo), servo_reason=servo.reason,
         friction_points=tuple(
             FrictionPoint(
@@ -313,7 +312,7 @@ def _servo(servo: ServoParameters) -> Servo:
     return Servo(**{k: v for k, v in asdict(servo).items() if not np.isinf(v)})
 
 
-def _parameter(fit: AxisFit | MotorFit, i: int) -> Parameter:
+def _parameter(fit: AxisFit, i: int) -> Parameter:
     return Parameter.estimated(
         float(fit.values[i]), float(fit.low[i]), float(fit.high[i]), fit.units[i],
         method=fit.how[i], remedy=fit.remedy[i], determined=bool(fit.determined[i]),

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.schema.arrays import Bools, Floats, Ints
-from pipeline.submodels.drive.estimates import Estimates
+from pipeline.submodels.drive.estimates import AxisFit
 from pipeline.submodels.statistics import Uncertainty, uncertainty_of
 
 WINDOW = 64
@@ -200,17 +200,11 @@ REMEDY = (
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class MotorFit(Estimates):
+class MotorFit(AxisFit):
     """Parameters of a motor; values are nan where the record does not determine them."""
 
-    units: tuple[str, ...]
-    """Units of the parameters."""
     reasons: dict[str, str]
     """Why those that are not determined are not."""
-    condition: float
-    """Condition number of the regressors that are excited, each scaled to length one [1]."""
-    correlation: Floats
-    """Correlation of the parameters; shape (D, D)."""
     windows: int
     left_out: int
     """Windows fitted, and left out because a sample in them is not finite."""

@@ -17,8 +17,9 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.machine.axis.drive import simulate
-from pipeline.machine.axis.drive_parameters import FeedDriveParameters, ServoParameters, drive_row
+from pipeline.machine.axis.drive_parameters import ServoParameters, drive_row
 from pipeline.schema.arrays import Floats
+from pipeline.schema.drive import FeedDriveParameters
 from pipeline.schema.model import Parameter
 from pipeline.submodels.drive.records import Recording
 from pipeline.twin.drive import stable

@@ -24,31 +24,12 @@ from pipeline.schema.arrays import Bools, Floats
 from pipeline.schema.drive import Method
 from pipeline.search.genetic import GeneticSettings
 from pipeline.search.result import minimise
+from pipeline.submodels.drive import servo_equation as law
 from pipeline.submodels.drive.estimates import MISFIT_PERCENT, AxisFit, Estimates, compared_methods
 from pipeline.submodels.drive.loop_gain import DECAYS, LoopGain, loop_gain
 from pipeline.submodels.drive.loop_gain import LISTED as GAIN_LISTED
 from pipeline.submodels.drive.records import AxisConstants, DriveFitSettings, Recording
-from pipeline.submodels.drive.servo_equation import (
-    FA,
-    FV,
-    REMEDY,
-    SCALES,
-    SPP,
-    SVI,
-    SVP,
-    TERMS,
-    TH,
-    TS,
-    TV,
-    TX,
-    Nominal,
-    ServoEquation,
-    ServoRecord,
-    servo_bandwidth,
-    servo_equation,
-    servo_periods,
-    servo_records,
-)
+from pipeline.submodels.drive.servo_equation import FA, FV, SPP, SVI, SVP, TERMS, TH, TV, TX
 from pipeline.submodels.statistics import Uncertainty, block_numbers, uncertainty_of
 
 SHARES = (0.0, 0.5, 0.9)
@@ -74,7 +55,7 @@ class ServoOptimum:
     """Number of servos evaluated."""
 
 
-def closed_forms(equation: ServoEquation, share: float, values: Floats) -> Floats:
+def closed_forms(equation: law.ServoEquation, share: float, values: Floats) -> Floats:
     """Start of a search: gains by linear least squares for lags of 0 and f_v = ``share``.
 
     A = (S_vp V_p S_pp P_p) e + (S_vp V_p)(f_v r' - v) + ... is linear in the products of the gains.
@@ -96,7 +77,7 @@ def closed_forms(equation: ServoEquation, share: float, values: Floats) -> Float
     return found
 
 
-def starts(equation: ServoEquation, values: Floats, fitted: Bools) -> Iterator[Floats]:
+def starts(equation: law.ServoEquation, values: Floats, fitted: Bools) -> Iterator[Floats]:
     """Starts of searches; each of shape (D,)."""
     low, high = equation.nominal.bounds(equation.longest)
     shares = SHARES if fitted[FV] else (float(values[FV]),)
@@ -104,13 +85,13 @@ def starts(equation: ServoEquation, values: Floats, fitted: Bools) -> Iterator[F
     for share, late in places:
         found = closed_forms(equation, share, values)
         found[[TX, TV]] = late * equation.longest
-        found[TH], found[TS] = 0.1 * late * equation.longest, 0.5
+        found[TH], found[law.TS] = 0.1 * late * equation.longest, 0.5
         found[~fitted] = values[~fitted]
         yield np.clip(found, low, high)
 
 
 def least_squares_servo(
-    equation: ServoEquation, values: Floats, fitted: Bools, begin: Floats | None = None
+    equation: law.ServoEquation, values: Floats, fitted: Bools, begin: Floats | None = None
 ) -> ServoOptimum:
     """Bounded least squares of the ``fitted`` parameters, (D,); the others stay as in ``values``.
 
@@ -149,7 +130,7 @@ def least_squares_servo(
 
 
 def genetic_servo(
-    equation: ServoEquation, values: Floats, fitted: Bools, settings: GeneticSettings
+    equation: law.ServoEquation, values: Floats, fitted: Bools, settings: GeneticSettings
 ) -> ServoOptimum:
     """The same by a genetic algorithm (Sim2023), within a factor about the closed forms."""
     low, high = equation.nominal.bounds(equation.longest)
@@ -180,15 +161,15 @@ GREATEST_UNSEEN = 0.1
 """Greatest end of its interval up to which a feed-forward that is not fitted counts as 0 [1]."""
 
 
-def always_fitted(nominal: Nominal) -> Bools:
+def always_fitted(nominal: law.Nominal) -> Bools:
     """Terms of every servo of this list; shape (D,)."""
     fitted = np.zeros(len(TERMS), bool)
-    fitted[[SPP, SVP, TX, TV, TS]] = True
+    fitted[[SPP, SVP, TX, TV, law.TS]] = True
     fitted[[SVI, TH]] = nominal.integral is True
     return fitted
 
 
-def optional_terms(nominal: Nominal) -> list[tuple[int, ...]]:
+def optional_terms(nominal: law.Nominal) -> list[tuple[int, ...]]:
     """Terms that are fitted where they improve the fit: the list does not name them."""
     found: list[tuple[int, ...]] = [(SVI, TH)] if nominal.integral is None else []
     for k in (FV, FA):
@@ -197,7 +178,7 @@ def optional_terms(nominal: Nominal) -> list[tuple[int, ...]]:
     return found
 
 
-def selected_servo(equation: ServoEquation) -> ServoOptimum:
+def selected_servo(equation: law.ServoEquation) -> ServoOptimum:
     """Least squares with the terms that improve the fit, added one after the other."""
     values, fitted = equation.nominal.fixed, always_fitted(equation.nominal)
     best = least_squares_servo(equation, values, fitted)
@@ -214,7 +195,7 @@ def selected_servo(equation: ServoEquation) -> ServoOptimum:
 
 
 def _with(
-    equation: ServoEquation, values: Floats, best: ServoOptimum, terms: tuple[int, ...]
+    equation: law.ServoEquation, values: Floats, best: ServoOptimum, terms: tuple[int, ...]
 ) -> ServoOptimum:
     fitted, begin = best.fitted.copy(), values.copy()
     fitted[list(terms)] = True
@@ -225,7 +206,7 @@ def _with(
 
 
 def servo_uncertainty(
-    equation: ServoEquation, slower: ServoEquation, optimum: ServoOptimum
+    equation: law.ServoEquation, slower: law.ServoEquation, optimum: ServoOptimum
 ) -> Uncertainty:
     """Uncertainty of an optimum: clustered 95 % intervals and the change at half the bandwidth.
 
@@ -248,7 +229,7 @@ def servo_uncertainty(
 
 
 def greatest_unseen(
-    equation: ServoEquation, slower: ServoEquation, best: ServoOptimum, term: int
+    equation: law.ServoEquation, slower: law.ServoEquation, best: ServoOptimum, term: int
 ) -> float | None:
     """Upper bound of a feed-forward that is not fitted; None where that is no bound."""
     fitted = best.fitted.copy()
@@ -292,13 +273,13 @@ def identify_servo(
     recordings: Sequence[Recording], axis: str, settings: DriveFitSettings
 ) -> ServoFit:
     """Servo of ``axis`` from its commanded and measured position, or the reason for none."""
-    records, constants, unit, others = servo_records(recordings, axis)
-    nominal = Nominal.of(constants)
+    records, constants, unit, others = law.servo_records(recordings, axis)
+    nominal = law.Nominal.of(constants)
     if not records:
         return _without(nominal, unit, f"no training recording of axis {axis} has commanded "
                         "position, measured position and command: record all three")  # fmt: skip
     alone = loop_gain(records, settings.widest)
-    bandwidth = settings.bandwidth_Hz or servo_bandwidth(records)
+    bandwidth = settings.bandwidth_Hz or law.servo_bandwidth(records)
     fits: list[ServoFit] = []
     try:
         for k in range(1 if settings.bandwidth_Hz else HALVINGS):
@@ -313,7 +294,7 @@ def identify_servo(
     return replace(_beside(fits[0], nominal, alone), left_out=tuple(others))
 
 
-def _contradicts(fit: ServoFit, nominal: Nominal, alone: LoopGain) -> bool:
+def _contradicts(fit: ServoFit, nominal: law.Nominal, alone: LoopGain) -> bool:
     """Whether speed over following error is another by the equation than by positions alone.
 
     At high bandwidths the encoder's steps are as large as what the loops answer.  Without an
@@ -333,7 +314,7 @@ def _contradicts(fit: ServoFit, nominal: Nominal, alone: LoopGain) -> bool:
     return bool(away > SAME + half + (alone.high - alone.low) / alone.value)
 
 
-def _beside(fit: ServoFit, nominal: Nominal, alone: LoopGain | None) -> ServoFit:
+def _beside(fit: ServoFit, nominal: law.Nominal, alone: LoopGain | None) -> ServoFit:
     """The loops without what positions alone speak against."""
     if alone is None:
         return fit
@@ -341,12 +322,12 @@ def _beside(fit: ServoFit, nominal: Nominal, alone: LoopGain | None) -> ServoFit
         return _refused(fit, nominal, (SPP,), DECAYS, GAIN_LISTED)
     if _contradicts(fit, nominal, alone):
         how = f"not determined: by positions alone the loop gain is {alone.value:.4g} 1/s"
-        return _refused(fit, nominal, SCALES, how, REMEDY[TERMS[SPP]])
+        return _refused(fit, nominal, law.SCALES, how, law.REMEDY[TERMS[SPP]])
     return fit
 
 
 def _refused(
-    fit: ServoFit, nominal: Nominal, terms: Sequence[int], how: str, remedy: str
+    fit: ServoFit, nominal: law.Nominal, terms: Sequence[int], how: str, remedy: str
 ) -> ServoFit:
     """The loops with some terms not determined; without a servo where no list names their gains."""
     determined, whys, remedies = fit.determined.copy(), list(fit.how), list(fit.remedy)
@@ -360,15 +341,15 @@ def _refused(
 
 
 def _at_bandwidth(
-    records: Sequence[ServoRecord],
-    nominal: Nominal,
+    records: Sequence[law.ServoRecord],
+    nominal: law.Nominal,
     constants: AxisConstants,
     unit: str,
     bandwidth: float,
     settings: DriveFitSettings,
 ) -> ServoFit:
     """Servo from its equation below ``bandwidth`` [Hz]."""
-    equation, slower = (servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
+    equation, slower = (law.servo_equation(records, nominal, b) for b in (bandwidth, bandwidth / 2))
     best, uncertainty, determined = _determined(
         equation, slower, selected_servo(equation), settings.widest
     )
@@ -385,7 +366,7 @@ def _at_bandwidth(
     lacking = [k for k in (SPP, SVP) if not estimated.determined[k] and not nominal.named(TERMS[k])]
     names = " and ".join(TERMS[k].removesuffix("_scale") + "_gain" for k in lacking)
     reason = (
-        f"the records do not determine {names}: {REMEDY['velocity_scale']}, or name {names} in "
+        f"the records do not determine {names}: {law.REMEDY['velocity_scale']}, or name {names} in "
         "conf/machine/"
     )
     return ServoFit(
@@ -400,10 +381,10 @@ def _at_bandwidth(
     )  # fmt: skip
 
 
-def _at_end(equation: ServoEquation, best: ServoOptimum) -> Bools:
+def _at_end(equation: law.ServoEquation, best: ServoOptimum) -> Bools:
     """Terms that the search stopped at their greatest value, and scales at their least; (D,)."""
     low, high = equation.nominal.bounds(equation.longest)
-    scales = np.isin(np.arange(len(TERMS)), SCALES)
+    scales = np.isin(np.arange(len(TERMS)), law.SCALES)
     ends: Bools = (best.values >= (1 - AT_BOUND) * high) | (
         scales & (best.values <= (1 + AT_BOUND) * low)
     )
@@ -411,7 +392,7 @@ def _at_end(equation: ServoEquation, best: ServoOptimum) -> Bools:
 
 
 def _estimates(
-    nominal: Nominal, best: ServoOptimum, uncertainty: Uncertainty, determined: Bools
+    nominal: law.Nominal, best: ServoOptimum, uncertainty: Uncertainty, determined: Bools
 ) -> Estimates:
     """All terms with their intervals; the lag of the position loop is what its hold leaves."""
     values = best.values.copy()
@@ -424,12 +405,12 @@ def _estimates(
             FITTED if seen else LOOSE if fitted else LISTED if nominal.named(name) else WITHOUT
             for name, seen, fitted in zip(TERMS, determined, best.fitted, strict=True)
         ),
-        remedy=tuple(REMEDY[name] for name in SHOWN),
+        remedy=tuple(law.REMEDY[name] for name in SHOWN),
     )  # fmt: skip
 
 
 def _with_rounding(
-    estimated: Estimates, nominal: Nominal, constants: AxisConstants, period: float
+    estimated: Estimates, nominal: law.Nominal, constants: AxisConstants, period: float
 ) -> Estimates:
     """Estimates with the contribution of a sampled integral to S_vp.
 
@@ -437,7 +418,7 @@ def _with_rounding(
     S_vi V_i T / 2 of the proportional gain, of a servo's period T between its bounds.
     """
     part = 0.5 * estimated.values[SVI] * nominal.integral_gain / nominal.velocity_gain
-    least, most = (part * one for one in servo_periods(constants, period))
+    least, most = (part * one for one in law.servo_periods(constants, period))
     values, low, high = estimated.values.copy(), estimated.low.copy(), estimated.high.copy()
     values[SVP] += 0.5 * (least + most)
     low[SVP], high[SVP] = low[SVP] + least, high[SVP] + most
@@ -445,7 +426,7 @@ def _with_rounding(
 
 
 def _with_none_seen(
-    estimated: Estimates, equation: ServoEquation, slower: ServoEquation, best: ServoOptimum
+    estimated: Estimates, equation: law.ServoEquation, slower: law.ServoEquation, best: ServoOptimum
 ) -> Estimates:
     """Estimates with 0 for a feed-forward that was not fitted, where the records would show it."""
     low, high, how = estimated.low.copy(), estimated.high.copy(), list(estimated.how)
@@ -458,7 +439,7 @@ def _with_none_seen(
     return replace(estimated, low=low, high=high, determined=determined, how=tuple(how))
 
 
-def _without(nominal: Nominal, unit: str, reason: str) -> ServoFit:
+def _without(nominal: law.Nominal, unit: str, reason: str) -> ServoFit:
     none = np.full(len(SHOWN), np.nan)
     return ServoFit(
         units=tuple(nominal.unit(n, unit) for n in SHOWN), values=none, low=none, high=none,
@@ -468,7 +449,7 @@ def _without(nominal: Nominal, unit: str, reason: str) -> ServoFit:
 
 
 def _determined(
-    equation: ServoEquation, slower: ServoEquation, best: ServoOptimum, widest: float
+    equation: law.ServoEquation, slower: law.ServoEquation, best: ServoOptimum, widest: float
 ) -> tuple[ServoOptimum, Uncertainty, Bools]:
     """Optimum with the listed value of scales that are not determined, and which are."""
     while True:
@@ -477,7 +458,7 @@ def _determined(
         least[[TX, TV]] = equation.period
         bound = widest * np.maximum(np.abs(best.values), least)
         determined: Bools = 2 * uncertainty.half_width <= bound
-        open_ = [k for k in SCALES if best.fitted[k] and not determined[k]
+        open_ = [k for k in law.SCALES if best.fitted[k] and not determined[k]
                  and equation.nominal.named(TERMS[k])]  # fmt: skip
         if not open_:
             return best, uncertainty, determined
@@ -489,7 +470,7 @@ def _determined(
 
 
 def _methods(
-    equation: ServoEquation, best: ServoOptimum, settings: DriveFitSettings, unit: str
+    equation: law.ServoEquation, best: ServoOptimum, settings: DriveFitSettings, unit: str
 ) -> tuple[tuple[Method, ...], ServoOptimum]:
     found = {"least_squares": best}
     if settings.compare or settings.method == "genetic":

@@ -28,24 +28,10 @@ from scipy.special import stdtrit
 from pipeline.schema.arrays import Bools, Floats, Ints
 from pipeline.schema.drive import Shaft
 from pipeline.schema.model import Parameter, significant
+from pipeline.submodels.drive import shaft_signals as ends
 from pipeline.submodels.drive.estimates import SENSOR
 from pipeline.submodels.drive.records import Recording
-from pipeline.submodels.drive.shaft_signals import (
-    COULOMB,
-    DAMPING,
-    MASS,
-    PLAY,
-    VISCOUS,
-    WIDTH,
-    C,
-    Signals,
-    flanks,
-    lasting,
-    left_over,
-    signals_of,
-    table,
-    with_waves,
-)  # fmt: skip
+from pipeline.submodels.drive.shaft_signals import COULOMB, DAMPING, MASS, PLAY, VISCOUS, WIDTH, C
 
 ROUNDS = 6
 """Rounds of the fit, which finds the flanks in contact."""
@@ -105,7 +91,7 @@ def identify_shaft(
     ``lead`` is that of the screw [m], ``widest`` the greatest half width of a determined interval,
     as a share.
     """
-    shown = [signals_of(one, axis, force_constant, lead) for one in recordings
+    shown = [ends.signals_of(one, axis, force_constant, lead) for one in recordings
              if axis in one.shafts]  # fmt: skip
     shown = [one for one in shown if one.good.sum() > 10 * (7 + one.nuisance.shape[1])]
     if not shown:
@@ -126,18 +112,18 @@ def identify_shaft(
     return ShaftFit(shaft=shaft, parameters=known)
 
 
-def _fitted(shown: Sequence[Signals]) -> tuple[Rounds, list[Signals]]:
+def _fitted(shown: Sequence[ends.Signals]) -> tuple[Rounds, list[ends.Signals]]:
     """Best of the fits from all first guesses, with the waves that stand out of what it leaves."""
     # bearings that push are none: their friction stays out where it comes out below 0
     tried = [_rounds(shown, start, out) for start in _starts(shown) for out in ((COULOMB,), ())]
     best = min((one for one in tried if one.shared[COULOMB] >= 0), key=lambda one: one.left)
-    waved = with_waves(shown, best.sides, best.sure)
+    waved = ends.with_waves(shown, best.sides, best.sure)
     free = _rounds(waved, best.shared, ())
     best = free if free.shared[COULOMB] >= 0 else _rounds(waved, best.shared, (COULOMB,))
     return best, waved
 
 
-def _starts(shown: Sequence[Signals]) -> list[Floats]:
+def _starts(shown: Sequence[ends.Signals]) -> list[Floats]:
     """First guesses: shares of all that the force moves are the motor's; each of shape (7,)."""
     moving = np.concatenate([one.columns[one.good] for one in shown])
     inside = [MASS, VISCOUS, COULOMB]
@@ -145,28 +131,28 @@ def _starts(shown: Sequence[Signals]) -> list[Floats]:
     return [np.array([1.0, share * found[0], *np.zeros(5)]) for share in SHARES]
 
 
-def _rounds(shown: Sequence[Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
+def _rounds(shown: Sequence[ends.Signals], shared: Floats, out: tuple[int, ...]) -> Rounds:
     """Fit from a guess of the motor's mass, which fixes the flanks; without columns ``out``."""
     for _ in range(ROUNDS):
-        sides, sure = zip(*(flanks(one, shared) for one in shown), strict=True)
+        sides, sure = zip(*(ends.flanks(one, shared) for one in shown), strict=True)
         if PLAY in out:
             sure = tuple(one.good for one in shown)
         whole, ways = _blocks(shown, sides, sure)
         shared = _solution(*whole, out)
-    left = [left_over(*one) for one in zip(shown, sides, sure, strict=True)]
+    left = [ends.left_over(*one) for one in zip(shown, sides, sure, strict=True)]
     count = max(sum(part.size for part in left), 1)
     enough = count > 10 * len(shared) and whole[0].any()
     rms = float(np.sqrt(sum(float(part @ part) for part in left) / count)) if enough else np.inf
     return Rounds(
         shared=shared, sides=sides, sure=sure, whole=whole, ways=ways, out=out,
-        left=rms, lasting=rms * lasting(shown, left, sure) ** 0.5 if enough else np.inf,
+        left=rms, lasting=rms * ends.lasting(shown, left, sure) ** 0.5 if enough else np.inf,
         noise=sum(float(part @ part) / (2 * (WIDTH * one.period) ** 2)
                   for one, part in zip(shown, left, strict=True)),
     )  # fmt: skip
 
 
 def _blocks(
-    shown: Sequence[Signals], sides: Sequence[Floats], sure: Sequence[Bools]
+    shown: Sequence[ends.Signals], sides: Sequence[Floats], sure: Sequence[Bools]
 ) -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]]:
     """Normal equations (7, 7), (7,), and the part of each of B phases of motion in them.
 
@@ -176,7 +162,7 @@ def _blocks(
     gram, product = np.zeros((7, 7)), np.zeros(7)
     for one, side, ok in zip(shown, sides, sure, strict=True):
         rows = np.flatnonzero(ok)
-        columns = np.concatenate([table(one, side), one.twist[:, np.newaxis]], axis=1)[rows]
+        columns = np.concatenate([ends.table(one, side), one.twist[:, np.newaxis]], axis=1)[rows]
         if len(rows) < 2 * columns.shape[1]:
             continue
         own, _ = np.linalg.qr(columns[:, 7:-1])

@@ -20,7 +20,6 @@ from typing import Any, Protocol
 import numpy as np
 import pandas as pd
 
-from pipeline.machine.axis.drive_parameters import DirectionFriction, FrictionParameters
 from pipeline.machine.axis.drive_train import TransmissionParameters
 from pipeline.machine.axis.loops import (
     CurrentLoopParameters,
@@ -31,7 +30,14 @@ from pipeline.machine.axis.loops import (
 from pipeline.machine.axis.motor import InverterParameters, MotorParameters
 from pipeline.machine.axis.three_loop import ThreeLoopParameters, follow_position, follow_speed
 from pipeline.schema.arrays import Floats
-from pipeline.schema.drive import MOTOR, DriveAxis, DriveModel, Shaft, SpeedLoop, SpeedLoops
+from pipeline.schema.drive import (
+    MOTOR,
+    DriveAxis,
+    DriveModel,
+    Shaft,
+    SpeedLoop,
+    SpeedLoops,
+)
 from pipeline.schema.model import Parameter
 from pipeline.schema.ranges import Positive, Ranged
 from pipeline.schema.si import RPM
@@ -308,8 +314,6 @@ def as_identified(
     motor_mass, stiffness = known(own, "motor_mass"), known(own, "shaft_stiffness")
     damping = own["shaft_damping"].value or 0.0
     load = axis.feed_drive.mass - motor_mass
-    sides = {side: DirectionFriction(**vars(getattr(axis.feed_drive.friction, side)))
-             for side in ("positive", "negative")}  # fmt: skip
     return ThreeLoopParameters(
         motor=MotorParameters(
             resistance=known(motor, "R"), inductance_d=known(motor, "L_d"),
@@ -321,7 +325,7 @@ def as_identified(
             lead=shaft.lead, mass=load, axial_stiffness=stiffness,
             internal_damping=damping * ratio**2,
         ),
-        friction=FrictionParameters(**sides),
+        friction=axis.feed_drive.friction,
         current_loop=CURRENT_LOOP,
         speed_loop=SpeedLoopParameters(
             torque_limit=servo.current_limit * k * ratio,

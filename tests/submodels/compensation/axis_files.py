@@ -22,9 +22,9 @@ from pipeline.schema.drive import (
     DirectionFriction,
     DriveAxis,
     DriveModel,
-    FeedDrive,
+    FeedDriveParameters,
     FitFacts,
-    Friction,
+    FrictionParameters,
     Servo,
 )
 from pipeline.schema.identity import MachineIdentity
@@ -104,8 +104,9 @@ def drive_model(forward: float = 0.0) -> DriveModel:
     )  # fmt: skip
     axis = DriveAxis(
         command_unit="A", force_unit="N",
-        feed_drive=FeedDrive(
-            mass=150.0, force_constant=100.0, friction=Friction(positive=way, negative=way)
+        feed_drive=FeedDriveParameters(
+            mass=150.0, force_constant=100.0,
+            friction=FrictionParameters(positive=way, negative=way),
         ),
         servo=Servo(
             position_gain=60.0, velocity_gain=450.0, integral_gain=18e3,

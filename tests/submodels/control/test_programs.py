@@ -164,13 +164,6 @@ def test_a_last_line_that_a_poll_missed_is_no_shorter_program(shelf, tmp_path):
     assert match(cut, {"part": shelf["part"]}).whole
 
 
-def test_a_line_beyond_the_last_rules_a_program_out(shelf, tmp_path):
-    run = run_of(shelf["part"], tmp_path)
-    found = match(run, {"short": shelf["short"]})
-    assert found.program is None
-    assert f"lines up to {int(shelf['part'].line[-1])}" in found.reason
-
-
 def test_a_tie_that_no_feed_breaks_is_not_guessed(shelf, tmp_path):
     run = run_of(shelf["part"], tmp_path)
     mute = replace(run, feed=Series(time=np.empty(0), value=np.empty(0)))
@@ -317,19 +310,6 @@ def test_runs_are_those_of_the_logs_in_order_of_their_names(machine):
         ("control/b-left.txt", "programs/one.nc"),
     ]
     assert [RECORDS.unit(m.run.recording) for m in matches] == ["right", "left"]
-
-
-def test_a_run_without_its_program_has_no_segments_but_a_reason(machine):
-    raw, signals = machine
-    programs = read_programs(raw, RECORDS, SETUP).moves
-    only = {"programs/one.nc": programs["programs/one.nc"]}
-    matches = read_matches(signals, files_of(signals), RECORDS, ITEMS, only)
-    assert [bool(m.reason) for m in matches] == [True, False]
-
-
-def test_a_pattern_says_what_is_shown(machine):
-    raw, _ = machine
-    assert {name: path.name for name, path in RECORDS.shown(raw).items()} == {"one": "one.nc"}
 
 
 def test_a_recording_of_no_unit_is_refused_in_one_sentence():

@@ -260,9 +260,8 @@ def test_a_time_has_an_interval_by_runs_left_out(fitted, moves):
     assert high == round(plan.total * (1 + 2 * whole.upper), 3)
 
 
-@pytest.mark.parametrize("more", [{}, {"train2": Operated(abort=9.0)}])
-def test_a_run_that_no_other_can_predict_gives_no_interval(moves, tmp_path, more):
-    records = machine(tmp_path, moves, {"train": ALONE, **more})
+def test_a_run_that_no_other_can_predict_gives_no_interval(moves, tmp_path):
+    records = machine(tmp_path, moves, {"train": ALONE, "train2": Operated(abort=9.0)})
     settings = Fitting(**SHARED, control=start())
     model = SUBMODEL.fit(SUBMODEL.cases(records, settings), settings, tmp_path)
     assert model.intervals == {}

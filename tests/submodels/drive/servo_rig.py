@@ -14,11 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-)
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
 
 Floats = NDArray[np.float64]

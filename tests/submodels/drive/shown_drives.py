@@ -12,9 +12,9 @@ from pipeline.schema.drive import (
     DriveAxis,
     DriveModel,
     DriveMotor,
-    FeedDrive,
+    FeedDriveParameters,
     FitFacts,
-    Friction,
+    FrictionParameters,
     FrictionPoint,
     Method,
     RecursiveMass,
@@ -96,8 +96,8 @@ ALIKE = DirectionFriction(coulomb=310.0, static=440.0, stribeck_velocity=0.004, 
 def drive_axis(letter: str, **changes) -> DriveAxis:
     axis = DriveAxis(
         command_unit="A", force_unit="N", servo=None, constant_level=330.0,
-        feed_drive=FeedDrive(mass=420.0, force_constant=62.0,
-                             friction=Friction(positive=ALIKE, negative=ALIKE)),
+        feed_drive=FeedDriveParameters(mass=420.0, force_constant=62.0,
+                             friction=FrictionParameters(positive=ALIKE, negative=ALIKE)),
         friction_points=friction_points(letter), friction_curve=friction_curve(), methods=METHODS,
         fit=FACTS, recursive_mass=recursive() if letter == "X" else None,
     )  # fmt: skip

@@ -8,12 +8,14 @@ noisy.
 """
 
 from dataclasses import dataclass, field
+from functools import partial
 from math import exp, floor, pi, sin
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.schema.drive import DirectionFriction
 from pipeline.submodels.drive.records import AxisConstants, AxisRecord, Recording
 
 Floats = NDArray[np.float64]
@@ -21,14 +23,7 @@ STEP = 5e-5
 """Of the mechanics [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Way:
-    """Steady friction in one direction [N, m/s, N s/m]."""
-
-    coulomb: float = 60.0
-    static: float = 90.0
-    stribeck_velocity: float = 0.004
-    viscous: float = 300.0
+Way = partial(DirectionFriction, coulomb=60.0, static=90.0, stribeck_velocity=0.004, viscous=300.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,8 +36,10 @@ class SimulatedAxis:
     damping: float = 4e3
     bristle: float = 6e6
     bristle_damping: float = 2e3
-    positive: Way = field(default_factory=Way)
-    negative: Way = field(default_factory=lambda: Way(coulomb=55.0, static=80.0, viscous=340.0))
+    positive: DirectionFriction = field(default_factory=Way)
+    negative: DirectionFriction = field(
+        default_factory=lambda: Way(coulomb=55.0, static=80.0, viscous=340.0)
+    )
     offset: float = 0.0
     cogging: float = 4.0
     lead: float = 0.01

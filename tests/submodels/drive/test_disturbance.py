@@ -13,11 +13,13 @@ import numpy as np
 import pytest
 from numba import njit
 
-from pipeline.machine.axis.drive_parameters import (
+from pipeline.machine.axis.drive_parameters import ServoParameters
+from pipeline.schema.drive import (
     DirectionFriction,
+    DriveModel,
     FeedDriveParameters,
     FrictionParameters,
-    ServoParameters,
+    Servo,
 )
 from pipeline.schema.drive import DriveModel, FeedDrive, Servo
 from pipeline.schema.store import structured
@@ -395,7 +397,7 @@ def model(drives) -> DriveModel:
     servo = {k: v for k, v in asdict(drive.servo).items() if v != float("inf")}
     axis = replace(
         found.axes["X"], command_unit=drive.command_unit, force_unit=drive.force_unit,
-        feed_drive=structured(asdict(drive.feed_drive), FeedDrive, "feed_drive"),
+        feed_drive=drive.feed_drive,
         servo=Servo(**servo),
     )  # fmt: skip
     return replace(found, axes={"X": axis})

@@ -8,24 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters
 from pipeline.schema.drive import (
     FOLLOWING,
     FORCE,
+    DirectionFriction,
     DriveAxis,
     DriveModel,
-    FeedDrive,
+    FeedDriveParameters,
     FitFacts,
+    FrictionParameters,
     Servo,
 )
 from pipeline.schema.identity import MachineIdentity
 from pipeline.schema.model import Band, Correlation, LeftOut
 from pipeline.schema.store import read_json, structured, write_json
+from pipeline.schema.interval import Band
+from pipeline.schema.model import Correlation, LeftOut
+from pipeline.schema.store import read_json, write_json
 from pipeline.submodels.cases import Cases, Roles
 from pipeline.submodels.contract import Shown
 from pipeline.submodels.drive import comparison
@@ -70,7 +70,7 @@ def stored(training=(), servo=SERVO, screw=SCREW, force_unit="N", reason="") -> 
     """A drive as its model file has it; its constant level is that of the training recordings."""
     axis = DriveAxis(
         command_unit="A", force_unit=force_unit, servo_reason=reason,
-        feed_drive=structured(asdict(screw), FeedDrive, "feed_drive"),
+        feed_drive=screw,
         servo=None if servo is None else
         Servo(**{k: v for k, v in asdict(servo).items() if v != np.inf}),
         fit=FitFacts(samples=1, relative_error_percent=1.0, bandwidth_Hz=30.0, condition=1.0,
@@ -443,8 +443,9 @@ def test_the_drive_has_the_half_width_of_its_following_error(axis):
     assert drive.following_half_width == pytest.approx(1e-6 * axis.intervals[FOLLOWING].upper)
 
 
-def test_one_recording_gives_no_interval():
-    alone = axis_of([strokes_at(SPEEDS[0], 0)])
+def test_one_recording_gives_no_interval(axis):
+    bare = {"X": replace(axis, intervals={})}
+    alone = with_intervals(bare, [strokes_at(SPEEDS[0], 0)], lambda *_: None, SETTINGS)["X"]
     assert alone.intervals == {}
     assert identified_drive(alone).following_half_width is None
 

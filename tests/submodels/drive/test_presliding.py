@@ -6,13 +6,8 @@ import numpy as np
 import pytest
 
 from pipeline.machine.axis.drive import NO_RULES, simulate
-from pipeline.machine.axis.drive_parameters import (
-    DirectionFriction,
-    FeedDriveParameters,
-    FrictionParameters,
-    ServoParameters,
-    drive_row,
-)
+from pipeline.machine.axis.drive_parameters import ServoParameters, drive_row
+from pipeline.schema.drive import DirectionFriction, FeedDriveParameters, FrictionParameters
 from pipeline.submodels.drive import presliding
 from pipeline.submodels.drive.presliding import PreslidingFit, identify_presliding
 from pipeline.submodels.drive.records import AxisRecord, Recording
