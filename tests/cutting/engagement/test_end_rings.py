@@ -22,7 +22,7 @@ EACH = LAW.K_tc * F_Z + LAW.K_te
 """Force along the cutting speed on each length of edge [N/m]."""
 ANGLES = np.radians(2.5 + 5.0 * np.arange(72))
 WAY = through([[0, 0, 2], [0, 0, -8]])
-RESOLUTIONS = [0.1, 0.25, 0.5, 1.0]
+RESOLUTIONS = [0.1, 0.5]
 
 
 def flat(diameter_mm: float, flutes: int = 2, **given) -> Tool:
@@ -91,7 +91,7 @@ def test_a_ring_has_the_area_of_what_is_removed(resolution) -> None:
         assert ratio == pytest.approx(found.volume.sum() / of_full.volume.sum(), rel=0.02)
 
 
-@settings(deadline=None, max_examples=60)
+@settings(deadline=None, max_examples=30)
 @given(
     diameter=st.floats(6, 30), share=st.floats(0.1, 0.97), off=st.floats(0, 1),
     angle=st.floats(0, 2 * np.pi), resolution=st.floats(0.2, 0.8),
@@ -111,7 +111,7 @@ def test_torque_is_that_of_the_removed_material(diameter, share, off, angle, res
     assert np.all(rings.inner >= 0) and np.all(rings.outer <= np.float32(tool.radius))
 
 
-@pytest.mark.parametrize(("resolution", "near"), [(0.1, 0.03), (0.25, 0.06), (0.5, 0.12), (1, 0.3)])
+@pytest.mark.parametrize(("resolution", "near"), [(0.1, 0.03), (0.5, 0.12)])
 def test_a_hole_off_the_axis(resolution: float, near: float) -> None:
     """39 mm, 0.4 mm to the left of a boring bar of 40: 0.1 mm at one side, 0.9 at the other."""
     tool = flat(40.0, 1)

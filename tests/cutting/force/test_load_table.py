@@ -275,13 +275,9 @@ def test_a_program_that_cuts_nothing() -> None:
         for feeds in (np.full(3, MOST), np.full((2, 3), MOST)):
             loads = table.loads(feeds)
             assert not any(getattr(loads, name).any() for name in NAMES)
-
-
-def test_a_program_without_blocks() -> None:
     table = load_table(stations([], [], 0), [MILL], [LAW], MOST)
-    assert table.loads([]).peak.shape == (0,)
+    assert table.loads([]).peak.shape == table.peaks([]).shape == (0,)
     assert table.loads(np.empty((4, 0))).peak.shape == (4, 0)
-    assert table.peaks([]).shape == table.station_loads([]).peak.shape == (0,)
 
 
 @pytest.mark.parametrize("tools", [(0, 1), (0, 2), (2, 0), (1, 2), (1, 3)])

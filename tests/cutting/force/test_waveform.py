@@ -14,10 +14,10 @@ from tests.cutting.closed_forms import (
     in_plane_forces,
     mean_forces,
     mean_torque,
+    plain_forces,
     torque_basis,
     waveform,
 )
-from tests.cutting.plain_forces import plain_forces
 
 LAW = ForceLaw.linear(K_tc=800.0, K_rc=300.0, K_ac=120.0, K_te=20.0, K_re=15.0, K_ae=3.0)
 MILL = Tool(kind="flat", diameter_mm=10.0, flutes=4, helix_deg=30.0)

@@ -31,7 +31,7 @@ def leading(cut, rpm: float, depth: float) -> complex:
     return complex(values[np.abs(values).argmax()])
 
 
-@pytest.mark.parametrize("modes", [[X], [X, Y], [X, Y, replace(X, natural_frequency_Hz=1500.0)]])
+@pytest.mark.parametrize("modes", [[X], [X, Y, replace(X, natural_frequency_Hz=1500.0)]])
 def test_both_methods_agree_where_the_matrix_is_constant(modes) -> None:
     """A slot with four flutes: the zero-order solution is exact, and every lobe is compared.
 
@@ -113,8 +113,7 @@ def test_vibration_grows_above_and_dies_below(modes, cut, rpm: float) -> None:
 
 @pytest.mark.parametrize(
     ("modes", "cut", "rpm", "depth"),
-    [([X], SLOT, 5000, 5e-4), ([X], TWENTIETH, 19_500, 3e-3), ([X, Y], DOWN, 6000, 1e-3),
-     ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
+    [([X], TWENTIETH, 19_500, 3e-3), ([X, Y], replace(UP, flutes=3), 4000, 1e-3)],
 )  # fmt: skip
 def test_the_error_falls_with_the_square_of_the_cell(modes, cut, rpm, depth: float) -> None:
     """60 cells and more: the next power of the cell shifts the order seen by some hundredths."""

@@ -206,7 +206,7 @@ def test_universal_files_say_what_they_are(tmp_path: Path) -> None:
         read_frf(tmp_path / "half.uff")
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(place=st.integers(0, 3000), junk=st.binary(max_size=40))
 def test_no_damage_to_a_universal_file_is_another_error(tmp_path_factory, place, junk) -> None:
     folder = tmp_path_factory.mktemp("damaged")
@@ -218,7 +218,7 @@ def test_no_damage_to_a_universal_file_is_another_error(tmp_path_factory, place,
         assert "damaged.uff: " in str(error)
 
 
-@settings(deadline=None)
+@settings(deadline=None, max_examples=40)
 @given(text=st.text(alphabet='01.,;-e \n[]HzfreqalimgpsudN/mµ#"', max_size=80))
 def test_no_text_is_another_error(tmp_path_factory, text: str) -> None:
     file = tmp_path_factory.mktemp("text") / "a.csv"

@@ -17,12 +17,12 @@ from pipeline.submodels.cutting.predictions import ForcePredictor
 from pipeline.submodels.cutting.recordings import CuttingRecording, cut_harmonics, with_revolution
 from pipeline.submodels.cutting.selection import model_of
 from pipeline.submodels.cutting.waveform import Terms
-from tests.submodels.cutting.milling import Truth
 from tests.submodels.cutting.recorded import (
     RATE,
     SETTINGS,
     SLOT,
     SLOTS,
+    Truth,
     clean,
     identified,
     known_of,

@@ -22,8 +22,7 @@ from pipeline.submodels.cutting.waveform import (
     tooth_columns,
     transfer,
 )
-from tests.submodels.cutting.milling import Truth, milled
-from tests.submodels.cutting.recorded import SETTINGS, known_of, recordings
+from tests.submodels.cutting.recorded import SETTINGS, Truth, known_of, milled, recordings
 
 SLOT = CutConditions(speed=100.0, f_z=1e-4, a_p=3e-3, phi_st=0.0, phi_ex=np.pi, flutes=2)
 MILL = Tool(kind="flat", diameter_mm=25.0, flutes=2)

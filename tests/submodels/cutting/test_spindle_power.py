@@ -302,7 +302,7 @@ def test_all_of_it_scales_with_the_power_that_is_taken_for_known() -> None:
 
 @pytest.mark.parametrize(
     ("step", "noise"),
-    [STEPS[0], *(pytest.param(*one, marks=pytest.mark.proof) for one in STEPS[1:3]), STEPS[3]],
+    [*(pytest.param(*one, marks=pytest.mark.proof) for one in STEPS[:3]), STEPS[3]],
 )
 def test_the_truth_is_within_the_intervals(step: float, noise: float) -> None:
     """Each 95 % interval holds it in 90 of 100 seeds at least."""
@@ -320,21 +320,6 @@ def test_the_truth_is_within_the_intervals(step: float, noise: float) -> None:
             ]
         )
     assert hits.min() >= 90, hits
-
-
-def test_a_coarser_display_makes_wider_intervals() -> None:
-    """The same spindle with little noise, shown in tenths and in whole percents."""
-    width = {
-        step: np.median(
-            [
-                np.concatenate([idle.fit.half_width, force.fit.half_width])
-                for idle, force in (found(seed, step, 0.05, 0.0) for seed in range(20))
-            ],
-            axis=0,
-        )
-        for step in (0.1, 1.0)
-    }
-    assert (width[1.0] > 2.5 * width[0.1]).all()
 
 
 def test_more_samples_of_one_level_do_not_make_rounding_smaller() -> None:
