@@ -229,7 +229,3 @@ def test_rings_of_stations() -> None:
     assert rings.rows(6).tolist() == [0, 1, 0, 0, 2, 0]
     assert rings.width.tolist() == [2, 2] and not rings.around_the_axis.any()
     assert whole_ends().of(0) is None and whole_ends().rows(2).tolist() == [0, 0]
-    with pytest.raises(ValueError, match="the stations must rise"):
-        EndRings(station=np.array([4, 1]), inner=rings.inner, outer=rings.outer)
-    with pytest.raises(ValueError, match="2 stations have inner radii of shape"):
-        EndRings(station=np.array([1, 4]), inner=rings.inner[:1], outer=rings.outer[:1])

@@ -145,12 +145,6 @@ def test_what_lies_far_away_costs_nothing() -> None:
     assert found.length.sum() == pytest.approx(65 * MM, abs=1 * MM)
 
 
-@pytest.mark.parametrize("bins", [0, 7, 6, 73, 722])
-def test_the_number_of_angles_is_even_and_within_reason(bins: int) -> None:
-    with pytest.raises(ValueError, match=f"bins = {bins} must be even and from 8 to 720"):
-        engage(through([[0, 0, 0], [1, 0, 0]]), [FLAT], block(), bins=bins)
-
-
 @pytest.mark.parametrize("tool", [-1, 1, 5])
 def test_a_tool_that_is_not_there_is_named(tool: int) -> None:
     path = replace(through([[0, 0, 0], [1, 0, 0]]), tool=np.array([tool], np.int32))

