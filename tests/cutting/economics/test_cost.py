@@ -33,11 +33,6 @@ def test_an_hour_of_everything_takes_the_sum_of_its_powers() -> None:
     assert float(found.total) == pytest.approx(4.0 + 1.2 + 0.6 + 1.5)
 
 
-def test_a_machine_that_waits_takes_its_base_load() -> None:
-    found = energy(MILL, times=[3600.0], spindle_W=0.0, moving=0.0)
-    assert float(found.total) == pytest.approx(1.2)
-
-
 def drive(efficiency: float, motor_efficiency: float) -> SpindleDrive:
     return SpindleDrive(
         rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0, efficiency=efficiency,
@@ -59,17 +54,6 @@ def test_power_in_is_power_out_and_losses(
 def test_a_motor_that_nobody_measured_is_taken_for_a_usual_one() -> None:
     usual = SpindleDrive(rated_power_kW=11.0, base_speed_rpm=1500.0, top_speed_rpm=8000.0)
     assert float(spindle_supply(900.0, 0.0, usual)) == pytest.approx(1000.0)
-
-
-def test_a_population_is_each_of_its_members() -> None:
-    random = np.random.default_rng(2)
-    times, power = random.uniform(0, 9, (4, 12)), random.uniform(0, 8000, (4, 12))
-    moving = random.uniform(0, 1, 12)
-    together = energy(MILL, times=times, spindle_W=power, moving=moving)
-    assert together.block.shape == (4, 12)
-    for row in range(4):
-        one = energy(MILL, times=times[row], spindle_W=power[row], moving=moving)
-        np.testing.assert_allclose(together.block[row], one.block, rtol=1e-14)
 
 
 RATES = CostRates(

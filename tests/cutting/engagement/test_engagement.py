@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from pipeline.cutting.engagement import engagement
 from pipeline.cutting.engagement.engagement import Engagement, ToolPath, engage, engaged_arc
-from pipeline.cutting.engagement.stock import height_map, stock_of
 from pipeline.cutting.tool import Tool
 from tests.cutting.tool_paths import (
     BALL,
@@ -54,20 +53,6 @@ def test_a_path_without_pieces() -> None:
     assert left.volume == block().volume
 
 
-def test_a_stock_without_height_is_never_met() -> None:
-    stock = height_map(stock_of("box:0,50,0,50,0,0"), 0.5 * MM)
-    found, _ = engage(through([[0, 0, -3], [50, 50, -3]]), [FLAT], stock)
-    assert len(found) == 0
-
-
-def test_going_up_cuts_nothing_that_was_not_in_the_way() -> None:
-    down, up = [[30, 0, 1], [30, 0, -5]], [[30, 0, -5], [30, 0, 1]]
-    _, left = engage(through(down), [FLAT], block())
-    found, still = engage(through(up), [FLAT], left)
-    assert len(found) == 0
-    assert still.volume == left.volume
-
-
 def test_a_tool_wider_than_the_stock_takes_all_of_it() -> None:
     stock = block(x=(0, 50), y=(-20, 20), z=(-10, 0), resolution=0.5)
     found, left = engage(through([[-120, 0, -2], [170, 0, -2]]), [WIDE], stock)
@@ -90,14 +75,6 @@ def test_a_spindle_that_stands_counts_as_clockwise() -> None:
     standing, _ = engage(through(points, direction=0), [FLAT], block())
     turning, _ = engage(through(points, direction=1), [FLAT], block())
     np.testing.assert_array_equal(standing.upper, turning.upper)
-
-
-def test_a_long_slot_is_few_stations() -> None:
-    stock = block(x=(0, 400), y=(-10, 10), resolution=0.5)
-    found, _ = engage(through([[-20, 0, -3], [420, 0, -3]]), [FLAT], stock)
-    # a step is 1 mm, and the engagement changes over 5 mm on both sides
-    assert len(found) <= 14
-    assert found.length.max() > 385 * MM
 
 
 def test_tools_take_turns() -> None:

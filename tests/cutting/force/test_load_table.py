@@ -198,17 +198,6 @@ def test_stations_without_material_weigh_nothing() -> None:
     assert np.array_equal(rows(both.loads([MOST])), rows(alone.loads([MOST])))
 
 
-def test_torque_is_that_of_altintas() -> None:
-    """Of an arc from bin to bin: mean forces do not ask how the teeth's angles are chosen."""
-    wide = 2 * np.pi / 72
-    table = load_table(blocks([arc(5 * wide, 20 * wide, 3e-3)]), [MILL], [LAW], MOST)
-    expected = mean_torque(
-        LAW, flutes=4, f_z=4e-5, a_p=3e-3, phi_st=5 * wide, phi_ex=20 * wide, radius=MILL.radius
-    )
-    # pieces err by 0.03 %
-    assert table.loads([4e-5]).torque[0] == pytest.approx(float(expected), rel=5e-4)
-
-
 @pytest.mark.parametrize("side", ["slot", "up", "down"])
 def test_loads_of_an_engagement_with_stock(side: str) -> None:
     """A straight pass through a box, M3: torque and peak of the arc that its depths say.

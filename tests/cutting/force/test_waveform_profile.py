@@ -83,16 +83,6 @@ def test_what_a_tooth_misses_the_next_takes() -> None:
     assert np.allclose(edges, [1, 0, 0, 1], rtol=1e-9, atol=1e-15)
 
 
-def test_offset_turns_with_the_tool() -> None:
-    """Naming the tooth behind the first one instead moves the same forces by a pitch."""
-    tool = replace(STRAIGHT, helix_deg=25.0, runout_um=8.0, runout_deg=20.0)
-    one = basis(tool, f_z=5e-5, angles=turn(48), **SLOT)
-    other = basis(
-        replace(tool, runout_deg=20.0 + 90.0), f_z=5e-5, angles=turn(48) - TURN / 4, **SLOT
-    )
-    assert np.allclose(one, other, rtol=0, atol=1e-12 * np.abs(one).max(axis=(0, 1)))
-
-
 def test_forces_change_without_jumps_over_runout() -> None:
     """Fits need it: steps of a nanometre change no edge force by more than a few parts in 1000."""
     tool = replace(STRAIGHT, helix_deg=30.0, runout_deg=40.0)
@@ -163,19 +153,6 @@ def test_plain_restatement_of_an_uneven_profile() -> None:
         assert np.abs(found - plain)[:, 3].max() <= 2e-3 * np.abs(plain[:, 3]).max()
 
 
-def test_material_above_the_tip_only() -> None:
-    """The side between two heights is the whole depth less what lies below."""
-    theta = turn(60)
-    given = {"f_z": 5e-5, "angles": theta}
-    both, below = arc(0.5, 2.0, 5e-3), arc(0.5, 2.0, 2e-3)
-    above = arc(0.5, 2.0, 5e-3, low=2e-3)
-    parts = [
-        profile_basis(HELICAL, lower=lower, upper=upper, **given) for lower, upper in (below, above)
-    ]
-    whole = profile_basis(HELICAL, lower=both[0], upper=both[1], **given)
-    assert np.allclose(sum(parts), whole, rtol=0, atol=1e-3 * np.abs(whole).max(axis=(0, 1)))
-
-
 def test_plunge_of_a_flat_end_in_full() -> None:
     """Torque N (K_tc f_z D^2 / 8 + K_te D^2 / 8 over R), thrust N R (K_rc f_z + K_re)."""
     lower, upper = arc(0.0, 7.0, 1e-4)
@@ -199,11 +176,6 @@ def test_drill_that_enters() -> None:
     assert np.allclose(torque, 2 * 1e-4 * 8e-3**2 / 8 / 4, rtol=1e-6)  # heights are 7 digits
     torque = profile_basis(drill, upper=20 * upper, **given)[:, 3, 0]
     assert np.allclose(torque, 2 * 1e-4 * 8e-3**2 / 8, rtol=1e-6)
-
-
-def test_nothing_engaged_is_no_force() -> None:
-    none = np.zeros(BINS)
-    assert not profile_basis(HELICAL, f_z=5e-5, lower=none, upper=none, angles=turn(9)).any()
 
 
 F_Z = 5e-5
@@ -367,13 +339,3 @@ def test_without_material_there_is_no_load():
     tool = Tool(kind="ball", diameter_mm=6.0, flutes=2, helix_deg=30.0)
     turn = edge_turn(tool, np.zeros(72), np.zeros(72))
     assert drawn_loads(turn, MEAN[None], np.zeros((1, 2)), FEEDS).tolist() == [[0.0]] * 3
-
-
-def test_a_runout_turned_by_a_pitch_is_the_same_load():
-    """Teeth are alike: which of them stands out changes nothing over a turn."""
-    tool = Tool(kind="flat", diameter_mm=10.0, flutes=3, helix_deg=30.0)
-    angle = 0.7 + 2 * np.pi / 3 * np.arange(3)
-    offsets = 6e-6 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    turn = edge_turn(tool, *arc(np.pi / 2, np.pi, 2e-3))
-    found = drawn_loads(turn, np.tile(MEAN, (3, 1)), offsets, FEEDS)
-    assert found == pytest.approx(np.repeat(found[:, :1], 3, axis=1), rel=1e-9)

@@ -201,11 +201,6 @@ def test_speeds_too_slow_for_cells_have_the_least_depth() -> None:
     assert found == pytest.approx(ROUNDED * least_depth(TIP, cut) / 1e-3 - 1, rel=1e-9)
 
 
-def test_an_air_program_has_no_limit() -> None:
-    found = table(stations([], 3))
-    assert np.isinf(found.margins(np.full((2, 3), 1.0))).all()
-
-
 def test_margin_is_zero_at_the_limit() -> None:
     assert margin(2e-3, 2e-3) == 0.0
     np.testing.assert_array_equal(margin([1e-3, 4e-3], 2e-3), [1.0, -0.5])

@@ -135,16 +135,6 @@ def test_the_tolerance_is_kept() -> None:
         np.testing.assert_allclose(coarse.depth_limit, fine.depth_limit, rtol=1e-3)
 
 
-def test_few_cells_are_off_at_low_speed() -> None:
-    """Why the cells are refined: at 3000 rpm nine waves lie within the period."""
-    limit = depth_limits([X], SLOT, [3000 / 60], highest=5e-3)
-    assert limit.cells[0] >= 192
-    few, many = (
-        np.log(spectral_radius([X], SLOT, 50.0, limit.depth_limit[0], n)) for n in (24, 768)
-    )
-    assert abs(many) < 2e-3 < 10e-3 < abs(few)
-
-
 @settings(deadline=None, max_examples=25)
 @given(
     rpm=st.floats(1500, 25_000), depth=st.floats(1e-5, 5e-3), entry=st.floats(0.0, 2.9),
@@ -209,9 +199,3 @@ def test_no_speeds_have_no_limits() -> None:
     assert (
         found.n.shape == found.depth_limit.shape == found.error.shape == found.cells.shape == (0,)
     )
-
-
-def test_without_depth_a_vibration_is_free() -> None:
-    """e^(-zeta w_n T), as without a cut."""
-    free = spectral_radius([X], SLOT, 100.0, 0.0, 60)
-    assert free == pytest.approx(np.exp(-X.damping * X.omega / 200), rel=1e-4)
